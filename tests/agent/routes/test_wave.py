@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,9 +15,12 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
+from agent.routes import wave as wave_module
 from agent.routes.ground import Ground
 from agent.routes.kernels import bends, bends_by_rows, lengths, ties
 from agent.routes.kernels import wave as kernel
+from agent.routes.kernels.bends import follow
+from agent.routes.kernels.bends_by_rows import take_over
 from agent.routes.kernels.wave import HEMMED, SETTLED, STATUS
 from agent.routes.path_window import FAR
 from agent.routes.wave import Wave
@@ -24,6 +28,9 @@ from patrol.ground.kernels.footprint import cast
 from patrol.ground.terrain import Terrain
 
 Bools = NDArray[np.bool_]
+
+BY_ROWS = 2**20
+"""Work for which every map of these tests can be done row by row."""
 
 
 def dijkstra_lengths(is_open: Bools, row: int, col: int) -> NDArray[np.float64]:
@@ -213,22 +220,24 @@ def walled_map(values: tuple[int, int, int, float]) -> tuple[Bools, int, int]:
     walled=st.booleans(),
     pieces=st.lists(st.integers(0, 3000), max_size=3),
     span=st.sampled_from([6, 17, 40]),
-    by_rows=st.booleans(),
+    works=st.lists(st.sampled_from([0, 3, 40, BY_ROWS]), min_size=4, max_size=4),
 )
 def test_of_equally_long_paths_the_one_found_first_by_the_plain_rules_counts(
-    values: tuple[int, int, int, float], walled: bool, pieces: list[int], span: int, by_rows: bool
+    values: tuple[int, int, int, float], walled: bool, pieces: list[int], span: int, works: list[int]
 ) -> None:
+    """Whether bends are found run by run, row by row, or run by run after so much work row by row."""
     is_open, row, col = walled_map(values) if walled else random_map(values)
     height, width = is_open.shape
     wave = Wave(height, width, span)
-    wave.by_rows = by_rows
     ground = Ground(Terrain("t", is_open, 1.0), is_open)
     wave.begin(ground, row + 1, col + 1)
     is_seen = np.zeros_like(wave.state)
     cast(wave.state, wave.start_row, wave.start_col, float(span), is_seen, 0, 0)
     bends = plain_bends(wave, is_seen)
-    for limit in [*sorted(pieces), 10**6]:
-        wave.extend(limit)
+    with pytest.MonkeyPatch.context() as patch:
+        for limit, work in zip([*sorted(pieces), 10**6], works, strict=False):
+            patch.setattr(Wave, "_worth", lambda *_, work=work: work)
+            wave.extend(limit)
     known = {(int(i), int(j)) for i, j in np.argwhere(wave.state & STATUS == SETTLED)}
     assert known == set(bends)
     cols = wave.state.shape[1]
@@ -249,8 +258,28 @@ def test_a_wave_with_too_little_room_makes_more() -> None:
     assert np.array_equal(found, np.where(np.isfinite(reference), reference, FAR))
 
 
+def methods_used(patch: pytest.MonkeyPatch) -> list[str]:
+    """A list to which every wave adds how it finds bends from now on: by rows or by runs."""
+    used: list[str] = []
+
+    def by_rows(*given: Any) -> bool:
+        used.append("rows")
+        return bool(take_over(*given))
+
+    def by_runs(*given: Any) -> None:
+        used.append("runs")
+        follow(*given)
+
+    patch.setattr(wave_module, "take_over", by_rows)
+    patch.setattr(wave_module, "follow", by_runs)
+    return used
+
+
 @pytest.mark.parametrize("gap", [2, 7])
-def test_bends_of_winding_paths_are_the_same_row_by_row_and_run_by_run(gap: int) -> None:
+@pytest.mark.parametrize("work", [0, 20_000, BY_ROWS])
+def test_bends_of_winding_paths_are_the_same_however_they_are_found(
+    gap: int, work: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Through a labyrinth whose paths turn up and down many times, and with too little room at first."""
     is_open = np.random.default_rng(gap).random((400, 700)) >= 0.1
     for number, col in enumerate(range(gap, 700, 40)):
@@ -258,16 +287,70 @@ def test_bends_of_winding_paths_are_the_same_row_by_row_and_run_by_run(gap: int)
         is_open[slice(0, gap) if number % 2 else slice(400 - gap, 400), col] = True
     is_open[200, 350] = True
     ground = Ground(Terrain("t", is_open, 1.0), is_open)
-    by_rows, by_runs = Wave(400, 700, 9000), Wave(400, 700, 9000)
-    by_rows.by_rows, by_runs.by_rows = True, False
-    for wave in (by_rows, by_runs):
-        wave.begin(ground, 201, 351)
+    wave, by_runs = Wave(400, 700, 9000), Wave(400, 700, 9000)
+    ways = {0: {"runs"}, 20_000: {"rows", "runs"}, BY_ROWS: {"rows"}}
+    for window, worth in ((by_runs, 0), (wave, work)):
+        monkeypatch.setattr(Wave, "_worth", lambda *_, worth=worth: worth)
+        used = methods_used(monkeypatch)
+        window.begin(ground, 201, 351)
         for limit in (5000, 40_000, 900_000):
-            wave.extend(limit)
+            window.extend(limit)
+        assert set(used) == ways[worth]
     known = by_runs.state & STATUS == SETTLED
-    assert np.array_equal(known, by_rows.state & STATUS == SETTLED)
+    assert np.array_equal(known, wave.state & STATUS == SETTLED)
     assert known.sum() > 50_000
-    assert np.array_equal(by_runs.bend[known], by_rows.bend[known])
+    assert np.array_equal(by_runs.bend[known], wave.bend[known])
+
+
+def test_only_paths_that_fill_much_of_a_box_are_looked_at_row_by_row(monkeypatch: pytest.MonkeyPatch) -> None:
+    is_open = np.ones((900, 900), dtype=np.bool_)
+    hall, cell = (450, 450), (200, 200)
+    is_open[150:251, [150, 250]] = is_open[[150, 250], 150:251] = False
+    ground = Ground(Terrain("t", is_open, 1.0), is_open)
+    wave = Wave(900, 900, 900)
+    used = methods_used(monkeypatch)
+
+    def by(start: tuple[int, int], *limits: int) -> list[str]:
+        used.clear()
+        wave.begin(ground, start[0] + 1, start[1] + 1)
+        for limit in limits:
+            wave.extend(limit)
+        return list(used)
+
+    assert by(hall, 90_000) == ["rows"]
+    assert by(hall, 3000) == ["runs"]  # few points
+    assert by(cell, 90_000) == ["runs"]  # few points in a large box
+    # Only what was not found run by run before would have to be found so.
+    assert by(hall, 3000, 90_000, 90_050) == ["runs", "rows", "rows"]
+
+
+def test_many_obstacles_hand_over_to_run_by_run_and_take_no_more_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    is_open = np.random.default_rng(6).random((700, 700)) >= 0.02
+    is_open[350, 350] = True
+    ground = Ground(Terrain("t", is_open, 1.0), is_open)
+    taken = []
+    for worth in (Wave._worth, lambda *_: 0):
+        monkeypatch.setattr(Wave, "_worth", worth)
+        wave = Wave(700, 700, 700)
+        used = methods_used(monkeypatch)
+        wave.begin(ground, 351, 351)
+        wave.extend(10**6)
+        taken.append((used[-2:], wave._lists.nbytes))
+    assert taken[0][0] == ["rows", "runs"]
+    assert taken[1][0][-1] == "runs"
+    assert taken[0][1] == taken[1][1]
+
+
+@pytest.mark.parametrize("work", [0, BY_ROWS])
+def test_a_smaller_limit_than_before_changes_nothing(work: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Wave, "_worth", lambda *_: work)
+    is_open, row, col = random_map((30, 32, 3, 0.25))
+    once, again = (wave_from(is_open, row, col, 40, limits) for limits in ([1500], [1500, 400, 1500]))
+    for grid in ("state", "length"):
+        assert np.array_equal(getattr(once, grid), getattr(again, grid))
+    known = once.state & STATUS == SETTLED
+    assert known.any()
+    assert np.array_equal(once.bend[known], again.bend[known])
 
 
 @settings(max_examples=60)
