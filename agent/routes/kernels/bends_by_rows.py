@@ -72,7 +72,7 @@ def estimate(cell, stride, beyond, limit, top, bottom, left, right):
         for k in range(known.size):
             # What is nearer than the least becomes very large here.
             here += types.uint32((known[k] >> types.uint32(5)) - least < lengths)
-        count += here
+        count += int(here)
     return EVERY * count
 
 
