@@ -39,7 +39,8 @@ MOST_LOOKED_AT = 3
 """Points of a box for each whose bend is not known, above which run by run is faster."""
 
 SHORT = 16
-"""Points for each stretch of a row that is gone over, below which run by run is faster."""
+"""Points for each change of direction along rows, and for each stretch that is gone over, below which run by run is
+faster."""
 
 ROOM = 2**12
 """Entries for which a new wave has room; it makes more as needed."""
@@ -135,8 +136,9 @@ class Wave(PathWindow):
         looked_at = (bottom - top) * (right - left)
         if looked_at < MANY_POINTS:  # not worth an estimate
             return 0
-        points = estimate(self._cell, self.state.shape[1], self._followed, limit, *box)
-        return points // SHORT if points >= MANY_POINTS and MOST_LOOKED_AT * points >= looked_at else 0
+        points, changes = estimate(self._cell, self.state.shape[1], self._followed, limit, *box)
+        filled = points >= MANY_POINTS and MOST_LOOKED_AT * points >= looked_at
+        return points // SHORT if filled and SHORT * changes <= points else 0
 
     def _lay(self, limit: int) -> Box:
         """Make the cells ready that paths up to a length may come by; returns a box around them."""

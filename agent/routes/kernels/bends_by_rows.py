@@ -38,7 +38,7 @@ END = 10
 """In place of a direction: the end of the row."""
 
 EVERY = 17
-"""Of so many rows, one is looked at to estimate a number of points."""
+"""Of so many rows, one is looked at for an estimate."""
 
 CELLS = types.Array(types.uint32, 1, "C")
 BENDS = types.Array(types.int32, 1, "C")
@@ -51,9 +51,9 @@ index = types.uint64
 """As in `agent.routes.kernels.wave`."""
 
 
-@njit(types.int64(CELLS, int64, int64, int64, int64, int64, int64, int64), cache=True, nogil=True)
+@njit("UniTuple(int64, 2)(uint32[::1], int64, int64, int64, int64, int64, int64, int64)", cache=True, nogil=True)
 def estimate(cell, stride, beyond, limit, top, bottom, left, right):
-    """About how many points of a box have paths of certain lengths.
+    """About how many points of a box have paths of certain lengths, and how often directions change along its rows.
 
     Args:
         cell: See `take_over`.
@@ -64,16 +64,24 @@ def estimate(cell, stride, beyond, limit, top, bottom, left, right):
         bottom: End row, exclusive.
         left: First column.
         right: End column, exclusive.
+
+    Returns:
+        How many points, and to how many of them a path comes in another direction than to the point on the left.
     """
-    count = 0
-    least, lengths = types.uint32(beyond + 1), types.uint32(limit - beyond)
+    points, changes = 0, 0
+    least, lengths, direction = types.uint32(beyond + 1), types.uint32(limit - beyond), types.uint32(7 << 2)
     for row in range(top, bottom, EVERY):
-        known, here = cell[index(row * stride + left) : index(row * stride + right)], types.uint32(0)
+        begin, end = row * stride + left, row * stride + right
+        before, known = cell[index(begin) : index(end - 1)], cell[index(begin + 1) : index(end)]
+        here, changed = types.uint32(0), types.uint32(0)
         for k in range(known.size):
             # What is nearer than the least becomes very large here.
-            here += types.uint32((known[k] >> types.uint32(5)) - least < lengths)
-        count += int(here)
-    return EVERY * count
+            new = (known[k] >> types.uint32(5)) - least < lengths
+            here += types.uint32(new)
+            changed += types.uint32(new & ((known[k] ^ before[k]) & direction != 0))
+        points += int(here)
+        changes += int(changed)
+    return EVERY * points, EVERY * changes
 
 
 @njit(types.boolean(BENDS, LIST, LIST, int64, int64), cache=True, nogil=True)

@@ -324,21 +324,38 @@ def test_only_paths_that_fill_much_of_a_box_are_looked_at_row_by_row(monkeypatch
     assert by(hall, 3000, 90_000, 90_050) == ["runs", "rows", "rows"]
 
 
-def test_many_obstacles_hand_over_to_run_by_run_and_take_no_more_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+def speckled() -> Bools:
     is_open = np.random.default_rng(6).random((700, 700)) >= 0.02
     is_open[350, 350] = True
-    ground = Ground(Terrain("t", is_open, 1.0), is_open)
-    taken = []
-    for worth in (Wave._worth, lambda *_: 0):
+    return is_open
+
+
+def corridors(every: int) -> Bools:
+    """Side by side, joined at alternate ends."""
+    is_open = np.ones((700, 700), dtype=np.bool_)
+    for number, col in enumerate(range(10, 700, every)):
+        is_open[1:, col] = is_open[:-1, col] = False
+        is_open[0 if number % 2 else -1, col] = True
+    return is_open
+
+
+@pytest.mark.parametrize(
+    ("is_open", "expected"),
+    [(speckled(), {"runs"}), (corridors(5), {"runs"}), (corridors(40), {"rows", "runs"})],
+    ids=["many small obstacles", "narrow and winding", "winding"],
+)
+def test_row_by_row_gives_way_to_run_by_run_and_takes_no_more_memory(
+    is_open: Bools, expected: set[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    taken = {}
+    for name, worth in (("chosen", Wave._worth), ("runs", lambda *_: 0)):
         monkeypatch.setattr(Wave, "_worth", worth)
-        wave = Wave(700, 700, 700)
         used = methods_used(monkeypatch)
-        wave.begin(ground, 351, 351)
-        wave.extend(10**6)
-        taken.append((used[-2:], wave._lists.nbytes))
-    assert taken[0][0] == ["rows", "runs"]
-    assert taken[1][0][-1] == "runs"
-    assert taken[0][1] == taken[1][1]
+        wave = wave_from(is_open, 350, 350, 700, [10**7])
+        taken[name] = wave._lists.nbytes
+        # With too little room at first, the wave begins anew, and finds bends again.
+        assert set(used) == (expected if name == "chosen" else {"runs"})
+    assert taken["chosen"] == taken["runs"]
 
 
 @pytest.mark.parametrize("work", [0, BY_ROWS])
