@@ -8,7 +8,7 @@ paths turn back up or down.
 
 This looks at all points of a box, but only once, and in the order in which they lie in memory. So it is faster than run
 by run where paths fill a large box, and slower where they fill little of it, where stretches are short, or where paths
-turn up and down many times. For the last two it gives up after so many stretches.
+turn up and down many times. `estimate` tells of the first two, and after so many stretches `take_over` gives up.
 """
 
 from __future__ import annotations
@@ -232,6 +232,7 @@ def take_over(cell, bend, mark, start, stride, limit, top, bottom, left, right, 
             return False
     begin, end, down = 0, count, -1
     while begin < end:
+        # Every time takes from what is left of the work, so this ends even where cells hold no tree.
         most -= end - begin
         if most < 0:
             return False
