@@ -137,6 +137,8 @@ class PathWindow(ABC):
     def extend(self, limit: int) -> None:
         """Settle every path up to a length.
 
+        What is settled stays so: a length no larger than an earlier one since `begin` changes nothing.
+
         Args:
             limit: In hundredths of a point, at most 100 * span.
         """

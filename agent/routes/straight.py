@@ -32,7 +32,8 @@ class Straight(PathWindow):
         self._open = np.where(patrolled, np.uint8(OPEN), np.uint8(0))
         # No path bends.
         self.bend = np.arange(self.state.size, dtype=np.int32).reshape(self.state.shape)
-        self._away = np.empty((span + 1, 2 * span + 1), dtype=np.int32)
+        # Nothing in the window, its frame included, is farther away than the terrain is high or wide.
+        self._away = np.empty((min(span, height) + 1, 2 * min(span, width) + 1), dtype=np.int32)
         between(self._away)
 
     def _place(self, ground: Ground, row: int, col: int) -> None:

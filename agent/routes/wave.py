@@ -8,13 +8,14 @@ import numpy as np
 
 from agent.routes.ground import Ground
 from agent.routes.kernels.bends import follow
-from agent.routes.kernels.bends_by_rows import take_over
+from agent.routes.kernels.bends_by_rows import estimate, take_over
 from agent.routes.kernels.lengths import read, spread
 from agent.routes.kernels.ties import decide
 from agent.routes.kernels.wave import (
     ALL_WAYS,
     BESIDE,
     BEYOND,
+    DONE,
     FULL,
     NOW,
     SEEN,
@@ -31,8 +32,15 @@ MOST = 2**26
 MOST_POINTS = 2**28
 """Points of the largest window whose indices fit an entry."""
 
-MANY_POINTS = 2**18
-"""Points of a window from which on first bends are found row by row, not run by run."""
+MANY_POINTS = 2**17
+"""Points below which it is not worth while to find first bends row by row; run by run is as fast."""
+
+MOST_LOOKED_AT = 3
+"""Points of a box for each whose bend is not known, above which run by run is faster."""
+
+SHORT = 16
+"""Points for each change of direction along rows, and for each stretch that is gone over, below which run by run is
+faster."""
 
 ROOM = 2**12
 """Entries for which a new wave has room; it makes more as needed."""
@@ -42,23 +50,19 @@ Box = tuple[int, int, int, int]
 
 
 class Wave(PathWindow):
-    """Shortest 8-connected paths: straight steps count 1, diagonal ones 1.41 points, and no path cuts a corner.
-
-    Attributes:
-        by_rows: Whether first bends are found row by row; not to be changed between `begin` and the last `extend`.
-    """
+    """Shortest 8-connected paths: straight steps count 1, diagonal ones 1.41 points, and no path cuts a corner."""
 
     def __init__(self, height: int, width: int, span: int) -> None:
         super().__init__(height, width, span)
         if self.state.size > MOST_POINTS:
             raise ValueError(f"a window of {self.state.size} points is larger than {MOST_POINTS}")
-        self.by_rows = self.state.size >= MANY_POINTS
         self._sight = np.zeros_like(self.state)
         self._cell = np.zeros(self.state.size, dtype=np.uint32)
         self._lists = np.zeros((5, ROOM), dtype=np.uint32)
         self._mark = np.zeros(8, dtype=np.int64)
         self._near: Lengths | None = None
         self._laid: Box | None = None
+        self._followed = 0
 
     def _begin(self) -> None:
         self._laid = None
@@ -99,22 +103,42 @@ class Wave(PathWindow):
         return self._near
 
     def extend(self, limit: int) -> None:
-        """Settle every path up to ``limit`` hundredths of a point."""
+        """As `PathWindow.extend`."""
         limit = min(limit, MOST)
-        box = self._lay(limit)
-        start, cols = self.start_row * self.state.shape[1] + self.start_col, self.state.shape[1]
+        if self._laid is not None and limit <= self._mark[DONE]:
+            return
+        box, cols = self._lay(limit), self.state.shape[1]
         settle(self._cell, self._lists, self._mark, cols, limit)
         decide(self._cell, self._lists, self._mark, cols, limit)
-        if self.by_rows:
-            take_over(self._cell, self.bend.reshape(-1), self._lists, self._mark, start, cols, limit, *box)
-        else:
-            follow(self._cell, self.bend.reshape(-1), self._lists, self._mark, start, cols, limit)
+        if not self._mark[FULL]:
+            self._find_bends(limit, box)
         if self._mark[FULL]:
             self._make_room()
             self._laid = None
             self.extend(limit)
         else:
             show(self._cell, self.state, self.length, 5, limit, *box)
+
+    def _find_bends(self, limit: int, box: Box) -> None:
+        """Find the first bends of all settled paths, row by row or run by run."""
+        cols, bend = self.state.shape[1], self.bend.reshape(-1)
+        start, most = self.start_row * cols + self.start_col, self._worth(limit, box)
+        if most == 0 or not take_over(self._cell, bend, self._mark, start, cols, limit, *box, most):
+            follow(self._cell, bend, self._lists, self._mark, start, cols, limit)
+            self._followed = limit
+
+    def _worth(self, limit: int, box: Box) -> int:
+        """The stretches of rows to go over at most to find bends row by row; 0 to go run by run at once.
+
+        Row by row looks at all of the box; run by run goes along all paths that were not followed yet.
+        """
+        top, bottom, left, right = box
+        looked_at = (bottom - top) * (right - left)
+        if looked_at < MANY_POINTS:  # not worth an estimate
+            return 0
+        points, changes = estimate(self._cell, self.state.shape[1], self._followed, limit, *box)
+        filled = points >= MANY_POINTS and MOST_LOOKED_AT * points >= looked_at
+        return points // SHORT if filled and SHORT * changes <= points else 0
 
     def _lay(self, limit: int) -> Box:
         """Make the cells ready that paths up to a length may come by; returns a box around them."""
@@ -156,6 +180,7 @@ class Wave(PathWindow):
         self.bend.reshape(-1)[start] = start
         self._mark[:] = 0
         self._mark[NOW] = self._mark[BEYOND] = 1
+        self._followed = 0
         self._lists[0, 0] = self._lists[4, 0] = start * 16 + ALL_WAYS
 
     def _make_room(self) -> None:

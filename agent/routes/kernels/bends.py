@@ -9,6 +9,7 @@ from __future__ import annotations
 from numba import njit, types
 
 ALL_WAYS = 8
+BENT = 7
 BESIDE = 1
 BEYOND = 3
 FULL = 4
@@ -29,7 +30,7 @@ def follow(cell, bend, lists, mark, start, stride, limit):
     """Find the first bends of all paths that are at most ``limit`` long.
 
     For the first call of a wave, the start's bend is itself, and the last row of ``lists`` has the one entry
-    start * 16 + ALL_WAYS. A later call with a larger limit continues from there.
+    start * 16 + ALL_WAYS. A later call with a larger limit continues from there, whatever bends have been found since.
 
     Args:
         cell: uint32, as `agent.routes.kernels.ties.decide` left it.
@@ -115,4 +116,4 @@ def follow(cell, bend, lists, mark, start, stride, limit):
                     break
     if max(count, put) >= room:
         mark[FULL] = 1
-    mark[BEYOND] = put
+    mark[BEYOND], mark[BENT] = put, limit

@@ -42,10 +42,11 @@ def rays(state, length, away, start_row, start_col, span, limit):
     Args:
         state: uint8 (m, n), as in `agent.routes.kernels.wave`; changed in place.
         length: int32 (m, n), path lengths in hundredths of a point; filled in.
-        away: int32 (r + 1, 2 r + 1), path lengths by rows and columns between the points, as `between` gives them.
+        away: int32 (r + 1, 2 c + 1), path lengths by rows and columns between the points, as `between` gives them; r
+            and c are no less than ``span``, or than the rows and columns to any point of the window.
         start_row: The start's row in the window.
         start_col: The start's column in the window.
-        span: Largest distance from the start, in rows and in columns; at most r.
+        span: Largest distance from the start, in rows and in columns.
         limit: Longest path to settle, in hundredths of a point.
     """
     rows, cols = state.shape
@@ -64,7 +65,7 @@ def between(away):
     """The lengths of straight lines.
 
     Args:
-        away: int32 (r + 1, 2 r + 1), the lengths by rows between the points and by columns plus r, rounded to the
+        away: int32 (r + 1, 2 c + 1), the lengths by rows between the points and by columns plus c, rounded to the
             nearest hundredth of a point; filled in.
     """
     rows, cols = away.shape

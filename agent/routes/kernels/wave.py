@@ -53,7 +53,7 @@ STRETCH = 2400
 NOW, LATER, TIES, BEYOND, FULL, ROW, DONE, BENT = 0, 1, 2, 3, 4, 5, 6, 7
 """What `mark` holds: the numbers of entries of this stretch, of later ones, of points with ties and of entries for
 `bends`, whether there was no room for one, the row of `lists` for this stretch, the length up to which paths are
-settled, and the one up to which `bends_by_rows` has found bends."""
+settled, and the one up to which first bends are found."""
 
 CELLS = types.Array(types.uint32, 1, "C")
 GRID = types.Array(types.uint8, 2, "C", readonly=True)
@@ -127,8 +127,7 @@ def settle(cell, lists, mark, stride, limit):
     Args:
         cell: uint32, see above; changed in place.
         lists: uint32 (5, k), entries from which paths go on in this stretch and later, index * 16 + direction, and the
-            indices of points with ties; changed in place. The last two rows are for `bends` or
-            `bends_by_rows`.
+            indices of points with ties; changed in place. The last two rows are for `bends`.
         mark: int64 (8,), see NOW; changed in place. Where mark[FULL] is set afterwards, nothing that was written has
             any meaning.
         stride: Columns of the window.
@@ -212,7 +211,9 @@ def settle(cell, lists, mark, stride, limit):
                             waiting += 1
                         break
                     if known_there >> 5 == far:
-                        sides = 0  # The straight path that came before has gone on to where these sides lead.
+                        # An equally long straight path was here before. To the one side it has gone on itself; past
+                        # the other one a shorter diagonal leads.
+                        sides = 0
         if max(waiting, put, tied) >= room:
             mark[FULL] = 1
         waiting = put

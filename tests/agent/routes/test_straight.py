@@ -34,3 +34,13 @@ def test_lengths_equal_their_formula_wherever_the_window_lies(limit: int) -> Non
         settled = np.argwhere(window.state & STATUS == SETTLED).tolist()
         found = {(row + window.row0, col + window.col0): int(window.length[row, col]) for row, col in settled}
         assert found == expected
+
+
+def test_a_span_beyond_the_terrain_takes_no_more_memory() -> None:
+    everywhere = np.ones((HEIGHT, WIDTH), dtype=np.bool_)
+    window, ground = Straight(HEIGHT, WIDTH, 10**7, everywhere), Ground(Terrain("t", everywhere, 1.0), everywhere)
+    rows, cols = np.indices((HEIGHT, WIDTH))
+    for row, col in ((0, 0), (HEIGHT - 1, WIDTH - 1), (0, WIDTH - 1)):
+        window.begin(ground, row + 1, col + 1)
+        window.extend(10**6)
+        assert np.array_equal(window.length[1:-1, 1:-1], np.rint(100.0 * np.hypot(rows - row, cols - col)))

@@ -25,6 +25,9 @@ from patrol.ground.terrain import Terrain
 
 Bools = NDArray[np.bool_]
 
+BY_ROWS = 2**20
+"""Work for which every map of these tests can be done row by row."""
+
 
 def dijkstra_lengths(is_open: Bools, row: int, col: int) -> NDArray[np.float64]:
     """Path lengths in hundredths of a point by an independent implementation; infinity where there is no path."""
@@ -213,22 +216,24 @@ def walled_map(values: tuple[int, int, int, float]) -> tuple[Bools, int, int]:
     walled=st.booleans(),
     pieces=st.lists(st.integers(0, 3000), max_size=3),
     span=st.sampled_from([6, 17, 40]),
-    by_rows=st.booleans(),
+    works=st.lists(st.sampled_from([0, 3, 40, BY_ROWS]), min_size=4, max_size=4),
 )
 def test_of_equally_long_paths_the_one_found_first_by_the_plain_rules_counts(
-    values: tuple[int, int, int, float], walled: bool, pieces: list[int], span: int, by_rows: bool
+    values: tuple[int, int, int, float], walled: bool, pieces: list[int], span: int, works: list[int]
 ) -> None:
+    """Whether bends are found run by run, row by row, or run by run after so much work row by row."""
     is_open, row, col = walled_map(values) if walled else random_map(values)
     height, width = is_open.shape
     wave = Wave(height, width, span)
-    wave.by_rows = by_rows
     ground = Ground(Terrain("t", is_open, 1.0), is_open)
     wave.begin(ground, row + 1, col + 1)
     is_seen = np.zeros_like(wave.state)
     cast(wave.state, wave.start_row, wave.start_col, float(span), is_seen, 0, 0)
     bends = plain_bends(wave, is_seen)
-    for limit in [*sorted(pieces), 10**6]:
-        wave.extend(limit)
+    with pytest.MonkeyPatch.context() as patch:
+        for limit, work in zip([*sorted(pieces), 10**6], works, strict=False):
+            patch.setattr(Wave, "_worth", lambda *_, work=work: work)
+            wave.extend(limit)
     known = {(int(i), int(j)) for i, j in np.argwhere(wave.state & STATUS == SETTLED)}
     assert known == set(bends)
     cols = wave.state.shape[1]
@@ -249,25 +254,16 @@ def test_a_wave_with_too_little_room_makes_more() -> None:
     assert np.array_equal(found, np.where(np.isfinite(reference), reference, FAR))
 
 
-@pytest.mark.parametrize("gap", [2, 7])
-def test_bends_of_winding_paths_are_the_same_row_by_row_and_run_by_run(gap: int) -> None:
-    """Through a labyrinth whose paths turn up and down many times, and with too little room at first."""
-    is_open = np.random.default_rng(gap).random((400, 700)) >= 0.1
-    for number, col in enumerate(range(gap, 700, 40)):
-        is_open[:, col] = False
-        is_open[slice(0, gap) if number % 2 else slice(400 - gap, 400), col] = True
-    is_open[200, 350] = True
-    ground = Ground(Terrain("t", is_open, 1.0), is_open)
-    by_rows, by_runs = Wave(400, 700, 9000), Wave(400, 700, 9000)
-    by_rows.by_rows, by_runs.by_rows = True, False
-    for wave in (by_rows, by_runs):
-        wave.begin(ground, 201, 351)
-        for limit in (5000, 40_000, 900_000):
-            wave.extend(limit)
-    known = by_runs.state & STATUS == SETTLED
-    assert np.array_equal(known, by_rows.state & STATUS == SETTLED)
-    assert known.sum() > 50_000
-    assert np.array_equal(by_runs.bend[known], by_rows.bend[known])
+@pytest.mark.parametrize("work", [0, BY_ROWS])
+def test_a_smaller_limit_than_before_changes_nothing(work: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Wave, "_worth", lambda *_: work)
+    is_open, row, col = random_map((30, 32, 3, 0.25))
+    once, again = (wave_from(is_open, row, col, 40, limits) for limits in ([1500], [1500, 400, 1500]))
+    for grid in ("state", "length"):
+        assert np.array_equal(getattr(once, grid), getattr(again, grid))
+    known = once.state & STATUS == SETTLED
+    assert known.any()
+    assert np.array_equal(once.bend[known], again.bend[known])
 
 
 @settings(max_examples=60)
