@@ -21,6 +21,8 @@ from experiments.bench.grounds import KILOMETRE, square, write_map
 from experiments.bench.measures.one_fleet import FleetReadings
 from experiments.bench.tools.groups import FLEETS
 from experiments.bench.tools.measure import Effort, Measured, Task, Unmeasured
+from experiments.paper.printed import paper
+from experiments.paper.tables import PaperSetup, plan_of
 from experiments.sweeps.pool import cores
 
 SIZES = (5, 50, 100, 200, 500, 1000)
@@ -40,6 +42,15 @@ DURATION_S = 5000.0
 SKIP_TICKS, SKIP_QUICK = 40, 4
 """Ticks that do not count: caches fill, and all robots choose their first place at once."""
 
+CELL = "table 3 f3 g4"
+"""The paper's cell that is run at fine points: 3 holonomic robots, straight paths, 10,000 ticks."""
+
+CELL_POINT_M, CELL_SENSOR_M = 0.1, 12.0
+CELL_QUICK_S = 50.0
+"""The simulated time of a quick benchmark."""
+
+CELL_PATIENCE_S = 600.0
+
 BLOCKS = 5
 """Into how many stretches a run is divided, each of which is one reading."""
 
@@ -57,6 +68,7 @@ def tasks() -> list[Task]:
     ]
     found.append(Task(FLEETS, f"{LARGE} robots beside {SMALL}", partial(_growth, 0.0)))
     found.append(Task(FLEETS, f"{LARGE} robots, {100.0 * LOSS:g} % lost, beside none lost", partial(_growth, LOSS)))
+    found.append(Task(FLEETS, f"{CELL} at {CELL_POINT_M:g} m", _paper_cell))
     threads = cores()
     if threads > 1:
         found += [
@@ -110,6 +122,21 @@ def _growth(loss: float, effort: Effort) -> Sequence[Measured]:
     )
     ratio = tuple(more / less for more, less in zip(own, other, strict=False))
     return [Measured("processor time per robot and tick, as a ratio", "", ratio, says="stretch by stretch")]
+
+
+def _paper_cell(effort: Effort) -> Sequence[Measured]:
+    """How long a run of the paper takes at points of 10 cm, from its preparation to its verdict."""
+    setup = PaperSetup(CELL_POINT_M, CELL_SENSOR_M, (1,), {"duration": CELL_QUICK_S} if effort.quick else {})
+    settings = {case.name: case.settings for case in plan_of([paper().tables[3]], {"": setup}).cases}[CELL]
+    readings = run_apart({"name": "paper"}, CELL_PATIENCE_S, skip=0, settings=settings)
+    if not readings.valid:
+        raise Unmeasured("the run's verdict is not valid")
+    before = readings.prepare_s + readings.minds_s
+    says = f"{len(readings.wall)} ticks, from preparation to verdict"
+    return [
+        Measured("processor time", "s", (before + sum(readings.processor) + readings.closing_s,), says=says),
+        Measured("the whole run", "s, wall", (before + sum(readings.wall) + readings.closing_s,), says=says),
+    ]
 
 
 @cache

@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 
 from experiments.bench.measures.decisions import Patrol
-from experiments.bench.measures.fleets import STEP_S, blocks, measures_of, run_apart, square_scenario
+from experiments.bench.measures.fleets import CELL, STEP_S, blocks, measures_of, run_apart, square_scenario, tasks
 from experiments.bench.measures.one_fleet import FleetReadings, run_fleet
-from experiments.bench.tools.measure import Unmeasured
+from experiments.bench.tools.measure import QUICK, Unmeasured
 from experiments.inprocess import run_in_process
 from patrol.scenario import load_scenario
 
@@ -69,6 +69,13 @@ def test_a_measured_patrol_goes_where_it_goes_otherwise() -> None:
         assert [(row.x, row.y) for row in tick.robots] == patrol.places
         patrol.decide()
         patrol.next_tick()
+
+
+def test_a_cell_of_the_paper_is_run_whole_at_fine_points() -> None:
+    (cell,) = (task for task in tasks() if task.name.startswith(CELL))
+    found = cell.run(QUICK)
+    assert [one.name for one in found] == ["processor time", "the whole run"]
+    assert all(one.says.startswith("100 ticks") and one.values[0] > 0.0 for one in found)
 
 
 def test_a_fleet_ends_when_its_time_is_over() -> None:
