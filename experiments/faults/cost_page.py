@@ -25,7 +25,7 @@ def page(
     compared: Sequence[FaultComparison],
     *,
     command: str,
-    wall_s: float,
+    computing_s: float,
     failed: int,
     pictures: Sequence[str],
 ) -> str:
@@ -36,18 +36,18 @@ def page(
         found: The results.
         compared: The comparisons.
         command: The command line that made the page.
-        wall_s: Wall time of all runs together, s.
+        computing_s: Processor time of all runs together, s.
         failed: Number of failed runs.
         pictures: Files of pictures to show.
     """
-    parts = (*_head(setup, command, wall_s, failed, pictures), *_comparisons(compared), *_groups(found))
+    parts = (*_head(setup, command, computing_s, failed, pictures), *_comparisons(compared), *_groups(found))
     return "\n".join([*parts, ""])
 
 
-def _head(setup: FaultSetup, command: str, wall_s: float, failed: int, pictures: Sequence[str]) -> Iterator[str]:
+def _head(setup: FaultSetup, command: str, computing_s: float, failed: int, pictures: Sequence[str]) -> Iterator[str]:
     yield "# What faults cost"
     yield ""
-    yield f"Made by `{command}`: {wall_s / 60.0:.0f} min of computing time on one core."
+    yield f"Made by `{command}`: {computing_s / 60.0:.0f} min of computing time on one core."
     yield ""
     where = f"`{setup.terrain}`, {setup.robots} robots, {setup.duration:g} s, points of {setup.point:g} m"
     yield f"{where}, seeds {', '.join(map(str, setup.seeds))}; all other settings have their defaults:"

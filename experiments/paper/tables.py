@@ -102,13 +102,13 @@ class TableComparison:
         table: The table.
         setup: What all cells were run with.
         cells: The cells, measure by measure and row by row.
-        wall_s: Wall time of all its runs, s.
+        computing_s: Processor time of all its runs, s.
     """
 
     table: PaperTable
     setup: PaperSetup
     cells: tuple[Cell, ...]
-    wall_s: float
+    computing_s: float
 
     def cell(self, row: str, column: str) -> Cell | None:
         """A cell.
@@ -141,7 +141,7 @@ def compare(table: PaperTable, setup: PaperSetup, outcome: SweepOutcome, end: st
     cases = {f"{table.case(row.name, column.name)}{end}" for row in table.rows for column in table.columns}
     keys = {run.key for run in outcome.plan.runs if run.case in cases}
     return TableComparison(
-        table, setup, tuple(cells), sum(outcome.results[key].wall_s for key in keys & set(outcome.results))
+        table, setup, tuple(cells), sum(outcome.results[key].computing_s for key in keys & set(outcome.results))
     )
 
 
@@ -182,7 +182,7 @@ def as_json(comparison: TableComparison) -> dict[str, Any]:
         "sensor_range": setup.sensor_range,
         "assumed": list(comparison.table.assumed),
         "set": dict(setup.settings),
-        "run_wall_s": comparison.wall_s,
+        "run_computing_s": comparison.computing_s,
         "cells": [
             {
                 "row": cell.row,

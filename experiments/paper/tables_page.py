@@ -22,7 +22,7 @@ def page(
     setup: PaperSetup,
     *,
     command: str,
-    wall_s: float,
+    computing_s: float,
     pictures: Mapping[str, str],
 ) -> str:
     """The page as Markdown.
@@ -32,12 +32,12 @@ def page(
         judged: The judged conclusions.
         setup: What all cells were run with.
         command: The command line that made the page.
-        wall_s: Wall time of all runs together, each on one core, s.
+        computing_s: Processor time of all runs together, s.
         pictures: Files of the pictures by title, those of terrains included.
     """
     return "\n".join(
         [
-            *_head(setup, command, wall_s),
+            *_head(setup, command, computing_s),
             *_terrains(pictures),
             *_fits(comparisons),
             *(line for comparison in comparisons for line in _table(comparison, pictures)),
@@ -48,11 +48,11 @@ def page(
     )
 
 
-def _head(setup: PaperSetup, command: str, wall_s: float) -> Iterator[str]:
+def _head(setup: PaperSetup, command: str, computing_s: float) -> Iterator[str]:
     calibrated = paper().sensor_range(setup.point)
     yield "# The paper's tables, side by side"
     yield ""
-    yield f"Made by `{command}`: {_minutes(wall_s)} of computing time on one core."
+    yield f"Made by `{command}`: {_minutes(computing_s)} of computing time on one core."
     yield ""
     radius = f"sensor range {setup.sensor_range:g} m"
     if (setup.sensor_range, setup.point) == (calibrated.range, calibrated.point):

@@ -43,6 +43,7 @@ class RunResult:
         metrics: The summary's numbers, which do not depend on the machine.
         trace_hash: The hash of its trace; None if there is none.
         wall_s: How long it took, s.
+        processor_s: The processor time that it took, s; None in results of older versions.
         software: The version of fogwatch that made it.
         settings: What its case sets in the base scenario: values by dotted field. Empty in results of older versions.
     """
@@ -57,6 +58,12 @@ class RunResult:
     wall_s: float
     software: str
     settings: Mapping[str, object] = field(default_factory=dict)
+    processor_s: float | None = None
+
+    @property
+    def computing_s(self) -> float:
+        """The processor time, s; where it was not measured, the wall time."""
+        return self.wall_s if self.processor_s is None else self.processor_s
 
     @property
     def ok(self) -> bool:
@@ -200,6 +207,7 @@ def _parse(line: bytes) -> RunResult | None:
         and (result.trace_hash is None or isinstance(result.trace_hash, str))
         and result.wall_s is not None
         and _is_number(result.wall_s)
+        and _is_number(result.processor_s)
         and isinstance(result.software, str)
         and isinstance(result.settings, dict)
     )

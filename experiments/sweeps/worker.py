@@ -59,7 +59,7 @@ def run_task(task: Task) -> Answer:
     Returns:
         The answer; a run that raises an error or has no valid verdict is a failed one.
     """
-    begun = time.perf_counter()
+    begun, used = time.perf_counter(), time.process_time()
     metrics: Metrics = {}
     trace = error = None
     try:
@@ -69,7 +69,7 @@ def run_task(task: Task) -> Answer:
     except Exception as problem:  # noqa: BLE001 - one failed run must not end the others
         error = f"{type(problem).__name__}: {problem}"
     gc.collect()  # minds are few objects with large arrays, in reference cycles: many runs would hold hundreds of MB
-    return answer(task, error, metrics, trace, time.perf_counter() - begun)
+    return answer(task, error, metrics, trace, time.perf_counter() - begun, time.process_time() - used)
 
 
 def _run(scenario: Mapping[str, Any]) -> tuple[Metrics, str, str | None]:
@@ -92,6 +92,7 @@ def answer(
     metrics: Mapping[str, float | None] | None = None,
     trace: str | None = None,
     wall_s: float = 0.0,
+    processor_s: float = 0.0,
 ) -> Answer:
     """The answer to a task.
 
@@ -101,6 +102,7 @@ def answer(
         metrics: The metrics.
         trace: The trace hash.
         wall_s: How long the run took, s.
+        processor_s: The processor time that it took, s.
     """
     return {
         "key": task["key"],
@@ -111,6 +113,7 @@ def answer(
         "metrics": dict(metrics or {}),
         "trace_hash": trace,
         "wall_s": wall_s,
+        "processor_s": processor_s,
         "software": software(),
     }
 

@@ -103,10 +103,10 @@ def faults(
         if draw(found, [folder / f"{name}.png", folder / f"{name}.svg"])
     ]
     made_by = command_line("experiment", "faults")
-    wall_s = sum(result.wall_s for result in outcome.results.values())
+    computing_s = sum(result.computing_s for result in outcome.results.values())
     shown = [f"{name}.png" for name in pictures]
     failed = len(outcome.failed)
-    text = page(setup, found, compared, command=made_by, wall_s=wall_s, failed=failed, pictures=shown)
+    text = page(setup, found, compared, command=made_by, computing_s=computing_s, failed=failed, pictures=shown)
     write_text(folder / "faults.md", text)
     print_failures(console, outcome)
     made = f"{outcome.made} runs made in {time_text(outcome.wall_s)}"

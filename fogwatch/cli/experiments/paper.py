@@ -188,8 +188,8 @@ def _page(
     which = ["all"] if numbers == list(paper().tables) else ["table", *map(str, numbers)]
     made_by = command_line("paper", *which)
     pictures |= {f"table {number}": f"table_{number}.png" for number in numbers}
-    wall_s = sum(comparison.wall_s for comparison in comparisons)
-    return page(comparisons, judged, setup, command=made_by, wall_s=wall_s, pictures=pictures)
+    computing_s = sum(comparison.computing_s for comparison in comparisons)
+    return page(comparisons, judged, setup, command=made_by, computing_s=computing_s, pictures=pictures)
 
 
 def _setup(

@@ -113,7 +113,7 @@ def test_ours_stand_beside_the_papers() -> None:
         ("f4", "g5", 116.5),
     ]
     says = json.loads(json.dumps(as_json(beside), allow_nan=False))
-    assert (says["table"], says["point"], says["sensor_range"], says["run_wall_s"]) == (3, 1.0, 12.0, 16.0)
+    assert (says["table"], says["point"], says["sensor_range"], says["run_computing_s"]) == (3, 1.0, 12.0, 16.0)
     first = says["cells"][0]
     assert first["mean"] == pytest.approx(99.0)
     assert first["ratio"] == pytest.approx(1.1)

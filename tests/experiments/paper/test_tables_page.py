@@ -46,7 +46,7 @@ def comparison_of(number: int, factors: dict[tuple[str, str], float]) -> TableCo
 
 def page_of(comparison: TableComparison, **pictures: str) -> str:
     judged = judge_orderings(paper().orderings, [comparison])
-    return page([comparison], judged, SETUP, command="fogwatch paper table 5", wall_s=600.0, pictures=pictures)
+    return page([comparison], judged, SETUP, command="fogwatch paper table 5", computing_s=600.0, pictures=pictures)
 
 
 def test_the_page_says_how_it_was_made_and_shows_each_cell() -> None:

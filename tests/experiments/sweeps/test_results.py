@@ -71,6 +71,15 @@ def test_a_line_torn_anywhere_costs_its_run_alone(tmp_path_factory: pytest.TempP
         json.loads(line)
 
 
+def test_results_without_processor_time_are_read_and_count_by_their_wall_time(tmp_path: Path) -> None:
+    file = write(tmp_path, replace(result("a"), wall_s=3.0, processor_s=2.0))
+    assert read(tmp_path)["a"].computing_s == 2.0
+    old = json.loads(file.read_text())
+    del old["processor_s"]
+    file.write_text(json.dumps(old) + "\n")
+    assert read(tmp_path)["a"].computing_s == 3.0
+
+
 DAMAGED = {
     "no JSON": b"oops",
     "another shape": b'{"key": "a"}',
