@@ -41,11 +41,7 @@ class Target:
 
     def asked(self, **control: Any) -> bool:
         """Whether the world has done what it was asked for."""
-        client = ControlClient(self.link, self.keys, self.access.token, time.monotonic, os.urandom)
-        try:
-            return client.ask(control, 60.0).answer.done
-        except Unanswered:
-            return False
+        return self._answer(control) is not None
 
     def step(self, ticks: int) -> int:
         """Do so many more ticks; how many there are then."""
@@ -55,9 +51,19 @@ class Target:
 
     def begin(self, ticks: int) -> int:
         """Let so many more ticks begin; how many there will be then."""
-        held = self.run.ticks() + ticks
-        assert self.asked(do="step", ticks=ticks)
-        return held
+        answer = self._answer({"do": "step", "ticks": ticks})
+        assert answer is not None
+        # The last tick before the pause may not be written down yet, so only the world can tell.
+        return int(answer.rpartition("paused before tick ")[2])
+
+    def _answer(self, control: dict[str, Any]) -> str | None:
+        """What the world says that it has done; None where it has not, or does not answer."""
+        client = ControlClient(self.link, self.keys, self.access.token, time.monotonic, os.urandom)
+        try:
+            answer = client.ask(control, 60.0).answer
+        except Unanswered:
+            return None
+        return answer.text if answer.done else None
 
     def go(self) -> None:
         """Let the ticks go on."""
