@@ -112,9 +112,9 @@ class Field:
         self._settled = 0
         self._clear = int(np.count_nonzero(self._share == 1.0)) - self._share.size // 2
         self._first = min(self.law.limit, self._expected)
-        self._rungs = Rungs(self._first // 2, self._nearby, self.law.limit)
-        self._straight = patrol.paths == "straight"
-        self._may_stop = (patrol.paths == "wave" or self._straight) and not self._as_vector
+        straight = patrol.paths == "straight"
+        self._rungs = Rungs(self._first // 2, self._nearby, self.law.limit, straight=straight)
+        self._may_stop = patrol.paths in ("wave", "straight") and not self._as_vector
 
     def lead(
         self,
@@ -150,7 +150,7 @@ class Field:
         if blocks is None or not self._may_stop or not rungs.lengths.size:
             return self.pull(*given)
         by_age = self.law.pull(mfow)
-        rung = rungs.begin(blocks, row - 1, col - 1, tick, by_age, self.law.decay, straight=self._straight)
+        rung = rungs.begin(blocks, row - 1, col - 1, tick, by_age, self.law.decay)
         while rung < rungs.lengths.size:
             length = int(rungs.lengths[rung])
             self._claim(ground, row, col, rivals, length)

@@ -42,30 +42,22 @@ class Rungs:
         lengths: int64 (k,), ascending, in hundredths of a point; there may be none.
     """
 
-    def __init__(self, first: int, least: int, limit: int) -> None:
+    def __init__(self, first: int, least: int, limit: int, *, straight: bool = False) -> None:
         """Find the rungs.
 
         Args:
             first: The first one, in hundredths of a point, unless it is too short.
             least: Shortest one to be used.
             limit: Upper bound, exclusive.
+            straight: Whether paths are straight lines, through obstacles.
         """
         lengths = [round(first * RATIO**rung) for rung in range(COUNT)]
         self.lengths = np.array([length for length in lengths if least <= length < limit], dtype=np.int64)
         self._bounds = np.zeros((2, self.lengths.size))
         self._likely = 0
+        self._straight = straight
 
-    def begin(
-        self,
-        blocks: Blocks,
-        row: int,
-        col: int,
-        tick: int,
-        by_age: FloatArray,
-        decay: FloatArray,
-        *,
-        straight: bool = False,
-    ) -> int:
+    def begin(self, blocks: Blocks, row: int, col: int, tick: int, by_age: FloatArray, decay: FloatArray) -> int:
         """Bound what lies beyond each rung.
 
         Args:
@@ -75,12 +67,11 @@ class Rungs:
             tick: Now.
             by_age: float64, f by age in ticks.
             decay: float64, g by length in hundredths of a point.
-            straight: Whether paths are straight lines, through obstacles.
 
         Returns:
             The rung to begin with, which did at the last tick.
         """
-        beyond(*blocks, row, col, tick, straight, by_age, decay, self.lengths, self._bounds)
+        beyond(*blocks, row, col, tick, self._straight, by_age, decay, self.lengths, self._bounds)
         return self._likely
 
     def sure(self, rung: int, sums: FloatArray, strongest: float) -> int:
