@@ -1,6 +1,6 @@
 """The router between a fleet's processes: a Zenoh session that forwards messages. `fogwatch run` starts one.
 
-    python -m fogwatch.router --fleet yards-1
+    python -m fogwatch.router --fleet yards-1/router
 
 It lets in the members of its fleet, and forwards what each may send to those who may have it. Without a fleet it lets
 everybody do everything; beyond this machine it then starts only when it is told `--open`.
@@ -31,13 +31,13 @@ A fleet on several hosts needs one router that all of them can reach. Once, for 
 
 On the router's host, and on every host of the fleet with the folder of its member:
 
-  python -m fogwatch.router --fleet yards-1
+  python -m fogwatch.router --fleet yards-1/router
   python -m agent --credentials yards-1/r1 --scenario yards.yaml
 
 A fleet at two sites has a router at each, with the same folder. One connects to the other, and each process connects to
 the router of its own site:
 
-  python -m fogwatch.router --fleet yards-1 --connect tls/192.168.1.10:7447
+  python -m fogwatch.router --fleet yards-1/router --connect tls/192.168.1.10:7447
   python -m agent --credentials yards-1/r2 --router tls/192.168.2.10:7447 --scenario yards.yaml
 
 Without --fleet anybody who can reach the router can read, send and forge everything.
@@ -143,7 +143,10 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
         "tcp/127.0.0.1:7447)",
     )
     parser.add_argument(
-        "--fleet", type=Path, metavar="FOLDER", help="let in only the members of this fleet (fogwatch fleet init)"
+        "--fleet",
+        type=Path,
+        metavar="FOLDER",
+        help="the router's folder, made by fogwatch fleet init: let in only the members of its fleet",
     )
     parser.add_argument(
         "--connect",

@@ -117,7 +117,9 @@ def revoke(
 @command(
     app,
     "robot-router",
-    examples=["fogwatch fleet robot-router yards-1 r1 --namespace robot1 --host 192.168.1.20 --place /etc/fogwatch"],
+    examples=[
+        "fogwatch fleet robot-router yards-1 r1 --namespace robot1 --host 192.168.1.20 --place /etc/fogwatch/r1-router"
+    ],
 )
 def robot_router(
     folder: Folder,
@@ -131,7 +133,9 @@ def robot_router(
         list[str] | None,
         typer.Option("--command", metavar="TOPIC", help="Topic that drives it (default: cmd_vel, ackermann_cmd)."),
     ] = None,
-    host: Hosts = None,
+    host: Annotated[
+        list[str] | None, typer.Option(metavar="HOST", help="Name or address of the ROS 2 robot. Repeatable.")
+    ] = None,
     port: Annotated[int, typer.Option(metavar="N", help="TCP port for the fleet's members.")] = ROBOT_PORT,
     place: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Where the folder will lie on the robot (default: where it is).")
