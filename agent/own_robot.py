@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from agent.ports import Telemetry
 from patrol.errors import BadInput
+from patrol.process.exit_codes import BAD_INPUT
 from patrol.process.reporting.logs import Log
 from patrol.radio.message import MAX_TIME_MS
 from patrol.radio.units import ms_to_s
@@ -115,7 +116,7 @@ def drive(
         return patrol_with(make, load_scenario(Path(scenario)), robot, where, Ticks(epoch_s, wait_s), ending)
     except BadInput as bad:
         Log(robot).error(str(bad))
-        return 2
+        return BAD_INPUT
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,7 +173,7 @@ def patrol_with(
     from patrol.net.keys import callers_of, check_radio
     from patrol.net.open_links import open_links
     from patrol.net.security.roles import Kind
-    from patrol.process.lifeline import INTERRUPTED
+    from patrol.process.exit_codes import INTERRUPTED
     from patrol.process.options import meeting, robot_named
 
     log = Log(name)

@@ -15,7 +15,8 @@ from agent.robots.ros2.options import wanted as is_for_ros2
 from patrol.errors import BadInput
 from patrol.net.messages.phases import FIRST_INCARNATION
 from patrol.process.deadline import DECISION_LIMIT_S
-from patrol.process.lifeline import INTERRUPTED, Ending, heed
+from patrol.process.exit_codes import BAD_INPUT, INTERRUPTED
+from patrol.process.lifeline import Ending, heed
 from patrol.process.memory.file_pages import give_back_file_pages
 from patrol.process.memory.garbage import begin_collection
 from patrol.process.options import TOGETHER, Meeting, fleet_parser, meeting, prepared_as_told, robot_named
@@ -83,7 +84,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _run(options, supervision, ending)
     except BadInput as bad:
         log.error(str(bad))
-        return 2
+        return BAD_INPUT
 
 
 def _run(options: argparse.Namespace, supervision: Supervision, ending: Ending) -> int:

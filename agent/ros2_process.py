@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 from agent.robots.ros2.options import domain_of, drive_settings, options_of
 from patrol.errors import BadInput
-from patrol.process.lifeline import INTERRUPTED, Ending, heed, rest_before_pause
+from patrol.process.exit_codes import BAD_INPUT, INTERRUPTED
+from patrol.process.lifeline import Ending, heed, rest_before_pause
 from patrol.process.reporting.logs import Log
 from patrol.process.reporting.supervision import followed, take_supervision
 
@@ -79,7 +80,7 @@ def main(arguments: Sequence[str]) -> int:
             return _run(options, log, ending, vitals if supervision.counts else None)
     except BadInput as bad:
         log.error(str(bad))
-        return 2
+        return BAD_INPUT
 
 
 def _name(options: argparse.Namespace) -> str:

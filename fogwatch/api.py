@@ -85,7 +85,7 @@ class RunOptions:
         begin: Called when the ticks are about to begin. Before that, KeyboardInterrupt ends everything.
         stop: Asked from then on whether to end early.
         urgent: Asked from then on whether to end by force.
-        draw: Whether to draw the final fog.
+        picture: Whether to draw the final fog, fog.png, when the run has ended.
         recording: Whether to write recording.mcap when the run has ended.
         report: Whether to write report.html when the run has ended.
         recovery: Whether to run the scenario without its faults too, in one process, to judge the recovery.
@@ -99,7 +99,7 @@ class RunOptions:
     begin: Callable[[], None] = lambda: None
     stop: Callable[[], bool] = lambda: False
     urgent: Callable[[], bool] = lambda: False
-    draw: bool = True
+    picture: bool = True
     recording: bool = False
     report: bool = False
     recovery: bool = False
@@ -113,6 +113,7 @@ def run(
     in_process: bool = True,
     progress: Callable[[Metrics], None] | None = None,
     overrides: Mapping[str, object] | None = None,
+    picture: bool = True,
     recording: bool = False,
     report: bool = False,
     recovery: bool = False,
@@ -126,6 +127,7 @@ def run(
         in_process: Whether to run in this process, or as one process per robot over Zenoh. Both give the same trace.
         progress: Called with the measures so far, at most ten times a second.
         overrides: Values by dotted field, such as ``{"patrol.dilatation": 0}``.
+        picture: Whether to draw fog.png, the final fog; in a loop over many runs, that takes the time of a short run.
         recording: Whether to write recording.mcap as well; `fogwatch record` writes it at any later time.
         report: Whether to write report.html as well; `fogwatch report` writes it at any later time.
         recovery: Whether to run a scenario with faults without them too, so that the verdict can judge the recovery.
@@ -146,7 +148,15 @@ def run(
         loaded = open_scenario(str(scenario), overrides)
     display = SilentDisplay() if progress is None else _CallbackDisplay(progress)
     where = None if out is None else Path(out)
-    options = RunOptions(where, in_process, display=display, recording=recording, report=report, recovery=recovery)
+    options = RunOptions(
+        where,
+        in_process,
+        display=display,
+        picture=picture,
+        recording=recording,
+        report=report,
+        recovery=recovery,
+    )
     return execute(loaded, options)
 
 
@@ -368,7 +378,7 @@ def _result(
         options.display.say(f"{folder.summary}: cannot be written ({error.strerror}); the summary is shown only")
     step = prepared.scenario.step
     mfow_s = np.array([record.mfow for record in journal.ticks], dtype=np.float64) * step
-    if options.draw and len(mfow_s) and not options.urgent():
+    if options.picture and len(mfow_s) and not options.urgent():
         options.display.say("drawing the final fog ...")
         _draw(folder, prepared, options)
     if len(mfow_s) and isinstance(journal, Journal) and (options.recording or options.report):

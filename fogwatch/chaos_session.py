@@ -29,13 +29,12 @@ from fogwatch.api import PACKAGES, RunOptions, execute
 from fogwatch.launch.runfolder import RunFolder
 from fogwatch.progress import bar_on, duration
 from patrol.errors import BadInput
+from patrol.process.exit_codes import UNKNOWN
 from patrol.process.starting.warmup import warm
 from patrol.scenario import Scenario, dump_scenario
 
 BROKEN = 1
 """The exit code when a scenario broke."""
-UNKNOWN = 3
-"""The exit code when no scenario broke, but one was too slow to tell."""
 MOST_NARROWED = 5
 """Scenarios that are reduced to fewer faults; further ones that break most likely have the same cause."""
 PLAIN_S = 10.0
@@ -249,7 +248,7 @@ def as_processes(keep: Path | None) -> Way:
         limit = TimeLimit()
         with tempfile.TemporaryDirectory(prefix="fogwatch-chaos-", ignore_cleanup_errors=True) as folder:
             out = Path(folder) / "run"
-            options = RunOptions(out, begin=limit.begin, stop=limit.exceeded, draw=False)
+            options = RunOptions(out, begin=limit.begin, stop=limit.exceeded, picture=False)
             well = False
             try:
                 result = execute(scenario, options)

@@ -17,6 +17,7 @@ from patrol.errors import BadInput
 from patrol.net.keys import check_locator, fleet_keys, is_local
 from patrol.net.link import LinkDown, PortBusy, open_router
 from patrol.net.security.credentials import RouterSecurity, read_router
+from patrol.process.exit_codes import BAD_INPUT
 from patrol.process.lifeline import heed, run_process
 from patrol.process.reporting.logs import Log
 from patrol.process.reporting.notify import Notifier
@@ -69,7 +70,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Log("router", "fogwatch router: ").error(str(error))
         failure = StartFailure.PORT_BUSY if isinstance(error, PortBusy) else StartFailure.OTHER
         report_failure(options.ready, failure, str(error))
-        return 2
+        return BAD_INPUT
     return 0
 
 

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 from monitor.replay.run_files import journal_in
 from patrol.errors import BadInput
-from patrol.process.lifeline import INTERRUPTED, Ending, heed
+from patrol.process.exit_codes import BAD_INPUT, INTERRUPTED
+from patrol.process.lifeline import Ending, heed
 from patrol.process.reporting.logs import Log, is_json
 from patrol.process.reporting.notify import Notifier
 from patrol.process.reporting.supervision import add_supervision, followed, take_supervision
@@ -90,7 +91,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             )
     except BadInput as bad:
         Log("monitor").error(str(bad))
-        return 2
+        return BAD_INPUT
     return INTERRUPTED
 
 

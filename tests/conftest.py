@@ -26,6 +26,11 @@ GRACE_S = 60.0
 """How long the last processes may take to leave, on a machine with much else to do."""
 
 
+def pytest_xdist_auto_num_workers() -> int:
+    """One worker more than there are processors: many tests wait for processes."""
+    return len(os.sched_getaffinity(0)) + 1
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Leave out what runs seldom, whatever else ``-m`` selects."""
     unnamed = [name for name in SELDOM if name not in config.option.markexpr]

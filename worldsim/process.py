@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
-from patrol.process.lifeline import INTERRUPTED as EXIT_INTERRUPTED
+from patrol.process.exit_codes import BAD_INPUT, UNKNOWN
+from patrol.process.exit_codes import INTERRUPTED as EXIT_INTERRUPTED
 from patrol.process.lifeline import Ending, heed
 from patrol.process.memory.file_pages import give_back_file_pages
 from patrol.process.memory.garbage import begin_collection
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
     from worldsim.radio.listener import Listener
     from worldsim.wiring import Wiring
 
-UNKNOWN = 3
 JUDGING_S = 3600.0
 """How long a service manager is asked to wait for the verdict, s."""
 _LOG = Log("world")
@@ -52,14 +52,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         options = parse_options(arguments)
     except BadInput as bad:
         _LOG.error(str(bad))
-        return 2
+        return BAD_INPUT
     options.supervision.begin_log(_LOG.process)
     ending = heed(options.lifeline)
     try:
         return _follow(options, ending)
     except BadInput as bad:
         _LOG.error(str(bad))
-        return 2
+        return BAD_INPUT
     except Unwritten as unwritten:
         _LOG.error(str(unwritten))
         return UNKNOWN

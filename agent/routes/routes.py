@@ -12,10 +12,7 @@ from agent.routes.ground import Ground, Spot
 from agent.routes.kernels.between import keep_between
 from agent.routes.kernels.wave import SETTLED, STATUS
 from agent.routes.path_window import DIAGONAL, FAR, PathWindow
-from agent.routes.wave import Wave
-
-LONGEST = 2**26
-"""Upper bound of all path lengths, in hundredths of a point."""
+from agent.routes.wave import LONGEST, Wave
 
 LEAST_SPAN = 64
 """Span of the smallest window, in points; larger ones have powers of two, so that there are few of them."""

@@ -26,7 +26,7 @@ from agent.routes.kernels.wave import (
 from agent.routes.path_window import Lengths, PathWindow, Place
 from patrol.ground.kernels.footprint import cast
 
-MOST = 2**26
+LONGEST = 2**26
 """Longest path that fits a cell, in hundredths of a point."""
 
 MOST_POINTS = 2**28
@@ -73,7 +73,7 @@ class Wave(PathWindow):
         rows, cols = self.state.shape
         inside = sorted({(r - self.row0 - 1, c - self.col0 - 1) for r, c in starts})
         begin = np.array([r * cols + c for r, c in inside if self._holds(r, c)], dtype=np.int64)
-        limit = min(limit, MOST)
+        limit = min(limit, LONGEST)
         while not spread(self.state, 0, 0, self._cell, cols, self._lists, begin, limit, 0, rows, 0, cols):
             self._make_room()
         show(self._cell, self.state, self.length, 1, limit, 0, rows, 0, cols)
@@ -85,7 +85,7 @@ class Wave(PathWindow):
         middle, cols = (row - self.row0 - 1, col - self.col0 - 1), self.state.shape[1]
         if self._near is None:
             self._near = np.empty_like(self.length)
-        limit = min(limit, MOST)
+        limit = min(limit, LONGEST)
         # A point on such a path is no farther from the path's ends together than this, in rows or columns.
         apart = (limit + reach) // 100 + 1
         box = part = self._around(middle, middle, 2 * (reach // 100 + 1))
@@ -104,7 +104,7 @@ class Wave(PathWindow):
 
     def extend(self, limit: int) -> None:
         """As `PathWindow.extend`."""
-        limit = min(limit, MOST)
+        limit = min(limit, LONGEST)
         if self._laid is not None and limit <= self._mark[DONE]:
             return
         box, cols = self._lay(limit), self.state.shape[1]

@@ -14,13 +14,14 @@ from typing import Annotated
 import typer
 
 from fogwatch.cli.command_help import FINISHED, MANY, OTHER, RUNNING, START, OrderedGroup, command
-from fogwatch.cli.ending import INTERRUPTED, UNKNOWN, complain, run_app
+from fogwatch.cli.ending import complain, run_app
 from fogwatch.cli.experiments import bench_command, chaos_command, experiment, paper, sweep
 from fogwatch.cli.fleets import control, doctor_command, fleet, key, process_commands
 from fogwatch.cli.grounds import map_commands, scenario
 from fogwatch.cli.runs import page, recording_commands, report_commands
 from patrol.errors import BadInput
 from patrol.pose import MODELS
+from patrol.process.exit_codes import INTERRUPTED, UNKNOWN
 from patrol.process.lifeline import heed
 from patrol.process.starting.warmup import numba_alone
 from patrol.scenario import BUILTINS, MAX_ROBOTS, RobotGroup, open_scenario, parse_overrides, with_spares
@@ -170,6 +171,10 @@ def run(
             rich_help_panel=OUTPUT,
         ),
     ] = True,
+    picture: Annotated[
+        bool,
+        typer.Option("--picture/--no-picture", help="Draw fog.png at the end.", rich_help_panel=OUTPUT),
+    ] = True,
     recording: Annotated[
         bool,
         typer.Option("--recording/--no-recording", help="Write recording.mcap at the end.", rich_help_panel=OUTPUT),
@@ -230,6 +235,7 @@ def run(
         begin=begin,
         stop=lambda: bool(ending),
         urgent=lambda: ending.times > 1,
+        picture=picture,
         recording=recording,
         report=report,
         page=served,

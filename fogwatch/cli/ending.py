@@ -11,10 +11,8 @@ from typing import Any
 import typer
 
 from patrol.errors import BadInput
+from patrol.process.exit_codes import BAD_INPUT, INTERRUPTED, UNKNOWN
 from patrol.process.reporting.logs import crashed
-
-INTERRUPTED = 130
-UNKNOWN = 3
 
 
 def run_app(app: typer.Typer) -> int:
@@ -48,7 +46,7 @@ def guarded(call: Callable[[], Any]) -> int:
         code = call()
     except BadInput as bad:
         complain(str(bad))
-        return 2
+        return BAD_INPUT
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED
     except BrokenPipeError:
@@ -59,7 +57,7 @@ def guarded(call: Callable[[], Any]) -> int:
             return UNKNOWN
         if message := error.format_message():  # without one it has printed the help
             complain(message)
-        return 2
+        return BAD_INPUT
     if code == INTERRUPTED:  # typer may turn the signal into this code
         complain("interrupted")
     return code if isinstance(code, int) else 0

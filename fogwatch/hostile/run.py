@@ -181,7 +181,7 @@ def run_spell(spell: Spell, folder: Path, over: Callable[[], bool]) -> tuple[See
     result: Result | None = None
     ended = ""
     try:
-        options = RunOptions(out, display=progress, begin=begin, stop=stop, draw=False, page=spell.page)
+        options = RunOptions(out, display=progress, begin=begin, stop=stop, picture=False, page=spell.page)
         result = execute(spell.scenario, options)
     except (BadInput, Failed) as error:
         ended = f"{type(error).__name__}: {error}"

@@ -22,6 +22,7 @@ from patrol.errors import BadInput, did_you_mean
 from patrol.net.keys import fleet_keys
 from patrol.net.security.access import FILE, credentials_at
 from patrol.net.security.credentials import read_object
+from patrol.process.exit_codes import BAD_INPUT
 from patrol.process.lifeline import heed, run_process
 from patrol.random import Draws, Purpose
 
@@ -47,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         attacks = _chosen(attacks, options.only)
     except BadInput as bad:
         print(f"stranger: {bad}", file=sys.stderr)
-        return 2
+        return BAD_INPUT
     dice = Draws(options.seed, Purpose.STRANGER, ATTACKS)
     while not ending.wait(0.1):
         name = dice.choice(*attacks)

@@ -32,6 +32,7 @@ from patrol.net.messages.telemetry import EVENTS, MAX_NOTICE, METRICS, longest_m
 from patrol.net.security.access import write_pointer
 from patrol.net.security.credentials import read_credentials
 from patrol.net.security.seats import SEAT, seat_of
+from patrol.process.exit_codes import BAD_INPUT
 from patrol.process.starting.readiness import StartFailure, StartReport
 from worldsim.faults.lifecycle import process_name
 
@@ -54,8 +55,6 @@ PAGE_WAIT_S = "86400"
 """How long the page waits for the world, which may have a large map to work on."""
 MOST_ROUTERS = 20
 """How often a router is started, for a free port or after it has died."""
-BAD_INPUT = 2
-"""The exit code of a process whose input is wrong; the last line of its log says why."""
 _TICK_S = 0.05
 
 

@@ -19,14 +19,10 @@ from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
+from patrol.process.exit_codes import CRASHED, INTERRUPTED
 from patrol.process.reporting.logs import crashed
 
 GRACE_S = 1.5
-INTERRUPTED = 130
-"""The exit code of a process that was asked to leave."""
-
-CRASHED = 70
-"""The exit code of a process that met a mistake of ours, with a traceback."""
 
 _PR_SET_PDEATHSIG = 1
 _POLL_S = 0.02

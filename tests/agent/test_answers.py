@@ -151,11 +151,11 @@ class Fickle(Sequence[float]):
 
 
 def test_a_sequence_of_ones_own_is_read_once() -> None:
-    intent = checked(Bearing(Fickle(0.5, math.nan)))  # type: ignore[arg-type]
+    intent = checked(Bearing(Fickle(0.5, math.nan)))
     assert intent == Bearing((0.5,))
     for bad in (math.nan, "north", None):
         with pytest.raises(PolicyFailed, match="returned Bearing with bearings = "):
-            checked(Bearing(Fickle(bad, 0.5)))  # type: ignore[arg-type]
+            checked(Bearing(Fickle(bad, 0.5)))
 
 
 @pytest.mark.parametrize("spot", [3.0, (), (1.0,), (1.0, 2.0, 3.0), "ab"], ids=repr)

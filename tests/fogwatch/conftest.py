@@ -21,6 +21,10 @@ PATIENCE_S = 300.0
 """How long anything may take, on a machine with much else to do."""
 
 
+WITHOUT = ("--no-page", "--no-picture", "--no-recording", "--no-report")
+"""What no run has unless a test asks for it: most of a short run's time goes into these."""
+
+
 class Run:
     """A ``fogwatch run`` as a process, its children found by what they were started with."""
 
@@ -30,7 +34,7 @@ class Run:
         self.file.write_text(json.dumps(scenario), encoding="utf-8")
         self.folder = folder / "run"
         command = [sys.executable, "-P", "-m", "fogwatch", "run", str(self.file), "--out", str(self.folder)]
-        command += ["--no-page", *arguments]
+        command += [*WITHOUT, *arguments]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
     def children(self) -> dict[str, int]:

@@ -59,7 +59,7 @@ def what_others_see(pids: list[int]) -> str:
 
 
 def test_a_running_fleet_shows_no_secret_and_lets_no_stranger_in(start: Callable[..., Run]) -> None:
-    run = start({**COARSE, "duration": 100_000, "robots": 3 * [{}]}, "--no-recording", "--no-report")
+    run = start({**COARSE, "duration": 100_000, "robots": 3 * [{}]})
     run.until(lambda: run.ticks() > 5)
     folder = private_folder(run.folder)
     secrets = secrets_in(folder)
@@ -95,7 +95,7 @@ def test_a_running_fleet_shows_no_secret_and_lets_no_stranger_in(start: Callable
 def test_a_robot_that_joins_later_has_a_role_too(start: Callable[..., Run]) -> None:
     faults = [{"kind": "join", "who": "r3", "at": 5}, {"kind": "restart", "who": "r1", "at": 8}]
     robots = [{}, {}, {"spare": True}]
-    run = start({**COARSE, "duration": 20, "robots": robots, "faults": faults}, "--no-recording", "--no-report")
+    run = start({**COARSE, "duration": 20, "robots": robots, "faults": faults})
     assert run.end() == 0, run.errors
     assert run.summary()["verdict"]["valid"], run.summary()["verdict"]
 

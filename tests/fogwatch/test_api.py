@@ -27,6 +27,7 @@ SMALL = {
 def test_a_result_says_what_came_of_it(tmp_path: Path) -> None:
     result = fogwatch.run(SMALL, out=tmp_path / "run")
     assert result.folder == tmp_path / "run"
+    assert (result.folder / "fog.png").exists()
     assert result.mfow_s.shape == (40,)
     assert result.mfow_s.mean() == pytest.approx(result.summary["mfow_mean_s"])
     assert result.verdict.valid
@@ -40,14 +41,19 @@ def test_every_way_of_naming_a_scenario_is_the_same(tmp_path: Path) -> None:
     file = tmp_path / "small.yaml"
     file.write_text(str(SMALL), encoding="utf-8")  # YAML reads what Python prints
     ways: list[Any] = [SMALL, load_scenario(SMALL), file, str(file)]
-    hashes = {fogwatch.run(way, out=tmp_path / f"run-{number}").trace_hash for number, way in enumerate(ways)}
+    hashes = {
+        fogwatch.run(way, out=tmp_path / f"run-{number}", picture=False).trace_hash for number, way in enumerate(ways)
+    }
     assert len(hashes) == 1
     overrides = {"point": 0.5, "duration": 20, "robots": SMALL["robots"], "patrol.dilatation": 0}
-    assert {fogwatch.run("open", out=tmp_path / "named", overrides=overrides).trace_hash} == hashes
+    assert {fogwatch.run("open", out=tmp_path / "named", overrides=overrides, picture=False).trace_hash} == hashes
 
 
 def test_seeds_make_the_difference(tmp_path: Path) -> None:
-    runs = [fogwatch.run(SMALL, out=tmp_path / f"{n}", overrides={"seed": seed}) for n, seed in enumerate((1, 2, 1))]
+    runs = [
+        fogwatch.run(SMALL, out=tmp_path / f"{n}", overrides={"seed": seed}, picture=False)
+        for n, seed in enumerate((1, 2, 1))
+    ]
     first, second, third = (run.trace_hash for run in runs)
     assert first == third != second
 
@@ -56,7 +62,7 @@ def test_recovery_is_judged_where_that_is_wanted(tmp_path: Path) -> None:
     silence = [{"kind": "silence", "who": "all", "at": 2, "for": 5}]
     mapping = {**SMALL, "faults": silence, "sensor": {"range": 200, "line_of_sight": False}}
     for recovery in (True, False):
-        result = fogwatch.run(mapping, out=tmp_path / f"{recovery}", recovery=recovery)
+        result = fogwatch.run(mapping, out=tmp_path / f"{recovery}", recovery=recovery, picture=False)
         (check,) = [check for check in result.verdict.checks if check.name == "recovery"]
         assert check.judged is recovery
         assert result.verdict.valid
@@ -64,14 +70,15 @@ def test_recovery_is_judged_where_that_is_wanted(tmp_path: Path) -> None:
 
 def test_progress_is_told(tmp_path: Path) -> None:
     told: list[Metrics] = []
-    fogwatch.run(SMALL, out=tmp_path / "run", progress=told.append)
+    result = fogwatch.run(SMALL, out=tmp_path / "run", progress=told.append, picture=False)
+    assert not (result.folder / "fog.png").exists()
     assert told[-1].k == told[-1].ticks == 40
     assert np.all(np.diff([metrics.k for metrics in told]) > 0)
 
 
 def test_bad_input_leaves_nothing(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="do not fit"):
-        fogwatch.run(SMALL, out=tmp_path / "run", overrides={"robots.radius": 30.0, "robots.count": 9})
+        fogwatch.run(SMALL, out=tmp_path / "run", overrides={"robots.radius": 30.0, "robots.count": 9}, picture=False)
     assert not list(tmp_path.iterdir())
 
 
@@ -81,7 +88,7 @@ def test_what_has_run_is_never_thrown_away(tmp_path: Path, monkeypatch: pytest.M
 
     monkeypatch.setattr("experiments.inprocess.read_journal", damaged)
     with pytest.raises(BadInput, match="tick 7"):
-        fogwatch.run(SMALL, out=tmp_path / "run")
+        fogwatch.run(SMALL, out=tmp_path / "run", picture=False)
     assert sum(1 for _ in read_journal(tmp_path / "run" / "journal").ticks) == 40
 
 
@@ -96,8 +103,8 @@ def test_the_package_loads_nothing_until_a_run_is_wanted() -> None:
 @pytest.mark.processes
 def test_a_fleet_of_processes_from_python(tmp_path: Path) -> None:
     told: list[Metrics] = []
-    one = fogwatch.run(SMALL, out=tmp_path / "one")
-    many = fogwatch.run(SMALL, out=tmp_path / "many", in_process=False, progress=told.append)
+    one = fogwatch.run(SMALL, out=tmp_path / "one", picture=False)
+    many = fogwatch.run(SMALL, out=tmp_path / "many", in_process=False, progress=told.append, picture=False)
     assert many.trace_hash == one.trace_hash
     assert many.verdict.valid
     assert told
@@ -113,7 +120,7 @@ def watch(launch):
 
 Launch.start, Launch.watch, Launch.finish = lambda launch: None, watch, lambda launch: {}
 try:
-    fogwatch.run("open", overrides={"point": 1.0, "duration": 10}, out=sys.argv[1], in_process=False)
+    fogwatch.run("open", overrides={"point": 1.0, "duration": 10}, out=sys.argv[1], in_process=False, picture=False)
 except KeyboardInterrupt:
     print({"worldsim.output.summary", "worldsim.verdict.judge"} & sys.modules.keys())
 """

@@ -72,7 +72,7 @@ def operate(start: Callable[..., Run]) -> Any:
     operators: list[Operating] = []
 
     def begin(scenario: dict[str, Any], *arguments: str) -> Operating:
-        operators.append(Operating(start(scenario, "--no-recording", "--no-report", *arguments)))
+        operators.append(Operating(start(scenario, *arguments)))
         return operators[-1]
 
     yield begin
@@ -98,7 +98,7 @@ def test_a_page_that_dies_takes_nothing_with_it(operate: Callable[..., Operating
     assert (summary["ended"], summary["ticks"]) == ("completed", 600)
     assert summary["verdict"]["valid"], summary["verdict"]
     assert summary["exit_codes"] == dict.fromkeys(["the router", "the world", "r1", "r2", "r3"], 0)
-    assert summary["trace_hash"] == fogwatch.run(scenario, out=tmp_path / "one").trace_hash
+    assert summary["trace_hash"] == fogwatch.run(scenario, out=tmp_path / "one", picture=False).trace_hash
 
 
 def test_what_an_operator_does_is_replayed_to_the_same_trace(operate: Callable[..., Operating], tmp_path: Path) -> None:
@@ -124,7 +124,7 @@ def test_what_an_operator_does_is_replayed_to_the_same_trace(operate: Callable[.
     assert at.ask(do="go").done
     assert at.run.end() == 0, at.run.errors
     assert at.run.summary()["verdict"]["valid"], at.run.summary()["verdict"]
-    again = fogwatch.run(at.run.folder / "timeline.yaml", out=tmp_path / "again")
+    again = fogwatch.run(at.run.folder / "timeline.yaml", out=tmp_path / "again", picture=False)
     assert again.verdict.valid
     assert again.trace_hash == at.run.summary()["trace_hash"]
     journal = read_journal(at.run.folder / "journal")

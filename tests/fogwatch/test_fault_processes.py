@@ -67,8 +67,8 @@ def test_every_process_fault_leaves_the_same_trace(model: str, tmp_path: Path) -
         "patrol": {"dilatation": 0.0, "separation": "claims"},
         "faults": EVERYTHING,
     }
-    one = fogwatch.run(scenario, out=tmp_path / "one")
-    many = fogwatch.run(scenario, out=tmp_path / "many", in_process=False)
+    one = fogwatch.run(scenario, out=tmp_path / "one", picture=False)
+    many = fogwatch.run(scenario, out=tmp_path / "many", in_process=False, picture=False)
     assert one.verdict.valid, one.verdict.failed
     assert many.verdict.valid, many.verdict.failed
     assert many.trace_hash == one.trace_hash
@@ -99,7 +99,9 @@ def test_a_launcher_that_stops_nobody_is_found_out(tmp_path: Path, monkeypatch: 
     """The world speaks to nobody who is paused, so that nothing else shows whether a process was stopped."""
     monkeypatch.setattr(Launch, "pause", lambda _self, _robot: None)
     faults = [{"kind": "pause", "who": "r2", "at": 2, "for": 2}]
-    run = fogwatch.run({**COARSE, "duration": 6, "robots": 2 * [{}], "faults": faults}, out=tmp_path, in_process=False)
+    run = fogwatch.run(
+        {**COARSE, "duration": 6, "robots": 2 * [{}], "faults": faults}, out=tmp_path, in_process=False, picture=False
+    )
     assert [check.name for check in run.verdict.failed] == ["the paused stand still"]
     assert "r2 was paused at tick 4, but its process has the state " in run.verdict.failed[0].detail
 
@@ -169,7 +171,7 @@ def test_a_killed_launcher_leaves_no_paused_process_behind(start: Callable[..., 
 @pytest.mark.skipif(not can_fork(), reason="this system has no fork server")
 def test_without_the_fork_server_a_run_goes_on_and_robots_are_still_started(start: Callable[..., Run]) -> None:
     faults = [{"kind": "restart", "who": "r2", "at": 300}]
-    run = start({**COARSE, "duration": 310, "robots": 2 * [{}], "faults": faults}, "--no-recording", "--no-report")
+    run = start({**COARSE, "duration": 310, "robots": 2 * [{}], "faults": faults})
     run.until(lambda: run.ticks() > 20)
     os.kill(run.fork_server(), signal.SIGKILL)
     assert run.end() == 0, run.errors

@@ -59,7 +59,7 @@ def until(source: Source, what: Callable[[State], bool]) -> State:
 @pytest.mark.processes
 def test_a_run_is_watched_controlled_and_watched_by_another_who_comes_late(start: Callable[..., Run]) -> None:
     scenario = {**COARSE, "duration": 100_000, "robots": 3 * [{}], "faults": [{"kind": "loss", "rate": 0.3}]}
-    run = start(scenario, "--no-recording", "--no-report")
+    run = start(scenario)
     first = attached(run)
     assert first.control({"do": "pause"}).done
     until(first, lambda state: not state.running)
@@ -102,7 +102,7 @@ def until_gone(source: Source) -> bool:
 def test_a_stopped_viewer_costs_no_tick(start: Callable[..., Run], tmp_path: Path) -> None:
     """A viewer's process is stopped; far more than its buffers hold goes by, and the run ends as ever."""
     scenario = {**COARSE, "duration": 800, "robots": 4 * [{}]}
-    run = start(scenario, "--no-recording", "--no-report")
+    run = start(scenario)
     operator = attached(run)
     assert operator.control({"do": "pause"}).done  # until the viewer is there, however long that takes
     ready = tmp_path / "ready"
@@ -193,7 +193,7 @@ def test_the_page_of_a_run_is_given_the_run_s_key(start: Callable[..., Run], tmp
     key = tmp_path / "fleet.key"
     new_key(key)
     scenario = {**COARSE, "duration": 100_000, "robots": {"count": 1, "model": "holonomic"}, "radio": {"key": str(key)}}
-    run = start(scenario, "--page", "--no-recording", "--no-report")
+    run = start(scenario, "--page")
     run.until(lambda: "monitor" in run.children())
     words = Path("/proc", str(run.children()["monitor"]), "cmdline").read_text(encoding="utf-8").split("\0")
     assert words[words.index("--key") + 1] == str(key)

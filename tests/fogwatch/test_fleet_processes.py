@@ -35,7 +35,7 @@ OPEN: dict[str, Any] = {
 
 
 def in_process(scenario: dict[str, Any], folder: Path) -> str:
-    return fogwatch.run(scenario, out=folder).trace_hash
+    return fogwatch.run(scenario, out=folder, picture=False).trace_hash
 
 
 MADE_MAP = "P2\n24 20\n255\n" + "\n".join(
@@ -68,7 +68,7 @@ def test_a_run_is_the_same_as_processes_and_in_one(
     assert run.end() == 0, run.errors
     assert run.summary()["trace_hash"] == in_process(scenario, tmp_path / "one")
     assert run.summary()["verdict"]["valid"]
-    again = fogwatch.run(run.folder / "scenario.yaml", out=tmp_path / "again")
+    again = fogwatch.run(run.folder / "scenario.yaml", out=tmp_path / "again", picture=False)
     assert again.trace_hash == run.summary()["trace_hash"]
 
 

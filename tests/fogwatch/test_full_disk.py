@@ -32,7 +32,7 @@ def small_files() -> Iterator[None]:
 
 @pytest.mark.usefixtures("small_files")
 def test_a_run_that_cannot_be_recorded_says_why_and_leaves_no_half_recording(start: Callable[..., Run]) -> None:
-    run = start({**OPEN, "duration": 100_000}, "--no-report")
+    run = start({**OPEN, "duration": 100_000}, "--recording")
     assert run.end() == 3, run.errors
     assert "the run cannot be recorded any more (File too large), so it ends here; make room" in run.errors
     assert "Traceback" not in run.errors
@@ -41,7 +41,7 @@ def test_a_run_that_cannot_be_recorded_says_why_and_leaves_no_half_recording(sta
 
 
 def test_a_folder_that_is_moved_away_gets_its_summary(start: Callable[..., Run]) -> None:
-    run = start({**OPEN, "duration": 100_000}, "--no-report", "--no-recording")
+    run = start({**OPEN, "duration": 100_000})
     run.until(lambda: run.ticks() > 20)
     moved = run.folder.with_name("elsewhere")
     run.folder.rename(moved)
@@ -54,7 +54,7 @@ def test_a_folder_that_is_moved_away_gets_its_summary(start: Callable[..., Run])
 
 
 def test_a_folder_that_is_deleted_is_reported(start: Callable[..., Run]) -> None:
-    run = start({**OPEN, "duration": 100_000}, "--no-report", "--no-recording")
+    run = start({**OPEN, "duration": 100_000})
     run.until(lambda: run.ticks() > 20)
     shutil.rmtree(run.folder)
     os.kill(run.process.pid, signal.SIGINT)

@@ -121,7 +121,7 @@ def places_an_intruder_by_keys(look: Look) -> None:
 
 
 def test_buttons_break_a_fleet_and_the_journal_knows_who_did_it(chromium: Any, start: Callable[..., Run]) -> None:
-    run = start(FLEET, "--page", "--no-report", "--no-recording")
+    run = start(FLEET, "--page")
     with Look(chromium, address_of(run)) as look:
         look.until("document.querySelectorAll('#chart .scatterlayer .trace').length === 2")
         points = "document.querySelector('#chart .scatterlayer .trace path').getAttribute('d').length"

@@ -38,14 +38,14 @@ def scenario(policy: str, **patrol: Any) -> dict[str, Any]:
 @pytest.mark.processes
 def test_a_policy_of_ones_own_gives_the_same_trace_in_one_process_and_in_many(tmp_path: Path) -> None:
     mapping = scenario(f"{EXAMPLE}:GreedyTarget", options={"near": 8})
-    one = fogwatch.run(mapping, out=tmp_path / "one")
-    many = fogwatch.run(mapping, out=tmp_path / "many", in_process=False)
+    one = fogwatch.run(mapping, out=tmp_path / "one", picture=False)
+    many = fogwatch.run(mapping, out=tmp_path / "many", in_process=False, picture=False)
     assert one.verdict.valid
     assert many.verdict.valid
     assert one.trace_hash == many.trace_hash
     kept = tmp_path / "many" / "policy" / EXAMPLE.name
     assert kept.read_bytes() == EXAMPLE.read_bytes()
-    again = fogwatch.run(tmp_path / "many" / "scenario.yaml", out=tmp_path / "again")
+    again = fogwatch.run(tmp_path / "many" / "scenario.yaml", out=tmp_path / "again", picture=False)
     assert again.trace_hash == many.trace_hash
 
 
@@ -61,7 +61,7 @@ def test_a_policy_that_fails_stops_its_robot_alone(
     traces = []
     for way in ("--in-process", "--no-page"):
         out = tmp_path / way.strip("-")
-        code = fogwatch("run", str(path), way, "--no-report", "--no-recording", "--out", str(out))
+        code = fogwatch("run", str(path), way, "--no-picture", "--no-report", "--no-recording", "--out", str(out))
         shown = capsys.readouterr()
         assert code == 1, shown.err
         ticks = list(read_journal(out / "journal").ticks)
@@ -127,7 +127,12 @@ def test_whoever_looks_at_a_run_never_imports_its_policy(
     source.write_bytes(EXAMPLE.read_bytes())
     out = tmp_path / "run"
     chosen = ("--set", f"patrol.policy={source}:GreedyTarget", "--set", "point=1", "--set", "duration=20")
-    assert fogwatch("run", "open", *chosen, "--in-process", "--no-report", "--no-recording", "--out", str(out)) == 0
+    assert (
+        fogwatch(
+            "run", "open", *chosen, "--in-process", "--no-picture", "--no-report", "--no-recording", "--out", str(out)
+        )
+        == 0
+    )
     (out / "policy" / "mine.py").write_text("raise RuntimeError('imported')", encoding="utf-8")
     source.unlink()
     other = tmp_path / "other"

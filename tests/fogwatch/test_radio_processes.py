@@ -68,8 +68,8 @@ def test_a_troubled_radio_gives_the_same_trace_as_processes_and_in_one(
         new_key(tmp_path / "fleet.key")
         radio["key"] = str(tmp_path / "fleet.key")
     scenario = {**SCENARIO, "faults": FAULTS, "radio": radio}
-    one = fogwatch.run(scenario, out=tmp_path / "one")
-    many = fogwatch.run(scenario, out=tmp_path / "many", in_process=False)
+    one = fogwatch.run(scenario, out=tmp_path / "one", picture=False)
+    many = fogwatch.run(scenario, out=tmp_path / "many", in_process=False, picture=False)
     for run in (one, many):
         assert run.verdict.valid, run.verdict.failed
     assert many.trace_hash == one.trace_hash

@@ -117,7 +117,7 @@ def record() -> Iterator[Callable[..., Recording]]:
 def test_a_fleet_is_recorded_while_it_goes_on(
     start: Callable[..., Run], record: Callable[..., Recording], tmp_path: Path
 ) -> None:
-    run = start(DIRECT, "--no-recording", "--no-report")
+    run = start(DIRECT)
     run.until(lambda: (run.folder / FILE).exists() and run.ticks() > 5)
     alone = ("--scenario", str(run.folder / "scenario.yaml"))
     heard, killed = record(run, tmp_path / "heard.mcap", *alone), record(run, tmp_path / "killed.mcap", *alone)

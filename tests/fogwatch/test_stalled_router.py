@@ -37,18 +37,18 @@ def stall(run: Run) -> None:
 
 def test_in_lockstep_nothing_changes(start: Callable[..., Run], tmp_path: Path) -> None:
     scenario = {**OPEN, "duration": 150}
-    run = start(scenario, "--no-recording", "--no-report")
+    run = start(scenario)
     stall(run)
     assert run.end() == 0, run.errors
     assert run.summary()["verdict"]["valid"]
-    assert run.summary()["trace_hash"] == fogwatch.run(scenario, out=tmp_path / "one").trace_hash
+    assert run.summary()["trace_hash"] == fogwatch.run(scenario, out=tmp_path / "one", picture=False).trace_hash
     end = read_journal(run.folder / "journal").end
     assert end is not None
     assert end.notes["router_silent_s"] > 10.0
 
 
 def test_at_a_pace_robots_miss_their_deadlines_and_none_is_lost(start: Callable[..., Run]) -> None:
-    run = start({**OPEN, "duration": 100_000, "pace": "realtime"}, "--no-recording", "--no-report")
+    run = start({**OPEN, "duration": 100_000, "pace": "realtime"})
     stall(run)
     ticks = run.ticks()
     run.until(lambda: run.ticks() > ticks + 20)

@@ -20,8 +20,8 @@ def test_robots_surround_an_intruder_the_same_as_processes_and_in_one(tmp_path: 
         "patrol": {"dilatation": 0.0},
         "intruders": [{"place": [50.0, 40.0], "for": 30.0}, {"place": [52.0, 43.0]}],
     }
-    one = fogwatch.run(scenario, out=tmp_path / "one")
-    many = fogwatch.run(scenario, out=tmp_path / "many", in_process=False)
+    one = fogwatch.run(scenario, out=tmp_path / "one", picture=False)
+    many = fogwatch.run(scenario, out=tmp_path / "many", in_process=False, picture=False)
     assert many.summary["verdict"]["valid"]
     assert many.trace_hash == one.trace_hash
     assert many.summary["messages"] == one.summary["messages"]

@@ -27,7 +27,7 @@ FAST: dict[str, Any] = {**COARSE, "robots": 3 * [{"model": "holonomic"}]}
 
 
 def test_during_a_tick_of_minutes_operators_are_obeyed_and_viewers_let_in(start: Callable[..., Run]) -> None:
-    run = start({**FAST, "duration": 100_000, "pace": "realtime"}, "--no-recording", "--no-report")
+    run = start({**FAST, "duration": 100_000, "pace": "realtime"})
     operator = attached(run)
     until(operator, lambda state: state.k > 2)
     assert operator.control({"do": "pace", "factor": 0.001}).done
@@ -65,7 +65,7 @@ def asking_viewer(folder: Path, ready: Path) -> Iterator[subprocess.Popen[bytes]
 
 
 def test_viewers_that_ask_for_all_and_stop_reading_cost_no_robot(start: Callable[..., Run], tmp_path: Path) -> None:
-    run = start({**FAST, "point": 0.1, "duration": 100_000}, "--no-recording", "--no-report")
+    run = start({**FAST, "point": 0.1, "duration": 100_000})
     run.until(lambda: run.ticks() > 5)
     for number in range(3):
         ready = tmp_path / f"ready-{number}"
@@ -81,7 +81,7 @@ def test_viewers_that_ask_for_all_and_stop_reading_cost_no_robot(start: Callable
 
 def test_a_page_that_is_killed_is_served_again_at_its_address(start: Callable[..., Run]) -> None:
     pytest.importorskip("starlette")
-    run = start({**FAST, "duration": 100_000, "pace": 2.0}, "--page", "--no-recording", "--no-report")
+    run = start({**FAST, "duration": 100_000, "pace": 2.0}, "--page")
     address = address_of(run)
     for _ in range(2):
         with urlopen(address) as page:

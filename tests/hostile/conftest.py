@@ -102,7 +102,7 @@ def attack(start: Callable[..., Run]) -> Iterator[Callable[..., Target]]:
     targets: list[Target] = []
 
     def begin(scenario: dict[str, Any], *arguments: str) -> Target:
-        targets.append(Target(start({**COARSE, **scenario}, "--no-recording", "--no-report", *arguments)))
+        targets.append(Target(start({**COARSE, **scenario}, *arguments)))
         return targets[-1]
 
     yield begin

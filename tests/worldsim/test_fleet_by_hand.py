@@ -83,11 +83,11 @@ def test_a_fleet_started_by_hand_in_any_order(hand: Hand, tmp_path: Path) -> Non
     assert [hand.code(name) for name in ("world", "anna", "bert")] == [0, 0, 0]
     summary = json.loads((hand.out / "summary.json").read_text(encoding="utf-8"))
     assert summary["verdict"]["valid"]
-    assert summary["trace_hash"] == fogwatch.run(SCENARIO, out=tmp_path / "one").trace_hash
+    assert summary["trace_hash"] == fogwatch.run(SCENARIO, out=tmp_path / "one", picture=False).trace_hash
     hand.start("report", "fogwatch", "report", str(hand.out))
     assert hand.code("report") == 0, hand.said("report")
     assert (hand.out / "report.html").is_file()
-    again = fogwatch.run(hand.out / "scenario.yaml", out=tmp_path / "again")
+    again = fogwatch.run(hand.out / "scenario.yaml", out=tmp_path / "again", picture=False)
     assert again.trace_hash == summary["trace_hash"]
     hand.processes["router"].terminate()
     assert hand.code("router") == 0
@@ -173,7 +173,7 @@ def test_garbage_and_floods_on_every_key_change_nothing(hand: Hand, tmp_path: Pa
     link.close()
     assert [hand.code(name) for name in ("world", "anna", "bert")] == [0, 0, 0], hand.said("world")
     summary = json.loads((hand.out / "summary.json").read_text(encoding="utf-8"))
-    assert summary["trace_hash"] == fogwatch.run(scenario, out=tmp_path / "one").trace_hash
+    assert summary["trace_hash"] == fogwatch.run(scenario, out=tmp_path / "one", picture=False).trace_hash
     end = read_journal(hand.out / "journal").end
     assert end is not None
     refused = end.notes["refused"]

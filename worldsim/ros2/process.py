@@ -11,7 +11,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from patrol.errors import BadInput
-from patrol.process.lifeline import INTERRUPTED, Ending, heed
+from patrol.process.exit_codes import BAD_INPUT, INTERRUPTED
+from patrol.process.lifeline import Ending, heed
 from patrol.process.reporting.logs import Log
 from patrol.process.reporting.supervision import followed, take_supervision
 from worldsim.ros2.options import errors_of, options_of, robots_of, starts_of, unplugged
@@ -45,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return _run(options, ending, log.info, vitals)
     except BadInput as bad:
         log.error(str(bad))
-        return 2
+        return BAD_INPUT
 
 
 def _run(options: argparse.Namespace, ending: Ending, say: Callable[[str], None], vitals: Vitals) -> int:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from patrol.process.exit_codes import UNKNOWN
 from patrol.scenario.controls import prepared_as_operated
 from worldsim.faults.timeline import Timeline
 from worldsim.verdict.common.check import Check, CheckResult, JudgedRun, Readings
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
 
 Outcome = Literal["valid", "invalid", "unknown"]
 
-EXIT_CODES: Mapping[Outcome, int] = {"valid": 0, "invalid": 1, "unknown": 3}
+EXIT_CODES: Mapping[Outcome, int] = {"valid": 0, "invalid": 1, "unknown": UNKNOWN}
 """Exit codes of commands that judge a run."""
 
 CHECKS: tuple[type[Check], ...] = (

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.routes.path_window import FAR
-from agent.routes.routes import LONGEST
+from agent.routes.wave import LONGEST
 from agent.routes.way_back import REACH
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ nothing but one after the other. Whoever wraps or extends `PotentialField` gets 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import cast, overload
+from typing import overload
 
 from agent.policies.potential_field.policy import PotentialField
 from agent.policies.potential_field.pull.direction import bearings_by_force
@@ -62,11 +62,9 @@ class Ranking(Sequence[float]):
 class LazyPotentialField(PotentialField):
     """One robot's social potential field, with a `Ranking` in place of a tuple where forces were left out."""
 
-    def _ranked(self, view: View, start: tuple[int, int]) -> tuple[Pull, tuple[float, ...]]:
+    def _ranked(self, view: View, start: tuple[int, int]) -> tuple[Pull, Sequence[float]]:
         pull = self._pull(view, start, lead=True)
         if pull.sure is None:
             return pull, self._bearings(pull)
         best = bearings_by_force(pull.sums)[: pull.sure]
-        ranking = Ranking(best, lambda: self._bearings(self._pull(view, start)))
-        # To a body, which adds nothing to it and compares it with nothing, it is the tuple that the port promises.
-        return pull, cast("tuple[float, ...]", ranking)
+        return pull, Ranking(best, lambda: self._bearings(self._pull(view, start)))

@@ -6,6 +6,7 @@ Except for belief and goal, this is the paper's "Final algorithm": forces along 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -89,7 +90,7 @@ class PotentialField:
             return Bearing((), wander=self._random_step(view))
         pull, bearings = self._ranked(view, start)
         wander = self._random_step(view)
-        figures = dict(zip(self._names, pull.sums.tolist(), strict=False))
+        figures = dict(zip(self._names, pull.sums.tolist(), strict=True))
         if not bearings:
             return Stay(figures=figures) if wander is None else Bearing((), wander=wander, figures=figures)
         centre = view.ground.centre
@@ -121,7 +122,7 @@ class PotentialField:
         if discs or areas:
             view.ground.close(discs, areas)
 
-    def _ranked(self, view: View, start: tuple[int, int]) -> tuple[Pull, tuple[float, ...]]:
+    def _ranked(self, view: View, start: tuple[int, int]) -> tuple[Pull, Sequence[float]]:
         """The forces at this tick, and the bearings to try, rad, best first."""
         pull = self._pull(view, start)
         return pull, self._bearings(pull)
@@ -150,6 +151,6 @@ class PotentialField:
 
     def _bearings(self, pull: Pull) -> tuple[float, ...]:
         """The bearings to try where no force was left out, rad, best first."""
-        if self._patrol.direction == "vector" and pull.sums.size:
+        if self._patrol.direction == "vector":
             return tuple(bearings_by_vector(float(pull.sums[0]), float(pull.sums[1]), self._patrol.sectors))
         return tuple(bearings_by_force(pull.sums))

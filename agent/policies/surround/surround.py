@@ -29,7 +29,8 @@ from agent.policies.surround.assignment import assign
 from agent.policies.surround.ring import FARTHEST, Stand, spots_around, spread
 from agent.ports import Place, State
 from agent.routes.ground import Ground, Spot
-from agent.routes.routes import LONGEST, Routes, Way
+from agent.routes.routes import Routes, Way
+from agent.routes.wave import LONGEST
 from patrol.ground.footprint import Footprint
 from patrol.pose import Pose
 from patrol.radio.peers import Peer

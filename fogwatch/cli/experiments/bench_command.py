@@ -15,8 +15,8 @@ from experiments.bench.tools.machine import Machine, this_machine
 from experiments.bench.tools.measure import QUICK, THOROUGH, Finding, Task, take
 from experiments.bench.tools.results import as_json, check_page, page, table_of
 from experiments.sweeps.casetable import json_text, write_text
-from fogwatch.cli.ending import INTERRUPTED
 from fogwatch.progress import command_line
+from patrol.process.exit_codes import INTERRUPTED
 from patrol.process.lifeline import heed
 from patrol.process.starting.warmup import warm
 

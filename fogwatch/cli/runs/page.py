@@ -23,6 +23,7 @@ from fogwatch.cli.fleets.fleet_options import (
 )
 from fogwatch.cli.runs.open_run import KEY
 from patrol.errors import BadInput
+from patrol.process.exit_codes import INTERRUPTED
 
 REPLAY_EXAMPLES = ["fogwatch replay runs/yards-20260101-120000 --browser"]
 MONITOR_EXAMPLES = [
@@ -42,7 +43,6 @@ TOKEN = typer.Option(
     show_envvar=True,
 )
 BROWSER = typer.Option("--browser/--no-browser", help="Open the page in the default browser.")
-INTERRUPTED = 130
 
 
 def replay(

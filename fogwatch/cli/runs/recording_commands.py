@@ -22,6 +22,7 @@ from fogwatch.cli.fleets.fleet_options import (
 from fogwatch.cli.runs.open_run import open_folder, print_state
 from patrol.errors import BadInput
 from patrol.printable import printable
+from patrol.process.exit_codes import INTERRUPTED
 from patrol.process.lifeline import heed
 from patrol.process.starting.warmup import warm
 
@@ -33,7 +34,6 @@ RECORD_EXAMPLES = [
 RECORDING_EXAMPLES = ["fogwatch recording yards.mcap --repair repaired.mcap"]
 
 BROKEN = 1
-INTERRUPTED = 130
 
 
 def record(

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from agent.routes.ground import Ground
 from agent.routes.kernels.wave import SETTLED, STATUS
 from agent.routes.path_window import PathWindow
-from agent.routes.routes import IDLE, LARGE, LEAST_SPAN, LONGEST, Routes, Way
-from agent.routes.wave import Wave
+from agent.routes.routes import IDLE, LARGE, LEAST_SPAN, Routes, Way
+from agent.routes.wave import LONGEST, Wave
 from patrol.ground.terrain import Terrain
 
 POINT = 0.5

@@ -22,7 +22,7 @@ SHORT = ["--point", "0.5", "--duration", "5", "--set", "patrol.dilatation=0"]
 PATIENCE_S = 300.0
 TOO_MANY = int(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 1e9 / PROCESS_GB) + 1
 """Robots that no longer fit into this machine's memory as processes."""
-COARSE = [*SHORT, "--no-recording", "--no-report"]
+COARSE = [*SHORT, "--no-picture", "--no-recording", "--no-report"]
 
 
 def test_a_run_in_one_process_from_a_built_in_terrain(

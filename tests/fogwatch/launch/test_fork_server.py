@@ -17,7 +17,7 @@ import pytest
 
 from fogwatch.launch.children import Child, Children
 from fogwatch.launch.fork_server import FORK_SERVER, READY_S, Forked, ForkServer
-from patrol.process.lifeline import INTERRUPTED
+from patrol.process.exit_codes import INTERRUPTED
 from patrol.process.starting.forking import adopt_orphans, adopters, can_fork
 from patrol.process.starting.readiness import StartFailure, StartPipe, StartReport
 

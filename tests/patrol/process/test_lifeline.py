@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from patrol.process.lifeline import CRASHED, INTERRUPTED, Ending
+from patrol.process.exit_codes import CRASHED, INTERRUPTED
+from patrol.process.lifeline import Ending
 
 CHILD = """
 import sys, threading

@@ -30,7 +30,7 @@ from agent.policies.potential_field.targets.stands import nearest_in_sight
 from agent.policies.potential_field.targets.target import Target
 from agent.ports import Bearing, Intent, Place
 from agent.routes.path_window import DIAGONAL, FAR
-from agent.routes.routes import LONGEST
+from agent.routes.wave import LONGEST
 from patrol.ground.footprint import Footprint
 
 if TYPE_CHECKING:

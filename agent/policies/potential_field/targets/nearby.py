@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from agent.policies.potential_field.kernels.rivals import rivals_within
 from agent.policies.potential_field.kernels.strips import DECIDED, STRIP, hardest_of, posts_within, survey
 from agent.policies.potential_field.targets.cells import NO_CELLS, Cells, Layer, around
-from agent.routes.routes import LONGEST
+from agent.routes.wave import LONGEST
 
 if TYPE_CHECKING:
     from agent.belief.posts import Posts

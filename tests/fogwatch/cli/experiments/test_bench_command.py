@@ -11,8 +11,9 @@ import pytest
 from experiments.bench.tools.measure import Effort, Finding, Task
 from experiments.bench.tools.measure import take as take_all
 from fogwatch.cli.app import app
-from fogwatch.cli.ending import INTERRUPTED, guarded
+from fogwatch.cli.ending import guarded
 from fogwatch.cli.experiments import bench_command
+from patrol.process.exit_codes import INTERRUPTED
 
 
 def bench(*words: str) -> int:

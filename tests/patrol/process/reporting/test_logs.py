@@ -10,7 +10,8 @@ from typing import Any
 
 import pytest
 
-from patrol.process.lifeline import CRASHED, run_process
+from patrol.process.exit_codes import CRASHED
+from patrol.process.lifeline import run_process
 from patrol.process.reporting import logs
 from patrol.process.reporting.logs import LONGEST, Format, Log, begin_log
 

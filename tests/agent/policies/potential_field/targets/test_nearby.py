@@ -16,8 +16,7 @@ from agent.policies.potential_field.targets.nearby import Found, Nearby, Questio
 from agent.policies.potential_field.targets.search import NO_RIVALS, Decay
 from agent.routes.ground import Ground
 from agent.routes.path_window import FAR
-from agent.routes.routes import LONGEST
-from agent.routes.wave import Wave
+from agent.routes.wave import LONGEST, Wave
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from patrol.scenario import PatrolSpec
