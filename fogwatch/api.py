@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fogwatch.launch.live_table import RunDisplay, SilentDisplay
+from fogwatch.launch.live_table import CallbackDisplay, RunDisplay, SilentDisplay
 from fogwatch.launch.runfolder import RunFolder, create
 from patrol.errors import BadInput
-from patrol.net.messages.telemetry import Metrics, Notice
+from patrol.net.messages.telemetry import Metrics
 from patrol.process.starting.warmup import warm
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import Scenario, load_scenario, open_scenario
@@ -146,7 +146,7 @@ def run(
         loaded = load_scenario(scenario, overrides)
     else:
         loaded = open_scenario(str(scenario), overrides)
-    display = SilentDisplay() if progress is None else _CallbackDisplay(progress)
+    display = SilentDisplay() if progress is None else CallbackDisplay(progress)
     where = None if out is None else Path(out)
     options = RunOptions(
         where,
@@ -412,19 +412,3 @@ def _draw(folder: RunFolder, prepared: Prepared, options: RunOptions) -> None:
         options.display.say(f"no picture: {error.name} is not installed (pip install 'fogwatch[sim]')")
     except (BadInput, OSError) as error:
         options.display.say(f"no picture: {error}")
-
-
-class _CallbackDisplay:
-    """A display that passes metrics on to a function and shows nothing else."""
-
-    def __init__(self, metrics: Callable[[Metrics], None]) -> None:
-        self.metrics = metrics
-
-    def say(self, line: str) -> None:
-        """Do nothing."""
-
-    def notice(self, notice: Notice) -> None:
-        """Do nothing."""
-
-    def close(self) -> None:
-        """Do nothing."""

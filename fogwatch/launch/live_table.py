@@ -82,6 +82,22 @@ class SilentDisplay:
         """Do nothing."""
 
 
+class CallbackDisplay(SilentDisplay):
+    """Passes metrics on to a function and shows nothing else."""
+
+    def __init__(self, metrics: Callable[[Metrics], None]) -> None:
+        """Begin.
+
+        Args:
+            metrics: Called with the measures so far.
+        """
+        self._tell = metrics
+
+    def metrics(self, metrics: Metrics) -> None:
+        """Pass them on."""
+        self._tell(metrics)
+
+
 class PlainDisplay:
     """A display that prints a line every few seconds."""
 
