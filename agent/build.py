@@ -16,11 +16,11 @@ import numpy as np
 from agent.belief.believed import Belief, spreads
 from agent.belief.marked_fog import MarkedFog
 from agent.belief.posts import Posts
-from agent.belief.shared import Company
+from agent.belief.shared import Company, SharedBelief
 from agent.bodies import BODIES
 from agent.bodies.setup import BodySetup
 from agent.mind import Facts, MakeMind, Mind
-from agent.policies.found import policy_of
+from agent.policies.found import PolicyKind, policy_of
 from agent.policies.surround.surround import Surround
 from agent.ports import PolicyFailed, PolicySetup
 from agent.psi import Psi, psi_of
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain
     from patrol.prepare import Prepared
     from patrol.scenario import Scenario
+    from patrol.scenario.lengths import BodyLengths
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,48 +137,32 @@ def build_mind(
     patrol, spec = scenario.patrol, scenario.roster[number - 1]
     lengths = lengths_of(scenario, spec)
     scratch = shared.scratches[group_of(number, len(shared.scratches))]
+    kind = policy_of(scenario)
 
     def chance(tick: int, index: int, purpose: Purpose) -> float:
         return draw(scenario.seed, purpose, number, incarnation, tick, index)
 
-    straight = patrol.paths == "straight"
-    posts = shared.posts_of(fields, straight)
-    # A window of half the terrain's points in every direction already holds all of it.
-    dilatation = min(round(lengths.dilatation / scenario.point), terrain.height + terrain.width)
-    kind = policy_of(scenario)
-    if kind.ours and patrol.commitment != "none":
-        dilatation = 0  # commitment asks for single points only
-    spread = fields.patrolled if straight else fields.reach
-    inbox = inbox_of(scenario, number, terrain.bounds, key)
-
-    def blank() -> Belief:
-        counted = shared.company is None or spreads(posts, dilatation)
-        fog = Fog(fields.patrolled) if counted else MarkedFog(fields.patrolled)
-        return Belief(fields.patrolled, spread, posts, shared.footprint, inbox, dilatation, fog)
-
-    belief = shared.company.join(number, inbox, blank, (id(fields), dilatation)) if shared.company else blank()
+    posts = shared.posts_of(fields, patrol.paths == "straight")
+    belief = _belief_of(prepared, number, key, shared, posts, _rounds(scenario, terrain, lengths, kind))
     ground = Ground(terrain, fields.reach, shared.ground_of(terrain, fields) if shared.company else None)
-    setup = PolicySetup(
-        spec=spec,
-        radii=shared.radii,
-        step=scenario.step,
-        sensor=scenario.sensor,
-        patrol=patrol,
-        lengths=lengths,
-        team=len(scenario.roster) - len(scenario.spares),
-        options=kind.options,
-        terrain=terrain,
-        fields=fields,
-        posts=posts,
-        regions=prepared.regions_of(number),
-        scratch=scratch,
+    policy = _policy_of(
+        kind,
+        PolicySetup(
+            spec=spec,
+            radii=shared.radii,
+            step=scenario.step,
+            sensor=scenario.sensor,
+            patrol=patrol,
+            lengths=lengths,
+            team=len(scenario.roster) - len(scenario.spares),
+            options=kind.options,
+            terrain=terrain,
+            fields=fields,
+            posts=posts,
+            regions=prepared.regions_of(number),
+            scratch=scratch,
+        ),
     )
-    try:
-        policy = Surround(setup, kind.make(setup))
-    except (Exception, SystemExit) as error:
-        if kind.ours:
-            raise
-        raise PolicyFailed(f"policy {kind.name}: cannot be made: {type(error).__name__}: {error}") from error
     body = BODIES[spec.model](
         BodySetup(
             spec=spec,
@@ -203,6 +188,44 @@ def build_mind(
     )
     fog = FogView(belief, fields.patrolled, posts)
     return Mind(facts, belief, fog, ground, Routes(ground, scratch), policy, body, chance, ours=kind.ours)
+
+
+def _rounds(scenario: Scenario, terrain: Terrain, lengths: BodyLengths, kind: PolicyKind) -> int:
+    """By how many points a mind dilates what it believes."""
+    if kind.ours and scenario.patrol.commitment != "none":
+        return 0  # commitment asks for single points only
+    # A window of half the terrain's points in every direction already holds all of it.
+    return min(round(lengths.dilatation / scenario.point), terrain.height + terrain.width)
+
+
+def _belief_of(
+    prepared: Prepared, number: int, key: bytes | None, shared: Shared, posts: Posts, dilatation: int
+) -> Belief | SharedBelief:
+    """What one robot believes: of its own, or with others as long as they believe the same."""
+    fields = prepared.fields[number]
+    spread = fields.patrolled if prepared.scenario.patrol.paths == "straight" else fields.reach
+    inbox = inbox_of(prepared.scenario, number, prepared.terrain.bounds, key)
+
+    def blank() -> Belief:
+        counted = shared.company is None or spreads(posts, dilatation)
+        fog = Fog(fields.patrolled) if counted else MarkedFog(fields.patrolled)
+        return Belief(fields.patrolled, spread, posts, shared.footprint, inbox, dilatation, fog)
+
+    return shared.company.join(number, inbox, blank, (id(fields), dilatation)) if shared.company else blank()
+
+
+def _policy_of(kind: PolicyKind, setup: PolicySetup) -> Surround:
+    """A policy of a kind, beside the one that surrounds intruders.
+
+    Raises:
+        PolicyFailed: It is one of somebody's own, and cannot be made.
+    """
+    try:
+        return Surround(setup, kind.make(setup))
+    except (Exception, SystemExit) as error:
+        if kind.ours:
+            raise
+        raise PolicyFailed(f"policy {kind.name}: cannot be made: {type(error).__name__}: {error}") from error
 
 
 def _sending(scenario: Scenario, terrain: Terrain) -> Sending:
