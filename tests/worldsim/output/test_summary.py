@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +18,7 @@ from patrol.scenario import load_scenario, scenario_hash
 from patrol.stays import roaming_radius
 from worldsim.output.record import lower_bound
 from worldsim.output.summary import summarise
+from worldsim.output.ticks_table import HEAD
 from worldsim.run_record import MemoryJournal
 from worldsim.verdict.judge import judge
 
@@ -44,6 +47,15 @@ def test_the_summary_has_what_it_promises(lab: Lab) -> None:
     assert (summary["point_m"], summary["sensor_range_m"]) == (0.5, 3.0)
     assert summary["verdict"]["valid"] is True
     assert {"name", "ok", "detail", "judged", "warnings"} == set(summary["verdict"]["checks"][0])
+
+
+def test_every_field_is_explained(lab: Lab) -> None:
+    world = lab.patrol(ticks=2)
+    summary = summary_of(world, lab.run(world))
+    text = (Path(__file__).parents[3] / "docs" / "run-folder.md").read_text(encoding="utf-8")
+    explained = set(re.findall(r"`(\w+)`", text))
+    fields = {*summary, *summary["robots"]["r1"], *summary["messages"], *HEAD.split(",")}
+    assert fields - explained == set()
 
 
 def test_robots_are_summed_up(lab: Lab) -> None:

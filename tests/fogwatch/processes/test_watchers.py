@@ -15,8 +15,8 @@ from urllib.request import urlopen
 import pytest
 
 from tests.fleets import COARSE
-from tests.fogwatch.test_feed_processes import attached, until
-from tests.fogwatch.test_page_of_a_fleet import address_of
+from tests.fogwatch.processes.test_feed import attached, until
+from tests.fogwatch.processes.test_page import address_of
 
 if TYPE_CHECKING:
     from tests.fogwatch.conftest import Run

@@ -15,7 +15,7 @@ import fogwatch
 from patrol.journal import Status, read_journal
 
 HERE = Path(__file__).parent
-EXAMPLE = HERE.parents[1] / "examples" / "my_policy.py"
+EXAMPLE = HERE.parents[2] / "examples" / "my_policy.py"
 FAILS_AT = 20
 WORDS = {
     "Raising": "raised ZeroDivisionError: no idea",
