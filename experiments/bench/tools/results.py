@@ -6,6 +6,7 @@ replaced.
 
 from __future__ import annotations
 
+import math
 import re
 import statistics
 from collections.abc import Iterator, Mapping, Sequence
@@ -101,14 +102,15 @@ def spread(values: Sequence[float]) -> tuple[float, float, float]:
 
 
 def number(value: float) -> str:
-    """A number with three digits, and no exponent.
+    """A number with three digits, or all of those before the point where there are more, and no exponent.
 
     Args:
-        value: The number.
+        value: The number, finite.
     """
-    if value == 0.0 or abs(value) >= 100.0:
-        return f"{value:,.0f}"
-    return f"{value:#.3g}" if abs(value) >= 0.001 else f"{value:.5f}"
+    if value == 0.0:
+        return "0"
+    rounded = float(f"{value:.3g}")  # 99.96 is 100, which needs no digit after the point
+    return f"{value:,.{max(0, 2 - math.floor(math.log10(abs(rounded))))}f}"
 
 
 def tables(group: str, machine: Machine, command: str, findings: Sequence[Finding]) -> str:
