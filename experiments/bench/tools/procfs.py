@@ -56,11 +56,15 @@ def memory_of(pid: int) -> Memory:
     Raises:
         Unmeasured: There is no such process any more, or the kernel does not say.
     """
+    path = PROC / str(pid) / "smaps_rollup"
     found: dict[str, float] = {}
-    for line in _text(PROC / str(pid) / "smaps_rollup").splitlines()[1:]:
-        name, _, rest = line.partition(":")
-        found[name] = float(rest.split()[0]) * _KIB / 1e6
-    return Memory(found["Rss"], found["Pss"], found["Private_Clean"] + found["Private_Dirty"])
+    try:
+        for line in _text(path).splitlines()[1:]:
+            name, _, rest = line.partition(":")
+            found[name] = float(rest.split()[0]) * _KIB / 1e6
+        return Memory(found["Rss"], found["Pss"], found["Private_Clean"] + found["Private_Dirty"])
+    except (KeyError, IndexError, ValueError):  # empty for a process that is just ending
+        raise Unmeasured(f"{path}: does not say all of the process's memory") from None
 
 
 def peak_mb() -> float:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from experiments.bench.tools import procfs
 from experiments.bench.tools.machine import this_machine
 from experiments.bench.tools.measure import Unmeasured
 from experiments.bench.tools.procfs import family_of, loopback_bytes, memory_of, peak_mb, since_boot
@@ -42,6 +43,17 @@ def test_the_memory_of_a_process_is_what_it_holds() -> None:
     assert grown.private - memory.private == pytest.approx(64.0, abs=8.0)
     assert peak_mb() >= grown.rss - 1.0
     del held
+
+
+@pytest.mark.parametrize("text", ["", "00 [rollup]\nRss: 5 kB\n", "00 [rollup]\nRss:\n", "00 [rollup]\nRss: many kB\n"])
+def test_a_kernel_that_does_not_say_all_of_the_memory_is_no_measure(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str
+) -> None:
+    (tmp_path / "7").mkdir()
+    (tmp_path / "7" / "smaps_rollup").write_text(text, encoding="utf-8")
+    monkeypatch.setattr(procfs, "PROC", tmp_path)
+    with pytest.raises(Unmeasured, match="does not say all of the process's memory"):
+        memory_of(7)
 
 
 @pytest.mark.processes
