@@ -16,7 +16,7 @@ from typing import Any
 
 from experiments.bench.tools.groups import GROUPS
 from experiments.bench.tools.machine import Machine
-from experiments.bench.tools.measure import Finding, Measured
+from experiments.bench.tools.measure import Finding, Measured, most_of_others
 from patrol.errors import BadInput
 from patrol.untrusted import MIB, Kind
 from patrol.yaml_text import read_text
@@ -44,6 +44,7 @@ def as_json(machine: Machine, command: str, findings: Sequence[Finding]) -> dict
                 "group": finding.task.group,
                 "name": finding.task.name,
                 "failure": finding.failure,
+                "others_cores": finding.others,
                 "measures": [
                     {
                         "name": one.name,
@@ -130,8 +131,11 @@ def _lines(machine: Machine, command: str, findings: Sequence[Finding]) -> Itera
     yield ""
     for line in machine.lines:
         yield f"{line}  "
-    if machine.busy:
-        yield f"**{machine.warning[0].upper()}{machine.warning[1:]}**"
+    others = most_of_others(findings)
+    if others is not None:
+        yield f"others' work meanwhile: up to {others:.2f} of {machine.cores} cores  "
+    if doubts := machine.doubts(others):
+        yield f"**{doubts[0].upper()}{doubts[1:]}**"
     yield ""
     yield f"| | {' | '.join(HEADS)} |"
     yield f"|---|{'---|' * len(HEADS)}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -84,6 +85,16 @@ def test_a_page_keeps_everything_but_the_marked_parts_that_were_measured(tmp_pat
         assert text.count("| wave | ours | ms | 1.00 | 2.00 | 3.00 | 3 |  |  |") == 1
         assert "`fogwatch bench kernels`" in text
         assert "| look | no \\| eyes |" in text
+
+
+def test_a_group_tells_the_most_that_others_did_while_it_was_measured(tmp_path: Path) -> None:
+    findings = [*(replace(FINDINGS[0], others=cores) for cores in (0.0, 1.2, None)), *FINDINGS]
+    text = page(tmp_path / "new.md", MACHINE, "fogwatch bench", findings)
+    assert "\nothers' work meanwhile: up to 1.20 of 2 cores  \n**Measured beside other work (up to 1.2 of 2" in text
+    quiet = page(tmp_path / "new.md", MACHINE, "fogwatch bench", [replace(FINDINGS[0], others=0.01)])
+    assert "up to 0.01 of 2 cores  \n\n| |" in quiet
+    assert "others' work" not in page(tmp_path / "new.md", MACHINE, "fogwatch bench", FINDINGS)
+    assert as_json(MACHINE, "fogwatch bench", findings)["results"][1]["others_cores"] == 1.2
 
 
 def test_a_page_without_marks_is_refused(tmp_path: Path) -> None:
