@@ -68,8 +68,8 @@ def _tcod(module: Any, is_open: BoolGrid, start: tuple[int, int]) -> Callable[[]
 
 
 def _mcp(module: Any, is_open: BoolGrid, start: tuple[int, int]) -> Callable[[], Any]:
-    costs = np.where(is_open, 1.0, -1.0)
-    return lambda: module.MCP_Geometric(costs, fully_connected=True).find_costs([start])[0]
+    paths = module.MCP_Geometric(np.where(is_open, 1.0, -1.0), fully_connected=True)
+    return lambda: paths.find_costs([start])[0]  # which forgets the start before
 
 
 def _fast_marching(module: Any, is_open: BoolGrid, start: tuple[int, int]) -> Callable[[], Any]:
@@ -146,13 +146,13 @@ def wave_rivals(is_open: BoolGrid, start: tuple[int, int], ours: Floats) -> tupl
 
 
 def agreement(name: str, rival: WaveRival, ours: Floats, theirs: Floats) -> str:
-    """Check a rival's lengths against ours.
+    """Check a rival's lengths against ours, wherever we find a path. Who cuts corners may find paths elsewhere, too.
 
     Args:
         name: The rival's.
         rival: What its lengths are.
         ours: float64 (h, w), in points, infinite where no path leads.
-        theirs: float64 (h, w), the same of the rival; what is not finite or as large as an integer can be is unknown.
+        theirs: float64 (h, w), the same of the rival; not finite, or very large, where it finds no path.
 
     Returns:
         How far they agree, for people.

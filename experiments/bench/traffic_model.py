@@ -61,7 +61,7 @@ class Fleet:
         return self.robots * self.heard(reach) * self.rate
 
 
-def cores(fleet: Fleet, cost: RouterCost, reach: float = math.inf) -> float:
+def cores_needed(fleet: Fleet, cost: RouterCost, reach: float = math.inf) -> float:
     """How many cores of routers a fleet's deliveries take.
 
     Args:

@@ -36,7 +36,7 @@ def page(
         found: The results.
         compared: The comparisons.
         command: The command line that made the page.
-        computing_s: Processor time of all runs together, s.
+        computing_s: Processor time of all runs together, s; for results without it, of older versions, the wall time.
         failed: Number of failed runs.
         pictures: Files of pictures to show.
     """

@@ -102,7 +102,7 @@ class TableComparison:
         table: The table.
         setup: What all cells were run with.
         cells: The cells, measure by measure and row by row.
-        computing_s: Processor time of all its runs, s.
+        computing_s: Processor time of all its runs, s; for results without it, of older versions, the wall time.
     """
 
     table: PaperTable

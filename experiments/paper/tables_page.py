@@ -32,7 +32,7 @@ def page(
         judged: The judged conclusions.
         setup: What all cells were run with.
         command: The command line that made the page.
-        computing_s: Processor time of all runs together, s.
+        computing_s: Processor time of all runs together, s; for results without it, of older versions, the wall time.
         pictures: Files of the pictures by title, those of terrains included.
     """
     return "\n".join(

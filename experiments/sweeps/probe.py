@@ -6,13 +6,18 @@ import time
 from collections.abc import Callable, Sequence
 
 from experiments.sweeps.plan import Run
+from experiments.sweeps.worker import run_scenario
 from patrol.errors import BadInput
+from patrol.scenario import Scenario
 
 MOST = 6
 """Number of runs that are tried."""
 
 TICKS = 100
 """Number of ticks of each."""
+
+LOADING_TICKS = 2
+"""Number of ticks of a run before the first, which is not timed: it loads what a worker loads once for all its runs."""
 
 ENOUGH_S = 15.0
 """Wall time after which no further run is tried, s."""
@@ -28,22 +33,28 @@ def seconds_per_run(runs: Sequence[Run], clock: Callable[[], float] = time.perf_
     Returns:
         The mean time in s, or None if none of the tried runs can be made.
     """
-    from experiments.inprocess import run_in_process  # loads the kernels
-    from patrol.prepare import prepare
+    from patrol.prepare import prepare  # here: loads kernels
 
     found: list[float] = []
     begun = clock()
     for index in range(min(MOST, len(runs))):
         scenario = runs[index * len(runs) // min(MOST, len(runs))].scenario
-        short = scenario.model_copy(update={"duration": scenario.step * min(TICKS, scenario.ticks)})
+        short = _cut(scenario, TICKS)
         try:
+            if not found:
+                run_scenario(_cut(scenario, LOADING_TICKS))
             first = clock()
             prepared = prepare(short)
             ready = clock()
-            run_in_process(prepared, keep=False)
+            run_scenario(prepared)
         except BadInput:  # the sweep reports it
             continue
         found.append(ready - first + (clock() - ready) * scenario.ticks / short.ticks)
         if clock() - begun > ENOUGH_S:
             break
     return sum(found) / len(found) if found else None
+
+
+def _cut(scenario: Scenario, ticks: int) -> Scenario:
+    """The first ticks of a scenario."""
+    return scenario.model_copy(update={"duration": scenario.step * min(ticks, scenario.ticks)})

@@ -21,7 +21,7 @@ class SweepOutcome:
 
     Attributes:
         plan: The plan.
-        results: The results by the keys of their runs.
+        results: The results by the keys of their runs, with those of other plans that are in the same folder.
         made: Number of runs made now; the other results were there.
         wall_s: How long that took, s.
     """
@@ -40,6 +40,11 @@ class SweepOutcome:
     def other_software(self) -> list[str]:
         """The other versions of fogwatch that made some of the runs."""
         return sorted({result.software for result in self._distinct()} - {software()})
+
+    @property
+    def computing_s(self) -> float:
+        """Processor time of the plan's runs, each once, s; for results without it, of older versions, the wall time."""
+        return sum(result.computing_s for result in self._distinct())
 
     def _distinct(self) -> list[RunResult]:
         return [self.results[key] for key in dict.fromkeys(run.key for run in self.plan.runs) if key in self.results]

@@ -16,16 +16,22 @@ import threading
 import time
 from collections.abc import Mapping
 from importlib.metadata import version
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from experiments.sweeps.results import FAILED, OK
 from patrol.errors import BadInput
 from patrol.process.memory.garbage import spare_what_is_loaded
+
+if TYPE_CHECKING:
+    from experiments.inprocess import Outcome
+    from patrol.prepare import Prepared
+    from patrol.scenario import Scenario
 
 Task = dict[str, Any]
 """A run to make: its key, case, seed, and scenario (resolved, as plain lists, texts and numbers)."""
 
 Answer = dict[str, Any]
-"""The fields of `experiments.sweeps.results.Result`."""
+"""The fields of `experiments.sweeps.results.RunResult`, but for its settings."""
 
 Metrics = dict[str, float | None]
 
@@ -59,7 +65,8 @@ def run_task(task: Task) -> Answer:
     Returns:
         The answer; a run that raises an error or has no valid verdict is a failed one.
     """
-    begun, used = time.perf_counter(), time.process_time()
+    # Of this thread, in which the whole run takes place: a Dask worker makes other runs in other threads.
+    begun, used = time.perf_counter(), time.thread_time()
     metrics: Metrics = {}
     trace = error = None
     try:
@@ -69,21 +76,38 @@ def run_task(task: Task) -> Answer:
     except Exception as problem:  # noqa: BLE001 - one failed run must not end the others
         error = f"{type(problem).__name__}: {problem}"
     gc.collect()  # minds are few objects with large arrays, in reference cycles: many runs would hold hundreds of MB
-    return answer(task, error, metrics, trace, time.perf_counter() - begun, time.process_time() - used)
+    return answer(task, error, metrics, trace, time.perf_counter() - begun, time.thread_time() - used)
 
 
 def _run(scenario: Mapping[str, Any]) -> tuple[Metrics, str, str | None]:
     """A run's metrics, its trace hash, and the failed checks of its verdict, or None if it is valid."""
+    from patrol.scenario import load_scenario
+
+    outcome, of_belief = run_scenario(load_scenario(scenario))
+    doubts = "; ".join(f"{check.name}: {check.detail}" for check in outcome.verdict.failed)
+    error = None if outcome.verdict.valid else f"not valid: {doubts}"
+    return {**metrics_of(outcome.summary), **of_belief}, outcome.summary["trace_hash"], error
+
+
+def run_scenario(scenario: Scenario | Prepared) -> tuple[Outcome, Metrics]:
+    """Run a scenario as every run of a sweep.
+
+    Args:
+        scenario: The scenario; nothing of it is written to disk.
+
+    Returns:
+        What the run left, and the metrics of what its robots believed.
+
+    Raises:
+        BadInput: It cannot be prepared.
+    """
     from experiments.inprocess import run_in_process
     from experiments.sweeps.belief_error import BeliefError  # here: loads kernels that `prepare_worker` compiles
-    from patrol.scenario import load_scenario
 
     # The world and the verdict are in one process, so the verdict need not compute the fog a second time.
     belief = BeliefError()
-    outcome = run_in_process(load_scenario(scenario), keep=False, verify_fog=False, look=belief.look)
-    doubts = "; ".join(f"{check.name}: {check.detail}" for check in outcome.verdict.failed)
-    error = None if outcome.verdict.valid else f"not valid: {doubts}"
-    return {**metrics_of(outcome.summary), **belief.metrics()}, outcome.summary["trace_hash"], error
+    outcome = run_in_process(scenario, keep=False, verify_fog=False, look=belief.look)
+    return outcome, belief.metrics()
 
 
 def answer(
@@ -102,13 +126,13 @@ def answer(
         metrics: The metrics.
         trace: The trace hash.
         wall_s: How long the run took, s.
-        processor_s: The processor time that it took, s.
+        processor_s: The processor time that it took, that of other runs in the same process not included, s.
     """
     return {
         "key": task["key"],
         "case": task["case"],
         "seed": task["seed"],
-        "outcome": "ok" if error is None else "failed",
+        "outcome": OK if error is None else FAILED,
         "error": None if error is None else " ".join(error.split()),
         "metrics": dict(metrics or {}),
         "trace_hash": trace,

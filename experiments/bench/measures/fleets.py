@@ -36,6 +36,9 @@ SIDES = (500, 2000)
 LARGE, SMALL = 1000, 100
 """Fleets whose cost per robot is compared."""
 
+LONGER = {500: 2.0, 1000: 4.0}
+"""How much longer large fleets run than others, since each of their ticks takes longer."""
+
 LOSS = 0.2
 STEP_S = 0.5
 DURATION_S = 5000.0
@@ -107,44 +110,87 @@ def _fleet(
 ) -> Sequence[Measured]:
     if effort.quick and size > QUICK_MOST:
         return []
-    return measures_of(_readings(size, effort, loss, threads, side), size)
+    return measures_of(_readings(size, effort, loss=loss, threads=threads, side=side), size)
 
 
 def _growth(loss: float, effort: Effort) -> Sequence[Measured]:
     """By how much a robot's tick costs more in a large fleet than in a small one, or with frames lost than without."""
     if effort.quick:
         return []
-    large = _readings(LARGE, effort, loss)
-    beside = _readings(LARGE, effort) if loss else _readings(SMALL, effort)
+    fewer = LARGE if loss else SMALL
+    large, beside = _readings(LARGE, effort, loss=loss), _readings(fewer, effort)
+    return [growth_of(_valid(large), LARGE, _valid(beside), fewer)]
+
+
+def growth_of(large: FleetReadings, size: int, beside: FleetReadings, fewer: int) -> Measured:
+    """By how much a robot's tick costs more in one fleet than in another.
+
+    Args:
+        large: Readings of the one.
+        size: Number of its robots.
+        beside: Readings of the other.
+        fewer: Number of its robots.
+
+    Raises:
+        Unmeasured: One of them has too few ticks to divide into as many stretches as the other.
+    """
     own, other = (
-        [spent / (ticks * size) for spent, ticks in blocks(readings.processor)]
-        for readings, size in ((large, LARGE), (beside, LARGE if loss else SMALL))
+        [spent / (ticks * robots) for spent, ticks in blocks(readings.processor)]
+        for readings, robots in ((large, size), (beside, fewer))
     )
-    ratio = tuple(more / less for more, less in zip(own, other, strict=False))
-    return [Measured("processor time per robot and tick, as a ratio", "", ratio, says="stretch by stretch")]
+    ticks = f"{len(large.processor)} ticks beside {len(beside.processor)}"
+    if len(own) != len(other):
+        raise Unmeasured(f"{ticks}: too few to compare stretch by stretch")
+    ratio = tuple(more / less for more, less in zip(own, other, strict=True))
+    return Measured("processor time per robot and tick, as a ratio", "", ratio, says=f"stretch by stretch, {ticks}")
 
 
 def _paper_cell(effort: Effort) -> Sequence[Measured]:
     """How long a run of the paper takes at points of 10 cm, from its preparation to its verdict."""
     setup = PaperSetup(CELL_POINT_M, CELL_SENSOR_M, (1,), {"duration": CELL_QUICK_S} if effort.quick else {})
     settings = {case.name: case.settings for case in plan_of([paper().tables[3]], {"": setup}).cases}[CELL]
-    readings = run_apart({"name": "paper"}, CELL_PATIENCE_S, skip=0, settings=settings)
-    if not readings.valid:
-        raise Unmeasured("the run's verdict is not valid")
-    before = readings.prepare_s + readings.minds_s
+    return measures_of_whole(run_apart({"name": "paper"}, CELL_PATIENCE_S, skip=0, settings=settings))
+
+
+def measures_of_whole(readings: FleetReadings) -> list[Measured]:
+    """How long a whole run took, from its preparation to its verdict.
+
+    Args:
+        readings: Of all its ticks.
+
+    Raises:
+        Unmeasured: The run's verdict is not valid, or the run ended before its last tick.
+    """
+    if not _valid(readings).completed:
+        raise Unmeasured(f"the run ended after {len(readings.wall)} ticks, before its last")
     says = f"{len(readings.wall)} ticks, from preparation to verdict"
+    processor = readings.before_s + sum(readings.processor) + readings.closing_s
+    wall = readings.before_wall_s + sum(readings.wall) + readings.closing_wall_s
     return [
-        Measured("processor time", "s", (before + sum(readings.processor) + readings.closing_s,), says=says),
-        Measured("the whole run", "s, wall", (before + sum(readings.wall) + readings.closing_s,), says=says),
+        Measured("processor time", "s", (processor,), says=says),
+        Measured("the whole run", "s, wall", (wall,), says=says),
     ]
 
 
+def _readings(
+    size: int, effort: Effort, *, loss: float = 0.0, threads: int = 1, side: int = KILOMETRE
+) -> FleetReadings:
+    """The readings of a fleet, made once: whatever compares fleets compares the runs of the rows above it."""
+    return _run_once(size, effort, loss, threads, side)
+
+
 @cache
-def _readings(size: int, effort: Effort, loss: float = 0.0, threads: int = 1, side: int = KILOMETRE) -> FleetReadings:
-    """The readings of a fleet, made once."""
+def _run_once(size: int, effort: Effort, loss: float, threads: int, side: int) -> FleetReadings:
     skip = SKIP_QUICK if effort.quick else SKIP_TICKS
+    seconds = effort.seconds * LONGER.get(size, 1.0)
     with TemporaryDirectory(prefix="fogwatch-bench-") as folder:
-        return run_apart(square_scenario(size, Path(folder), loss, side), effort.seconds, threads=threads, skip=skip)
+        return run_apart(square_scenario(size, Path(folder), loss, side), seconds, threads=threads, skip=skip)
+
+
+def _valid(readings: FleetReadings) -> FleetReadings:
+    if not readings.valid:
+        raise Unmeasured("the run's verdict is not valid")
+    return readings
 
 
 def measures_of(readings: FleetReadings, size: int) -> list[Measured]:
@@ -157,9 +203,7 @@ def measures_of(readings: FleetReadings, size: int) -> list[Measured]:
     Raises:
         Unmeasured: The run's verdict is not valid, or it was too short.
     """
-    if not readings.valid:
-        raise Unmeasured("the run's verdict is not valid")
-    ticks = len(readings.wall)
+    ticks = len(_valid(readings).wall)
     processor, wall = blocks(readings.processor), blocks(readings.wall)
     simulated = [size * STEP_S * count for _, count in processor]
     closing = readings.closing_s + sum(readings.processor)
@@ -176,7 +220,7 @@ def measures_of(readings: FleetReadings, size: int) -> list[Measured]:
         Measured("peak memory", "MB", (readings.peak_mb,)),
         Measured("memory per robot", "MB", (readings.peak_mb / size,)),
         Measured("bytes sent per robot and tick", "bytes", (readings.frame_bytes,)),
-        Measured("until the first tick", "s", (readings.prepare_s + readings.minds_s,)),
+        Measured("until the first tick", "s, wall", (readings.before_wall_s,)),
         Measured("verdict and summary after the last tick", "s", (readings.closing_s,), says="processor time"),
     ]
 

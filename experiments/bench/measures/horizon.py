@@ -10,9 +10,8 @@ What the difference is worth is another question. It is answered by whole runs w
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Mapping, Sequence
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -31,6 +30,8 @@ from worldsim.world import World
 
 SIZE, SIZE_QUICK = 100, 10
 DURATION_S, DURATION_QUICK_S = 600.0, 20.0
+TICKS, TICKS_QUICK = 200, 40
+"""The first ticks of a patrol, in which decisions are compared."""
 SEEDS, SEEDS_QUICK = (1, 2), (1,)
 TIMES = (1.0, 2.0, 4.0)
 """The distances that are tried, as multiples of the horizon."""
@@ -39,6 +40,7 @@ APART = math.pi / 4.0
 """Directions that differ by more lie in different sectors of the paper's eight, rad."""
 
 FOREVER_S = 1e9
+"""Wall time that no fleet needs, s: whole runs are compared."""
 
 POLICIES: Mapping[str, Mapping[str, object]] = {
     "default policy": {},
@@ -49,8 +51,8 @@ POLICIES: Mapping[str, Mapping[str, object]] = {
 def tasks() -> list[Task]:
     """The measures of hearing only those near."""
     return [
-        Task(HORIZON, f"{policy}, {times:g} x the horizon", partial(_compare, settings, times))
-        for policy, settings in POLICIES.items()
+        Task(HORIZON, f"{policy}, {times:g} x the horizon", partial(_compare, policy, times))
+        for policy in POLICIES
         for times in TIMES
     ]
 
@@ -61,24 +63,25 @@ def horizon_m(prepared: Prepared) -> float:
     Args:
         prepared: The scenario.
     """
-    fields, point = prepared.fields[1], prepared.scenario.point
+    scenario, fields, point = prepared.scenario, prepared.fields[1], prepared.scenario.point
     longest = 400 * sum(fields.reach.shape)
-    law = ForceLaw(prepared.scenario.patrol, point, int(fields.patrolled.sum()), longest)
+    team = len(scenario.roster) - len(scenario.spares)
+    law = ForceLaw(scenario.patrol, point, int(fields.patrolled.sum()), longest, team)
     return law.limit * point / 100.0
 
 
-def _compare(settings: Mapping[str, object], times: float, effort: Effort) -> Sequence[Measured]:
-    size, seeds = (SIZE_QUICK, SEEDS_QUICK) if effort.quick else (SIZE, SEEDS)
+def _compare(policy: str, times: float, effort: Effort) -> Sequence[Measured]:
+    size, seeds, ticks = (SIZE_QUICK, SEEDS_QUICK, TICKS_QUICK) if effort.quick else (SIZE, SEEDS, TICKS)
     with TemporaryDirectory(prefix="fogwatch-bench-") as folder:
-        scenario = square_scenario(size, Path(folder))
-        scenario["duration"] = DURATION_QUICK_S if effort.quick else DURATION_S
-        prepared = prepare(load_scenario(scenario, settings))
-        reach = times * (horizon_m(prepared) + prepared.scenario.sensor.range)
-        differ, turned, heard = decisions_that_differ(prepared, reach, effort.seconds)
-        ratios = [_mfow(scenario, settings, seed, reach) / _mfow(scenario, settings, seed) for seed in seeds]
-    distance = f"heard within {reach:.0f} m"
+        prepared = prepare(load_scenario(_scenario(effort.quick, Path(folder)), POLICIES[policy]))
+    reach = times * (horizon_m(prepared) + prepared.scenario.sensor.range)
+    differ, turned, heard = decisions_that_differ(prepared, reach, ticks)
+    ratios = [
+        late_mfow(policy, seed, effort.quick, reach) / late_mfow(policy, seed, effort.quick, None) for seed in seeds
+    ]
+    compared = f"heard within {reach:.0f} m, {size} robots, the first {ticks} ticks"
     return [
-        Measured("decisions that differ", "%", (100.0 * differ,), says=f"{distance}, {size} robots"),
+        Measured("decisions that differ", "%", (100.0 * differ,), says=compared),
         Measured("by more than 45 degrees", "%", (100.0 * turned,), says="of all decisions"),
         Measured("robots heard", "", (heard,), says=f"on average, of {size - 1}"),
         Measured(
@@ -87,13 +90,18 @@ def _compare(settings: Mapping[str, object], times: float, effort: Effort) -> Se
     ]
 
 
-def decisions_that_differ(prepared: Prepared, reach: float, seconds: float = FOREVER_S) -> tuple[float, float, float]:
+def _scenario(quick: bool, folder: Path) -> dict[str, Any]:
+    scenario = square_scenario(SIZE_QUICK if quick else SIZE, folder)
+    return {**scenario, "duration": DURATION_QUICK_S if quick else DURATION_S}
+
+
+def decisions_that_differ(prepared: Prepared, reach: float, ticks: int) -> tuple[float, float, float]:
     """Compare near minds with those that hear everybody, tick by tick.
 
     Args:
         prepared: The scenario.
         reach: From how far a near mind hears positions, m.
-        seconds: Wall time after which the comparison ends, s.
+        ticks: For how many ticks, at most all of the scenario.
 
     Returns:
         The share of decisions whose command differs, the share that also go into another direction, and by how many
@@ -106,8 +114,7 @@ def decisions_that_differ(prepared: Prepared, reach: float, seconds: float = FOR
     fleet = InProcessFleet(make_minds(prepared))
     near = make_minds(prepared)
     decisions = differ = turned = heard_by = 0
-    until = time.monotonic() + seconds
-    for k in range(prepared.scenario.ticks):
+    for k in range(min(ticks, prepared.scenario.ticks)):
         reports = world.begin_tick()
         heard = world.exchange(fleet.phase_a(k, reports))
         replies = fleet.phase_b(k, heard)
@@ -123,8 +130,6 @@ def decisions_that_differ(prepared: Prepared, reach: float, seconds: float = FOR
                 differ += 1
                 turned += abs(wrap(_course(other.command) - _course(reply.command))) > APART
         world.end_tick(replies)
-        if time.monotonic() > until:
-            break
     if not decisions:
         raise Unmeasured("no robot decided anything")
     return differ / decisions, turned / decisions, heard_by / decisions
@@ -143,17 +148,27 @@ def _course(command: Command) -> float:
     return math.atan2(command.vy, command.vx)
 
 
-_known: dict[str, float] = {}
-"""MFoW of fleets in which everybody is heard, which several distances are compared with."""
+@cache
+def late_mfow(policy: str, seed: int, quick: bool, reach: float | None) -> float:
+    """The late mean MFoW of a whole run, made once: several distances are compared with the same run.
 
+    Args:
+        policy: One of `POLICIES`.
+        seed: Of the run.
+        quick: Whether the fleet is small and its run short.
+        reach: From how far radios are heard, m; None for any distance.
 
-def _mfow(scenario: Mapping[str, Any], settings: Mapping[str, object], seed: int, reach: float | None = None) -> float:
-    """The late mean MFoW of a whole run, s; reach: from how far radios are heard, m, None for any distance."""
-    chosen = {**settings, "seed": seed}
-    if reach is not None:
-        faults = [{"kind": "range", "reach": reach}]
-        return run_apart({**scenario, "faults": faults}, FOREVER_S, settings=chosen).mfow_late_s
-    key = repr((scenario["name"], scenario["duration"], sorted(chosen.items())))
-    if key not in _known:
-        _known[key] = run_apart(scenario, FOREVER_S, settings=chosen).mfow_late_s
-    return _known[key]
+    Returns:
+        The mean MFoW of the run's second half, s.
+
+    Raises:
+        Unmeasured: The run's verdict is not valid.
+    """
+    with TemporaryDirectory(prefix="fogwatch-bench-") as folder:
+        scenario = _scenario(quick, Path(folder))
+        if reach is not None:
+            scenario["faults"] = [{"kind": "range", "reach": reach}]
+        readings = run_apart(scenario, FOREVER_S, settings={**POLICIES[policy], "seed": seed})
+    if not readings.valid:
+        raise Unmeasured("the run's verdict is not valid")
+    return readings.mfow_late_s

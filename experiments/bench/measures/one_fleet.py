@@ -22,14 +22,14 @@ from patrol.prepare import prepare
 from patrol.process.lifeline import heed
 from patrol.process.starting.warmup import warm
 from patrol.scenario import Scenario, load_scenario
+from worldsim.run_record import COMPLETED
 from worldsim.world import World
 
 PACKAGES = ("patrol", "agent", "worldsim")
 """The packages whose kernels a fleet needs."""
 
-
-PATIENCE = 20.0
-"""A fleet that is not there yet after so many times the time for what counts is given up."""
+PATIENCE_S = 600.0
+"""A fleet whose ticks do not count yet after this wall time is given up, s."""
 
 MEMORY_SHARE = 0.9
 """The share of the machine's memory that a fleet may ask for: one that wants more fails instead of the machine."""
@@ -41,27 +41,31 @@ class FleetReadings:
 
     Attributes:
         skipped: Ticks before those that count.
-        prepare_s: Wall time for terrain, starts and static fields, s.
-        minds_s: Wall time for world and minds, s.
+        before_s: Processor time for terrain, starts, static fields, world and minds, before the first tick, s.
+        before_wall_s: The same in wall time, s.
         wall: For each tick that counts, its wall time, s.
         processor: The same in processor time of the whole process, s.
         closing_s: Processor time after the last tick, for verdict and summary, s.
+        closing_wall_s: The same in wall time, s.
         peak_mb: Peak of the resident memory, 10^6 bytes.
         frame_bytes: Mean bytes of a robot's frames in one tick.
         valid: Whether the verdict is.
+        completed: Whether all ticks of the scenario were done.
         mfow_late_s: Mean MFoW of the second half, s.
         trace: The trace hash.
     """
 
     skipped: int
-    prepare_s: float
-    minds_s: float
+    before_s: float
+    before_wall_s: float
     wall: list[float]
     processor: list[float]
     closing_s: float
+    closing_wall_s: float
     peak_mb: float
     frame_bytes: float
     valid: bool
+    completed: bool
     mfow_late_s: float
     trace: str
 
@@ -78,21 +82,21 @@ def run_fleet(scenario: Scenario, seconds: float, skip: int, threads: int) -> Fl
     Returns:
         The readings; verdict and summary are those of the ticks that were run.
     """
-    begun = time.perf_counter()
+    begun = _clocks()
     prepared = prepare(scenario)
-    ready = time.perf_counter()
     marks: list[tuple[float, float]] = []
 
     def mark(_: object = None) -> None:
-        marks.append((time.perf_counter(), time.process_time()))
+        marks.append(_clocks())
 
     def before_the_first(_: World) -> Any:
         mark()
         return mark
 
     def over() -> bool:
-        counting = len(marks) > skip + 1 and marks[-1][0] - marks[skip][0] > seconds
-        return counting or marks[-1][0] - marks[0][0] > PATIENCE * seconds
+        if len(marks) > skip + 1:
+            return marks[-1][0] - marks[skip][0] > seconds
+        return marks[-1][0] - marks[0][0] > PATIENCE_S
 
     records: list[int] = []
 
@@ -102,22 +106,29 @@ def run_fleet(scenario: Scenario, seconds: float, skip: int, threads: int) -> Fl
     outcome = run_in_process(
         prepared, keep=False, watch=before_the_first, progress=count, stop=over, threads=threads, verify_fog=True
     )
-    ended = time.process_time()
+    ended = _clocks()
     counted = marks[skip:]
     end = outcome.journal.end
     return FleetReadings(
         skipped=min(skip, len(marks) - 1),
-        prepare_s=ready - begun,
-        minds_s=marks[0][0] - ready,
+        before_s=marks[0][1] - begun[1],
+        before_wall_s=marks[0][0] - begun[0],
         wall=[later[0] - earlier[0] for earlier, later in pairwise(counted)],
         processor=[later[1] - earlier[1] for earlier, later in pairwise(counted)],
-        closing_s=ended - marks[-1][1],
+        closing_s=ended[1] - marks[-1][1],
+        closing_wall_s=ended[0] - marks[-1][0],
         peak_mb=peak_mb(),
         frame_bytes=sum(records) / max(len(records), 1) / len(prepared.scenario.roster),
         valid=outcome.verdict.valid,
+        completed=end is not None and end.reason == COMPLETED,
         mfow_late_s=float(outcome.summary["mfow_late_mean_s"]),
         trace="" if end is None else end.trace_hash,
     )
+
+
+def _clocks() -> tuple[float, float]:
+    """Wall time and the processor time of this process, s."""
+    return time.perf_counter(), time.process_time()
 
 
 def main() -> int:

@@ -127,7 +127,7 @@ def _deadlines(effort: Effort) -> Sequence[Measured]:
     late = summary["deadlines"]
     return [
         Measured("commands missed", "", (float(sum(one["missed"] for one in summary["robots"].values())),), says=of),
-        Measured("frames too late", "", (float(sum(late["late_frames"].values())),), says=of),
+        Measured("ticks without frames in time", "", (float(sum(late["late_frames"].values())),), says=of),
         Measured("the world fell behind by", "s, wall", (float(late["slipped_s"]),)),
         Measured(
             "the world was held up for", "s, wall", (float(late["held_up_s"]),), says="deadlines moved by as much"
@@ -153,15 +153,16 @@ def _start_up(terrain: str, effort: Effort, options: Sequence[str] = ()) -> Sequ
     arguments = ("--robots", str(CARS), "--duration", duration, "--set", f"faults={json.dumps(faults)}")
     with fleet(terrain, *arguments, *WITHOUT_FILES, *options) as (process, folder):
         for number in range(count):
-            # The line of a tick is written when all robots that live have decided.
+            # A tick's line is written in the tick after it, once all robots have been asked for their decisions.
             _await_line(process, folder, round(EVERY_S * (number + 1.0) / STEP_S))
             now = since_boot()
             agent = _newest_agent(process, "r1", number + 2)
             wall.append(now - agent.began)
             processor.append(agent.processor)
+    says = "and some of the tick after it, in which it is written down"
     return [
-        Measured("until the first decision, wall time", "s", tuple(wall)),
-        Measured("until the first decision, processor time", "s", tuple(processor)),
+        Measured("until the first decision, wall time", "s", tuple(wall), says=says),
+        Measured("until the first decision, processor time", "s", tuple(processor), says=says),
     ]
 
 

@@ -14,7 +14,7 @@ from experiments.bench.measures.fleets import STEP_S, square_scenario
 from experiments.bench.measures.horizon import horizon_m
 from experiments.bench.tools.groups import SCALE
 from experiments.bench.tools.measure import Effort, Measured, Task, Unmeasured
-from experiments.bench.traffic_model import Fleet, RouterCost, cores, largest_fleet, regions_of
+from experiments.bench.traffic_model import Fleet, RouterCost, cores_needed, largest_fleet, regions_of
 from patrol.prepare import prepare
 from patrol.scenario import load_scenario
 
@@ -110,7 +110,7 @@ def modelled(fleet: Fleet, cost: RouterCost, reach: float) -> list[Measured]:
         Measured(
             "cores of one router, everybody heard",
             "",
-            (cores(fleet, cost),),
+            (cores_needed(fleet, cost),),
             says=f"half a core carries {alone} robots",
         ),
         Measured("traffic, everybody heard", "MB/s", (1e-6 * fleet.deliveries() * cost.wire_bytes,)),

@@ -14,7 +14,15 @@ import experiments
 from experiments.sweeps.pool import cores
 
 BUSY_LOAD = 0.3
-"""The share of the machine above which others' work disturbs a benchmark."""
+"""The share of the machine above which the load before a benchmark foretells that others' work will disturb it."""
+
+BUSY_SHARE = 0.1
+"""The share of the machine above which others' work disturbs a benchmark while it runs."""
+
+CAUTION = (
+    "processor times differ by up to a third from run to run, ratios by less; wall times, and figures of several "
+    "processes, by more"
+)
 
 ROOT = Path(experiments.__file__).resolve().parents[1]
 
@@ -34,7 +42,7 @@ class Machine:
         commit: Of the source, shortened, with ``+`` where files have been changed since; empty where there is no
             repository.
         when: UTC, to the minute.
-        load: Average number of processes that wanted a core in the minute before.
+        load: Average number of processes that wanted a core in the minute before the benchmark.
     """
 
     processor: str
@@ -50,18 +58,31 @@ class Machine:
 
     @property
     def busy(self) -> bool:
-        """Whether others' work disturbs the benchmark."""
+        """Whether the load before the benchmark foretells that others' work will disturb it."""
         return self.load > BUSY_LOAD * self.cores
 
     @property
     def warning(self) -> str:
-        """A line that warns of a busy machine; empty where there is nothing to warn of."""
+        """A line that warns before the benchmark; empty where there is nothing to warn of."""
         if not self.busy:
             return ""
         return (
-            f"this machine is busy: load {self.load:.1f} on {self.cores} cores. Ratios and processor times hold to "
-            "about a tenth; wall times, and figures of several processes, do not. Measure again when it is quiet."
+            f"this machine is busy: load {self.load:.1f} on {self.cores} cores. Beside other work {CAUTION}. Measure "
+            "when it is quiet."
         )
+
+    def doubts(self, others: float | None) -> str:
+        """A line that warns of what was measured beside others' work; empty where there is nothing to warn of.
+
+        Args:
+            others: The most cores that others kept busy meanwhile; None where nobody counted, so that the load before
+                is all there is to go by.
+        """
+        if others is None:
+            work = f"load {self.load:.1f} on {self.cores} cores before" if self.busy else ""
+        else:
+            work = f"up to {others:.1f} of {self.cores} cores" if others > BUSY_SHARE * self.cores else ""
+        return f"measured beside other work ({work}): {CAUTION}" if work else ""
 
     @property
     def lines(self) -> list[str]:
@@ -69,7 +90,7 @@ class Machine:
         source = f"fogwatch {self.fogwatch}{f' at {self.commit}' if self.commit else ''}"
         return [
             f"{self.processor}, {self.cores} cores, {self.memory_gb:.0f} GB, {self.system}",
-            f"{source}, Python {self.python}, numba {self.numba}, {self.when}, load {self.load:.2f}",
+            f"{source}, Python {self.python}, numba {self.numba}, {self.when}, load before {self.load:.2f}",
         ]
 
 

@@ -91,14 +91,23 @@ class Finding:
         task: The task.
         measures: What was measured.
         failure: Why nothing was; empty where something was.
+        others: How many cores others kept busy in the meantime, and since the finding before that says so; None where
+            that was not counted.
     """
 
     task: Task
     measures: tuple[Measured, ...]
     failure: str = ""
+    others: float | None = None
 
 
-def take(tasks: Iterable[Task], effort: Effort, begin: Callable[[Task], None], done: Callable[[Finding], None]) -> None:
+def take(
+    tasks: Iterable[Task],
+    effort: Effort,
+    begin: Callable[[Task], None],
+    done: Callable[[Finding], None],
+    others: Callable[[], float | None] = lambda: None,
+) -> None:
     """Take measures one after the other; a task that fails does not stop the others.
 
     Args:
@@ -106,15 +115,25 @@ def take(tasks: Iterable[Task], effort: Effort, begin: Callable[[Task], None], d
         effort: How thoroughly.
         begin: Told of each task before it begins.
         done: Told what came of it; nothing for a task that this effort leaves out.
+        others: Asked after each task how many cores others kept busy.
     """
     for task in tasks:
         begin(task)
         try:
-            finding = Finding(task, tuple(task.run(effort)))
+            measures, failure = tuple(task.run(effort)), ""
         except Unmeasured as why:
-            finding = Finding(task, (), str(why))
-        if finding.measures or finding.failure:
-            done(finding)
+            measures, failure = (), str(why)
+        if measures or failure:
+            done(Finding(task, measures, failure, others()))
+
+
+def most_of_others(findings: Iterable[Finding]) -> float | None:
+    """The most cores that others kept busy while something was measured; None where that was not counted.
+
+    Args:
+        findings: What was measured.
+    """
+    return max((finding.others for finding in findings if finding.others is not None), default=None)
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,8 @@ from experiments.bench.tools.measure import Unmeasured
 
 PROC = Path("/proc")
 _KIB = 1024
+_BUSY = (0, 1, 2, 5, 6, 7)
+"""Where a core's line has its busy time: user, nice, system, irq, softirq, steal; between them idle and iowait."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,11 +58,15 @@ def memory_of(pid: int) -> Memory:
     Raises:
         Unmeasured: There is no such process any more, or the kernel does not say.
     """
+    path = PROC / str(pid) / "smaps_rollup"
     found: dict[str, float] = {}
-    for line in _text(PROC / str(pid) / "smaps_rollup").splitlines()[1:]:
-        name, _, rest = line.partition(":")
-        found[name] = float(rest.split()[0]) * _KIB / 1e6
-    return Memory(found["Rss"], found["Pss"], found["Private_Clean"] + found["Private_Dirty"])
+    try:
+        for line in _text(path).splitlines()[1:]:
+            name, _, rest = line.partition(":")
+            found[name] = float(rest.split()[0]) * _KIB / 1e6
+        return Memory(found["Rss"], found["Pss"], found["Private_Clean"] + found["Private_Dirty"])
+    except (KeyError, IndexError, ValueError):  # empty for a process that is just ending
+        raise Unmeasured(f"{path}: does not say all of the process's memory") from None
 
 
 def peak_mb() -> float:
@@ -112,6 +118,24 @@ def loopback_bytes() -> int:
         if name.strip() == "lo":
             return int(rest.split()[8])
     raise Unmeasured("there is no loopback interface to count on")
+
+
+def cores_busy_s() -> float:
+    """For how long the cores that this process may use have been busy since the machine was started, all together, s.
+
+    Interrupts count, and so does time that a hypervisor gave to others while a core had work to do.
+
+    Raises:
+        Unmeasured: The kernel does not say.
+    """
+    path = PROC / "stat"
+    lines = {line.partition(" ")[0]: line.split()[1:] for line in _text(path).splitlines()}
+    try:
+        ticks = [[int(word) for word in lines[f"cpu{core}"]] for core in os.sched_getaffinity(0)]
+        busy = sum(sum(spent[place] for place in _BUSY) for spent in ticks)
+    except (KeyError, IndexError, ValueError):
+        raise Unmeasured(f"{path}: does not say for how long each core was busy") from None
+    return busy / os.sysconf("SC_CLK_TCK")
 
 
 def _process(pid: int) -> Process | None:

@@ -6,6 +6,7 @@ replaced.
 
 from __future__ import annotations
 
+import math
 import re
 import statistics
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,7 +16,7 @@ from typing import Any
 
 from experiments.bench.tools.groups import GROUPS
 from experiments.bench.tools.machine import Machine
-from experiments.bench.tools.measure import Finding, Measured
+from experiments.bench.tools.measure import Finding, Measured, most_of_others
 from patrol.errors import BadInput
 from patrol.untrusted import MIB, Kind
 from patrol.yaml_text import read_text
@@ -43,6 +44,7 @@ def as_json(machine: Machine, command: str, findings: Sequence[Finding]) -> dict
                 "group": finding.task.group,
                 "name": finding.task.name,
                 "failure": finding.failure,
+                "others_cores": finding.others,
                 "measures": [
                     {
                         "name": one.name,
@@ -101,14 +103,15 @@ def spread(values: Sequence[float]) -> tuple[float, float, float]:
 
 
 def number(value: float) -> str:
-    """A number with three digits, and no exponent.
+    """A number with three digits, or all of those before the point where there are more, and no exponent.
 
     Args:
-        value: The number.
+        value: The number, finite.
     """
-    if value == 0.0 or abs(value) >= 100.0:
-        return f"{value:,.0f}"
-    return f"{value:#.3g}" if abs(value) >= 0.001 else f"{value:.5f}"
+    if value == 0.0:
+        return "0"
+    rounded = float(f"{value:.3g}")  # 99.96 is 100, which needs no digit after the point
+    return f"{value:,.{max(0, 2 - math.floor(math.log10(abs(rounded))))}f}"
 
 
 def tables(group: str, machine: Machine, command: str, findings: Sequence[Finding]) -> str:
@@ -128,8 +131,11 @@ def _lines(machine: Machine, command: str, findings: Sequence[Finding]) -> Itera
     yield ""
     for line in machine.lines:
         yield f"{line}  "
-    if machine.busy:
-        yield f"**{machine.warning[0].upper()}{machine.warning[1:]}**"
+    others = most_of_others(findings)
+    if others is not None:
+        yield f"others' work meanwhile: up to {others:.2f} of {machine.cores} cores  "
+    if doubts := machine.doubts(others):
+        yield f"**{doubts[0].upper()}{doubts[1:]}**"
     yield ""
     yield f"| | {' | '.join(HEADS)} |"
     yield f"|---|{'---|' * len(HEADS)}"

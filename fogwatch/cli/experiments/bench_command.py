@@ -12,7 +12,8 @@ from rich.table import Table
 
 from experiments.bench.tools.groups import ALL, GROUPS
 from experiments.bench.tools.machine import Machine, this_machine
-from experiments.bench.tools.measure import QUICK, THOROUGH, Finding, Task, take
+from experiments.bench.tools.measure import QUICK, THOROUGH, Finding, Task, most_of_others, take
+from experiments.bench.tools.others import OthersWork
 from experiments.bench.tools.results import as_json, check_page, page, table_of
 from experiments.sweeps.casetable import json_text, write_text
 from fogwatch.progress import command_line
@@ -74,10 +75,13 @@ def bench(
     show = _Progress(console, len(tasks), findings)
     try:
         with console.status("measuring", spinner="line") as status:
-            take(tasks, QUICK if quick else THOROUGH, lambda task: status.update(show.begin(task)), show.done)
+            effort, others = QUICK if quick else THOROUGH, OthersWork()
+            take(tasks, effort, lambda task: status.update(show.begin(task)), show.done, others.cores)
     except KeyboardInterrupt:
         interrupted = True
         console.print(f"interrupted; {len(findings)} of {len(tasks)} are kept", style="red", highlight=False)
+    if doubts := machine.doubts(most_of_others(findings)):
+        console.print(doubts, style="red", highlight=False, markup=False, soft_wrap=True)
     _write(machine, findings, json, markdown or ())
     if interrupted:
         return INTERRUPTED

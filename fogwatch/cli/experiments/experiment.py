@@ -10,7 +10,17 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from experiments.faults.cost import GROUPS, FaultSetup, Finding, as_json, chosen, comparisons, findings, plan_of
+from experiments.faults.cost import (
+    GROUPS,
+    VARIANTS,
+    FaultSetup,
+    Finding,
+    as_json,
+    chosen,
+    comparisons,
+    findings,
+    plan_of,
+)
 from experiments.faults.cost_page import page
 from experiments.sweeps.casetable import json_text, make_folder, write_tables, write_text
 from experiments.sweeps.plan import count_of_seeds
@@ -31,7 +41,8 @@ from patrol.errors import BadInput
 from patrol.radio.fleet_key import new_key
 from patrol.scenario import parse_overrides
 
-TAKEN = ("faults", "patrol.separation", "terrain", "point", "duration", "robots.count", "seed", "nemesis")
+VARIED = sorted({field for settings in VARIANTS.values() for field in settings})
+TAKEN = ("faults", *VARIED, "terrain", "point", "duration", "robots.count", "seed", "nemesis")
 """Fields that the experiment sets."""
 
 app = typer.Typer(help="Run a whole experiment and write a page of its results.", no_args_is_help=True)
@@ -74,8 +85,9 @@ def faults(
     """Measure what each kind of fault costs the paper's final algorithm, without and with claims.
 
     The faults are: frames lost independently, in bursts, or with the last positions sent along; silence; deaths,
-    restarts and robots that join; a partition; a short radio range; forged positions. Robots that block each other give
-    way, as by default; set patrol.give_way=false to follow the paper to the letter.
+    restarts and robots that join; a partition; a short radio range; forged positions. Robots give way and cars make
+    random steps, as by default; set patrol.give_way=false and patrol.random_move_for=holonomic to follow the paper to
+    the letter.
 
     The folder gets faults.md with all results, faults.json, the runs' numbers as CSV and JSON, and pictures. Runs that
     have a result there are not repeated.
@@ -103,10 +115,9 @@ def faults(
         if draw(found, [folder / f"{name}.png", folder / f"{name}.svg"])
     ]
     made_by = command_line("experiment", "faults")
-    computing_s = sum(result.computing_s for result in outcome.results.values())
     shown = [f"{name}.png" for name in pictures]
-    failed = len(outcome.failed)
-    text = page(setup, found, compared, command=made_by, computing_s=computing_s, failed=failed, pictures=shown)
+    spent, failed = outcome.computing_s, len(outcome.failed)
+    text = page(setup, found, compared, command=made_by, computing_s=spent, failed=failed, pictures=shown)
     write_text(folder / "faults.md", text)
     print_failures(console, outcome)
     made = f"{outcome.made} runs made in {time_text(outcome.wall_s)}"

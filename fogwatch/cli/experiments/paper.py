@@ -164,7 +164,8 @@ def _reproduce(
     judged = judge_orderings(paper().orderings, comparisons)
     _write_fit(console, comparisons, folder)
     _write_orderings(console, judged, folder)
-    write_text(folder / "paper.md", _page(comparisons, judged, setup, _terrain_pictures(comparisons, folder)))
+    pictures = _terrain_pictures(comparisons, folder)
+    write_text(folder / "paper.md", _page(comparisons, judged, setup, outcome.computing_s, pictures))
     print_failures(console, outcome)
     files = ", ".join(f"table_{table.number}" for table in tables)
     made = f"{outcome.made} runs made in {time_text(outcome.wall_s)}"
@@ -181,14 +182,17 @@ def _terrain_pictures(comparisons: Sequence[TableComparison], folder: Path) -> d
 
 
 def _page(
-    comparisons: Sequence[TableComparison], judged: Sequence[Judged], setup: PaperSetup, pictures: dict[str, str]
+    comparisons: Sequence[TableComparison],
+    judged: Sequence[Judged],
+    setup: PaperSetup,
+    computing_s: float,
+    pictures: dict[str, str],
 ) -> str:
     """paper.md."""
     numbers = [comparison.table.number for comparison in comparisons]
     which = ["all"] if numbers == list(paper().tables) else ["table", *map(str, numbers)]
     made_by = command_line("paper", *which)
     pictures |= {f"table {number}": f"table_{number}.png" for number in numbers}
-    computing_s = sum(comparison.computing_s for comparison in comparisons)
     return page(comparisons, judged, setup, command=made_by, computing_s=computing_s, pictures=pictures)
 
 

@@ -36,6 +36,19 @@ def test_a_rival_finds_the_lengths_that_we_find(name: str, monkeypatch: pytest.M
     assert missing == []
 
 
+def test_what_scikit_image_keeps_can_be_used_again() -> None:
+    module = pytest.importorskip("skimage.graph")
+    is_open, other = field(), (10, 10)
+    costs = np.where(is_open, 1.0, -1.0)
+    kept = module.MCP_Geometric(costs, fully_connected=True)
+    for start in (START, START, other, START):
+        lengths = module.MCP_Geometric(costs, fully_connected=True).find_costs([start])[0]
+        assert np.array_equal(kept.find_costs([start])[0], lengths)
+    call = WAVES["scikit-image, MCP_Geometric"].begin(module, is_open, START)
+    first = call().copy()
+    assert np.array_equal(call(), first)
+
+
 def test_our_wave_knows_the_lengths_on_open_ground_and_what_no_path_reaches() -> None:
     is_open = field()
     is_open[50:55, 10:15] = False

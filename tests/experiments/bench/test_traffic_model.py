@@ -7,7 +7,7 @@ import math
 import pytest
 
 from experiments.bench.measures.scale import SHARE, modelled
-from experiments.bench.traffic_model import Fleet, RouterCost, cores, largest_fleet, regions_of
+from experiments.bench.traffic_model import Fleet, RouterCost, cores_needed, largest_fleet, regions_of
 
 COST = RouterCost(core_s=5e-6, wire_bytes=130.0)
 
@@ -18,7 +18,7 @@ def fleet(robots: int) -> Fleet:
 
 def test_where_everybody_hears_everybody_deliveries_are_all_pairs() -> None:
     assert fleet(5).deliveries() == 5 * 4 * 2
-    assert cores(fleet(1000), COST) == pytest.approx(1000 * 999 * 2 * 5e-6)
+    assert cores_needed(fleet(1000), COST) == pytest.approx(1000 * 999 * 2 * 5e-6)
 
 
 def test_where_robots_hear_those_near_them_deliveries_grow_with_the_fleet_alone() -> None:
@@ -30,7 +30,7 @@ def test_where_robots_hear_those_near_them_deliveries_grow_with_the_fleet_alone(
 @pytest.mark.parametrize("share", [0.01, 0.5, 1.0, 8.0])
 def test_the_largest_fleet_of_one_router_is_the_largest(share: float) -> None:
     size = largest_fleet(2.0, COST, share)
-    assert cores(fleet(size), COST) <= share < cores(fleet(size + 1), COST)
+    assert cores_needed(fleet(size), COST) <= share < cores_needed(fleet(size + 1), COST)
 
 
 @pytest.mark.parametrize("robots", [100, 10_000, 1_000_000])

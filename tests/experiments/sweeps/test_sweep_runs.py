@@ -6,8 +6,11 @@ import gc
 import json
 import os
 import signal
+import threading
+import time
 import weakref
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -151,6 +154,17 @@ def test_a_sweep_can_grow_and_cases_share_what_means_the_same(tmp_path: Path) ->
     assert outcome.values("other", "mfow_mean_s").keys() == {1, 2, 3}
 
 
+def test_other_runs_in_the_folder_do_not_count_as_this_plan_s(tmp_path: Path) -> None:
+    workers = Here()
+    other = run_sweep(plan({"other": {"robots.count": 1}}), tmp_path, workers=workers)
+    outcome = run_sweep(plan({"a": {}, "same": {"robots.count": 2}}), tmp_path, workers=workers)
+    assert len(outcome.results) == 4
+    own = {key: result for key, result in outcome.results.items() if key not in other.results}
+    assert len(own) == 2  # which both cases share
+    assert outcome.computing_s == pytest.approx(sum(result.computing_s for result in own.values()))
+    assert other.computing_s == pytest.approx(sum(result.computing_s for result in other.results.values()))
+
+
 def test_a_run_that_fails_costs_no_other_and_is_tried_again(tmp_path: Path) -> None:
     cases: dict[str, dict[str, object]] = {"good": {}, "bad": {"robots.starts": [[3, 3], [3.5, 3]]}}
     outcome = run_sweep(plan(cases), tmp_path, workers=Here())
@@ -170,6 +184,32 @@ def test_whatever_a_run_raises_is_its_error(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr("experiments.inprocess.run_in_process", broken)
     found = run_task({"key": "k", "case": "c", "seed": 1, "scenario": BASE})
     assert (found["outcome"], found["error"], found["metrics"]) == ("failed", "RuntimeError: no idea", {})
+
+
+def test_a_run_is_not_charged_with_what_another_thread_computes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on a Dask worker with several threads."""
+    waiting, computed = threading.Event(), threading.Event()
+
+    def run(scenario: Mapping[str, Any]) -> tuple[dict[str, float | None], str, None]:
+        if scenario["idle"]:
+            waiting.set()
+            assert computed.wait(60.0)
+        else:
+            assert waiting.wait(60.0)
+            begun = time.thread_time()
+            while time.thread_time() - begun < 0.3:
+                pass
+            computed.set()
+        return {}, "ab", None
+
+    monkeypatch.setattr("experiments.sweeps.worker._run", run)
+    monkeypatch.setattr(gc, "collect", lambda: 0)
+    tasks = [{"key": "k", "case": "c", "seed": 1, "scenario": {"idle": idle}} for idle in (True, False)]
+    with ThreadPoolExecutor(2) as threads:
+        idle, busy = threads.map(run_task, tasks)
+    assert (idle["outcome"], busy["outcome"]) == ("ok", "ok")
+    assert busy["processor_s"] >= 0.3 > idle["processor_s"]
+    assert idle["wall_s"] >= 0.3
 
 
 def test_a_run_leaves_nothing_behind_in_its_worker(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,9 +10,10 @@ from pathlib import Path
 
 import pytest
 
+from experiments.bench.tools import procfs
 from experiments.bench.tools.machine import this_machine
 from experiments.bench.tools.measure import Unmeasured
-from experiments.bench.tools.procfs import family_of, loopback_bytes, memory_of, peak_mb, since_boot
+from experiments.bench.tools.procfs import cores_busy_s, family_of, loopback_bytes, memory_of, peak_mb, since_boot
 
 
 def test_a_busy_machine_is_warned_of() -> None:
@@ -23,6 +24,33 @@ def test_a_busy_machine_is_warned_of() -> None:
     assert busy.busy
     assert busy.warning.startswith(f"this machine is busy: load {busy.load:.1f} on {machine.cores} cores")
     assert len(machine.lines) == 2
+
+
+def test_what_was_measured_beside_others_work_is_doubted_by_what_they_did_meanwhile() -> None:
+    machine = replace(this_machine(), cores=2, load=1.8)
+    assert machine.doubts(0.05) == ""  # who was busy before is quiet now
+    assert machine.doubts(0.9).startswith("measured beside other work (up to 0.9 of 2 cores): processor times differ")
+    assert machine.doubts(None).startswith("measured beside other work (load 1.8 on 2 cores before): ")
+    assert replace(machine, load=0.1).doubts(None) == ""
+    assert replace(machine, load=0.1).doubts(0.9) == machine.doubts(0.9)
+
+
+def test_the_time_of_cores_that_this_process_may_use_is_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert cores_busy_s() > 0.0
+    lines = [
+        "cpu 9 9 9 9 9 9 9 9 9 9",
+        *(f"cpu{core} {core}00 20 30 4000 5000 60 70 80 999 999" for core in (1, 2, 3)),
+        "intr 5",
+    ]
+    (tmp_path / "stat").write_text("\n".join(lines), encoding="utf-8")
+    monkeypatch.setattr(procfs, "PROC", tmp_path)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {1, 3})
+    assert cores_busy_s() == (100 + 300 + 2 * (20 + 30 + 60 + 70 + 80)) / os.sysconf("SC_CLK_TCK")
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {4})
+    with pytest.raises(Unmeasured, match="does not say for how long each core was busy"):
+        cores_busy_s()
 
 
 def test_a_benchmark_names_its_commit() -> None:
@@ -42,6 +70,17 @@ def test_the_memory_of_a_process_is_what_it_holds() -> None:
     assert grown.private - memory.private == pytest.approx(64.0, abs=8.0)
     assert peak_mb() >= grown.rss - 1.0
     del held
+
+
+@pytest.mark.parametrize("text", ["", "00 [rollup]\nRss: 5 kB\n", "00 [rollup]\nRss:\n", "00 [rollup]\nRss: many kB\n"])
+def test_a_kernel_that_does_not_say_all_of_the_memory_is_no_measure(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str
+) -> None:
+    (tmp_path / "7").mkdir()
+    (tmp_path / "7" / "smaps_rollup").write_text(text, encoding="utf-8")
+    monkeypatch.setattr(procfs, "PROC", tmp_path)
+    with pytest.raises(Unmeasured, match="does not say all of the process's memory"):
+        memory_of(7)
 
 
 @pytest.mark.processes

@@ -6,7 +6,18 @@ from collections.abc import Sequence
 
 import pytest
 
-from experiments.bench.tools.measure import QUICK, Contender, Effort, Finding, Measured, Task, Unmeasured, in_turn, take
+from experiments.bench.tools.measure import (
+    QUICK,
+    Contender,
+    Effort,
+    Finding,
+    Measured,
+    Task,
+    Unmeasured,
+    in_turn,
+    most_of_others,
+    take,
+)
 
 
 def test_contenders_run_in_turn_and_rivals_are_compared_round_by_round() -> None:
@@ -49,9 +60,12 @@ def test_a_task_that_fails_does_not_stop_the_others() -> None:
     tasks = [Task("group", name, run) for name, run in (("a", fails), ("b", left_out), ("c", works))]
     begun: list[str] = []
     found: list[Finding] = []
-    take(tasks, QUICK, lambda task: begun.append(task.name), found.append)
+    readings = iter([0.5, None])
+    take(tasks, QUICK, lambda task: begun.append(task.name), found.append, lambda: next(readings))
     assert begun == ["a", "b", "c"]
-    assert [(one.task.name, one.failure, len(one.measures)) for one in found] == [
-        ("a", "the dog ate it", 0),
-        ("c", "", 1),
+    assert [(one.task.name, one.failure, len(one.measures), one.others) for one in found] == [
+        ("a", "the dog ate it", 0, 0.5),
+        ("c", "", 1, None),
     ]
+    assert most_of_others(found) == 0.5
+    assert most_of_others(found[1:]) is None

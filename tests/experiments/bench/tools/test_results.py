@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -43,7 +44,21 @@ def test_a_row_has_least_median_most_and_the_ratio_to_ours() -> None:
 
 @pytest.mark.parametrize(
     ("value", "text"),
-    [(0.0, "0"), (0.00012, "0.00012"), (0.0123, "0.0123"), (1.0, "1.00"), (99.94, "99.9"), (1998000.0, "1,998,000")],
+    [
+        (0.0, "0"),
+        (4.1e-06, "0.00000410"),
+        (0.00012, "0.000120"),
+        (0.0123, "0.0123"),
+        (0.9996, "1.00"),
+        (1.0, "1.00"),
+        (9.996, "10.0"),
+        (99.94, "99.9"),
+        (99.96, "100"),
+        (-99.96, "-100"),
+        (123.4, "123"),
+        (999.6, "1,000"),
+        (1998000.0, "1,998,000"),
+    ],
 )
 def test_numbers_have_three_digits(value: float, text: str) -> None:
     assert number(value) == text
@@ -70,6 +85,16 @@ def test_a_page_keeps_everything_but_the_marked_parts_that_were_measured(tmp_pat
         assert text.count("| wave | ours | ms | 1.00 | 2.00 | 3.00 | 3 |  |  |") == 1
         assert "`fogwatch bench kernels`" in text
         assert "| look | no \\| eyes |" in text
+
+
+def test_a_group_tells_the_most_that_others_did_while_it_was_measured(tmp_path: Path) -> None:
+    findings = [*(replace(FINDINGS[0], others=cores) for cores in (0.0, 1.2, None)), *FINDINGS]
+    text = page(tmp_path / "new.md", MACHINE, "fogwatch bench", findings)
+    assert "\nothers' work meanwhile: up to 1.20 of 2 cores  \n**Measured beside other work (up to 1.2 of 2" in text
+    quiet = page(tmp_path / "new.md", MACHINE, "fogwatch bench", [replace(FINDINGS[0], others=0.01)])
+    assert "up to 0.01 of 2 cores  \n\n| |" in quiet
+    assert "others' work" not in page(tmp_path / "new.md", MACHINE, "fogwatch bench", FINDINGS)
+    assert as_json(MACHINE, "fogwatch bench", findings)["results"][1]["others_cores"] == 1.2
 
 
 def test_a_page_without_marks_is_refused(tmp_path: Path) -> None:

@@ -35,7 +35,11 @@ def test_what_was_measured_is_shown_and_written(tmp_path: Path, capsys: pytest.C
 
 def test_what_was_measured_before_an_interruption_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(
-        tasks: Sequence[Task], effort: Effort, begin: Callable[[Task], None], done: Callable[[Finding], None]
+        tasks: Sequence[Task],
+        effort: Effort,
+        begin: Callable[[Task], None],
+        done: Callable[[Finding], None],
+        _: Callable[[], float | None],
     ) -> None:
         take_all(tasks[:1], effort, begin, done)
         raise KeyboardInterrupt

@@ -1,0 +1,73 @@
+"""The estimate of a sweep's time: runs are tried as they will be made, and what is loaded once does not count."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from experiments.inprocess import Outcome, run_in_process
+from experiments.sweeps import probe
+from experiments.sweeps.plan import Base, Case, Run, make_plan
+from experiments.sweeps.probe import LOADING_TICKS, TICKS, seconds_per_run
+from experiments.sweeps.worker import run_task
+from patrol.prepare import Prepared
+from patrol.scenario import Scenario, as_mapping
+
+BASE: dict[str, Any] = {
+    "terrain": {"builtin": "open"},
+    "point": 1,
+    "step": 0.5,
+    "duration": 400,
+    "robots": {"count": 2, "model": "holonomic"},
+}
+LOADING_S, TICK_S = 1000.0, 0.25
+
+
+def runs(*cases: dict[str, object]) -> Sequence[Run]:
+    named = [Case(str(number), case) for number, case in enumerate(cases)]
+    return make_plan("trial", Base(BASE, Path(), "trial"), named, (1,)).runs
+
+
+class Machine:
+    """One on which the first run loads something and each tick takes its time."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+        self.ticks: list[int] = []
+
+    def run(self, scenario: Scenario | Prepared) -> None:
+        ticks = (scenario.scenario if isinstance(scenario, Prepared) else scenario).ticks
+        self.now += ticks * TICK_S + (0.0 if self.ticks else LOADING_S)
+        self.ticks.append(ticks)
+
+
+def test_what_the_first_run_loads_is_not_part_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    machine = Machine()
+    monkeypatch.setattr(probe, "run_scenario", machine.run)
+    monkeypatch.setattr(probe, "ENOUGH_S", 1e9)
+    assert seconds_per_run(runs({}, {"duration": 200}), lambda: machine.now) == pytest.approx((800 + 400) / 2 * TICK_S)
+    assert machine.ticks == [LOADING_TICKS, TICKS, TICKS]
+
+
+def test_a_run_that_cannot_be_made_is_left_out_and_the_next_one_loads() -> None:
+    bad: dict[str, object] = {"robots.starts": [[3, 3], [3.5, 3]]}
+    assert seconds_per_run(runs(bad), lambda: 0.0) is None
+    assert seconds_per_run(runs(bad, {"duration": 2}), lambda: 0.0) == 0.0
+
+
+def test_a_run_is_tried_as_it_will_be_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    how: list[dict[str, Any]] = []
+
+    def noting(scenario: Scenario | Prepared, **words: Any) -> Outcome:
+        how.append({name: value if name != "look" else value is not None for name, value in words.items()})
+        return run_in_process(scenario, **words)
+
+    monkeypatch.setattr("experiments.inprocess.run_in_process", noting)
+    (run,) = runs({"duration": 2})
+    assert run_task({"key": "k", "case": "c", "seed": 1, "scenario": as_mapping(run.scenario)})["error"] is None
+    seconds_per_run([run])
+    assert how == [how[0]] * 3
+    assert how[0] == {"keep": False, "verify_fog": False, "look": True}
