@@ -18,6 +18,7 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import NoReturn
 
 from patrol.errors import BadInput
+from patrol.net.mailbox import Presence
 from patrol.net.messages.phases import (
     ANYONE,
     NO_RUN,
@@ -197,31 +198,23 @@ class Sessions:
         """
         if self._connection.ending():
             raise Interrupted
-        arrived = self._connection.mailbox.get(timeout_s)
-        if arrived is None:
+        if (arrived := self._arrived(timeout_s)) is None:
             return None
-        number = self._number_of.get(arrived[0])
-        message = arrived[1]
-        if number is None:  # the world's own token
-            return None
-        if isinstance(message, ReplyA | ReplyB):
-            if self._has_session(number, message):
-                self._heard[number] = self.now
-                if self._begun - MAX_TICKS <= message.k < self._begun:
-                    return number, message
-                self._connection.mailbox.refused["ahead" if message.k >= self._begun else "late"] += 1
-                return None
-            self._connection.mailbox.refused["stranger"] += 1
+        number, message = arrived
+        if isinstance(message, ReplyA | ReplyB | Failed) and not self._has_session(number, message):
+            self.refused["stranger"] += 1
+        elif isinstance(message, ReplyA | ReplyB):
+            self._heard[number] = self.now
+            if self._begun - MAX_TICKS <= message.k < self._begun:
+                return number, message
+            self.refused["ahead" if message.k >= self._begun else "late"] += 1
         elif isinstance(message, Failed):
-            if self._has_session(number, message):
-                self._failed[number] = message.reason
-            else:
-                self._connection.mailbox.refused["stranger"] += 1
+            self._failed[number] = message.reason
         elif isinstance(message, Report):
             self._compare(number, message)
         elif isinstance(message, HelloReply):
             self._answer_hello(number, message)
-        else:
+        elif isinstance(message, Presence):
             self._note_presence(number, present=message.present)
         return None
 
@@ -318,6 +311,12 @@ class Sessions:
 
     # --- what arrives ------------------------------------------------------------------------------------------------
 
+    def _arrived(self, timeout_s: float) -> tuple[int, ToWorld | Presence] | None:
+        """The next message with its robot's number, if one comes in time; None also for the world's own token."""
+        arrived = self._connection.mailbox.get(timeout_s)
+        number = None if arrived is None else self._number_of.get(arrived[0])
+        return None if arrived is None or number is None else (number, arrived[1])
+
     def _greet(self, number: int) -> None:
         if number in self._present and number in self._expected:
             self._connection.posts[number](encode(self._hello()))
@@ -354,14 +353,13 @@ class Sessions:
 
     def _take_farewell(self) -> None:
         """Wait up to `POLL_S` for a message while processes leave; only reports and presence matter then."""
-        arrived = self._connection.mailbox.get(POLL_S)
-        number = None if arrived is None else self._number_of.get(arrived[0])
-        if arrived is None or number is None:
+        if (arrived := self._arrived(POLL_S)) is None:
             return
-        if isinstance(arrived[1], Report):
-            self._compare(number, arrived[1])
-        elif hasattr(arrived[1], "present"):
-            self._note_presence(number, present=arrived[1].present)
+        number, message = arrived
+        if isinstance(message, Report):
+            self._compare(number, message)
+        elif isinstance(message, Presence):
+            self._note_presence(number, present=message.present)
 
     def _answer_hello(self, number: int, message: HelloReply) -> None:
         """Deal with a process that answers a hello, asks for one, or asks whether it still belongs to the run."""
