@@ -88,7 +88,7 @@ class Sessions:
         self._sessions: dict[int, Session] = {}
         self._expected: dict[int, int | None] = {number: None for number in connection.names if number not in absent}
         self._present: set[int] = set()
-        self._absent_since: dict[int, float] = {}
+        self._absent: dict[int, tuple[float, float]] = {}  # since when a token is gone, until when that is allowed
         self._heard: dict[int, float] = {}
         self._dismissed: dict[int, str] = {}
         self._failed: dict[int, str] = {}
@@ -227,19 +227,20 @@ class Sessions:
                 rather than killed, and has `RETURN_S` to come back.
         """
         now = self.now
-        absent = [number for number in numbers if number in self._absent_since]
+        absent = [number for number in numbers if number in self._absent]
         if not absent:
             return []
         if not self._connection.connected():
             self._trusted_from = now + RECOVERY_S
         if now < self._trusted_from:
             return []
-        return [number for number in absent if now >= self._absent_since[number] + self._grace_s(number, cut_off_s)]
+        return [number for number in absent if now >= self._gone_from(number, cut_off_s)]
 
-    def _grace_s(self, number: int, cut_off_s: float) -> float:
-        absent_since = self._absent_since[number]
-        was_cut_off = absent_since - self._heard.get(number, absent_since) > cut_off_s
-        return RETURN_S if was_cut_off else GRACE_S
+    def _gone_from(self, number: int, cut_off_s: float) -> float:
+        """From when a robot whose token has gone counts as gone."""
+        since, allowed_until = self._absent[number]
+        was_cut_off = since - self._heard.get(number, since) > cut_off_s
+        return max(since + (RETURN_S if was_cut_off else GRACE_S), allowed_until)
 
     def failed(self, numbers: Iterable[int]) -> dict[int, str]:
         """Those of the numbers whose mind cannot go on, and why."""
@@ -269,7 +270,7 @@ class Sessions:
         """Expect a robot's new process, of that incarnation and no other."""
         self.end(number)
         self._expected[number] = incarnation
-        self._absent_since.pop(number, None)
+        self._absent.pop(number, None)
 
     def is_open(self, number: int) -> bool:
         """Whether a process speaks for the robot."""
@@ -283,9 +284,9 @@ class Sessions:
             self.take(POLL_S)
 
     def allow_recovery(self, number: int) -> None:
-        """Allow a robot's process, which was paused on purpose, `RECOVERY_S` until its token must show again."""
-        if number in self._absent_since:
-            self._absent_since[number] = self.now + RECOVERY_S
+        """Allow a robot's process, which was paused on purpose, at least `RECOVERY_S` until its token must show."""
+        if number in self._absent:
+            self._absent[number] = (self._absent[number][0], self.now + RECOVERY_S)
 
     def close(self, k: int, reason: str) -> None:
         """Dismiss all robots and wait up to `DISMISSAL_S` until they are gone.
@@ -328,12 +329,12 @@ class Sessions:
     def _note_presence(self, number: int, *, present: bool) -> None:
         if present:
             self._present.add(number)
-            self._absent_since.pop(number, None)
+            self._absent.pop(number, None)
             if number not in self._sessions:
                 self._greet(number)
         else:
             self._present.discard(number)
-            self._absent_since.setdefault(number, self.now)
+            self._absent.setdefault(number, (self.now, self.now))
 
     def _has_session(self, number: int, message: ToWorld) -> bool:
         session = self._sessions.get(number)
