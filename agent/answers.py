@@ -10,13 +10,11 @@ from typing import Any
 import numpy as np
 
 from agent.ports import Bearing, Intent, Place, PolicyFailed, Stay, Steer
+from patrol.net.messages.phases import MAX_STATE
 from patrol.pose import Command
 
 MAX_FAILURE = 300
 """Characters of the longest account of a failure."""
-
-MAX_STATE = 32
-"""Characters of the longest state word."""
 
 LARGEST = 1e9
 """Numbers beyond it mean nothing in metres and radians."""

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import socket
 import sys
 import threading
 import time
@@ -24,6 +23,7 @@ from tempfile import TemporaryDirectory
 from experiments.bench.tools.measure import Unmeasured
 from experiments.bench.tools.procfs import family_of, loopback_bytes
 from fogwatch.launch.children import Child, Children
+from fogwatch.launch.free_port import free_port
 from patrol.net.keys import fleet_keys
 from patrol.net.link import Link, LinkDown, open_link
 from patrol.net.mailbox import Mailbox
@@ -90,7 +90,7 @@ def carry(members: int, seconds: float) -> Load:
         home = Path(open_ones.enter_context(TemporaryDirectory(prefix="fogwatch-bench-")))
         children = Children(lambda: False)
         open_ones.callback(children.close)
-        endpoint = f"tcp/127.0.0.1:{_free_port()}"
+        endpoint = f"tcp/127.0.0.1:{free_port()}"
         router = children.spawn(ROUTER, "fogwatch.router", ["--listen", endpoint], home / "log", reports_start=True)
         open_ones.callback(children.end, [ROUTER])
         _await(router)
@@ -144,26 +144,16 @@ def _frame(number: int) -> bytes:
 
 
 def _await(router: Child) -> None:
-    until = time.monotonic() + PATIENCE_S
-    pipe = router.start
-    while pipe is not None and not pipe.ended and time.monotonic() < until:
-        report = pipe.report(0.05)
-        if report is not None:
-            if not report.ready:
-                raise Unmeasured(f"the router did not start: {report.detail}")
-            return
-    raise Unmeasured("the router did not start in time")
+    report = router.await_start(PATIENCE_S)
+    if report is None:
+        raise Unmeasured("the router did not start in time")
+    if not report.ready:
+        raise Unmeasured(f"the router did not start: {report.detail}")
 
 
 def _used(router: Child) -> float:
     """Processor time of the router so far, s."""
     return next(one.processor for one in family_of(router.process.pid) if one.pid == router.process.pid)
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -54,11 +54,13 @@ if TYPE_CHECKING:
 LAUNCHER_GONE_S = 2.0
 """How long after the launcher has stopped answering its request to end may take to come, s."""
 
-
-_STATUSES = tuple(status.name.lower() for status in Status)
+CHALLENGE_S = 2.0
+"""How long the thread that gives operators tickets waits at a time for one who asks, s."""
 
 TICKET_S = 0.005
 """Least time between two tickets for operators, s, so that asking for them in a flood costs the ticks little."""
+
+_STATUSES = tuple(status.name.lower() for status in Status)
 
 
 def _random_run() -> int:
@@ -198,9 +200,9 @@ class Wiring:
         )
 
         def give_tickets() -> None:
-            """Not between ticks, which may be long: an operator would wait for two of them."""
+            """Give tickets to operators, also during a tick: otherwise they would wait for two ticks."""
             while True:
-                if (arrived := challenges.get(LAUNCHER_GONE_S)) is not None:
+                if (arrived := challenges.get(CHALLENGE_S)) is not None:
                     answer_challenge(gate, arrived[1], challenges.refused)
                     time.sleep(TICKET_S)
 

@@ -19,13 +19,14 @@ from typing import Protocol
 
 from patrol.net.messages.phases import FIRST_INCARNATION
 from patrol.printable import printable
-from patrol.process.starting.readiness import StartPipe
+from patrol.process.starting.readiness import StartPipe, StartReport
 
 LOG_LINES = 5
 """Lines of a child's log that are quoted when it has ended."""
 TERM_S = 2.0
 """How long a process may take to heed a signal before it is killed."""
 _POLL_S = 0.01
+_REPORT_S = 0.05
 
 
 class Process(Protocol):
@@ -80,6 +81,24 @@ class Child:
         """
         self.code = self.process.poll()
         return self.code
+
+    def await_start(self, limit_s: float, stopped: Callable[[], bool] = lambda: False) -> StartReport | None:
+        """Wait for its report.
+
+        Args:
+            limit_s: How long to wait at most, s of wall time.
+            stopped: Asked all the time whether to wait no longer.
+
+        Returns:
+            The report; None where there is none when it ends, or when the wait is over.
+        """
+        until = time.monotonic() + limit_s
+        while self.start is not None:
+            if (report := self.start.report(_REPORT_S)) is not None:
+                return report
+            if self.start.ended or stopped() or time.monotonic() >= until:
+                break
+        return None
 
     def log_tail(self) -> str:
         """The last lines of its log, indented, for people; what could disturb a terminal is escaped."""

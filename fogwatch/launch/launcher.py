@@ -10,7 +10,6 @@ from __future__ import annotations
 import os
 import signal
 import socket
-import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -19,6 +18,7 @@ from pathlib import Path
 from fogwatch.launch.child_control import ProcessControlServer
 from fogwatch.launch.children import Child, Children
 from fogwatch.launch.fork_server import FORK_SERVER, OF_MINDS, ForkServer
+from fogwatch.launch.free_port import free_port
 from fogwatch.launch.live_table import RunDisplay
 from fogwatch.launch.page_child import PAGE, PageChild
 from fogwatch.launch.private import Secrets
@@ -33,7 +33,7 @@ from patrol.net.security.access import write_pointer
 from patrol.net.security.credentials import read_credentials
 from patrol.net.security.seats import SEAT, seat_of
 from patrol.process.exit_codes import BAD_INPUT
-from patrol.process.starting.readiness import StartFailure, StartReport
+from patrol.process.starting.readiness import StartFailure
 from worldsim.faults.lifecycle import process_name
 
 ROUTER, WORLD = "the router", "the world"
@@ -114,6 +114,7 @@ class Launch:
         Raises:
             BadInput: The port that was asked for is busy, or there is nowhere to keep secrets.
             Failed: The router did not start.
+            KeyboardInterrupt: `stop` said yes while the router started.
         """
         self.folder.logs.mkdir(exist_ok=True)
         secrets = self._secrets = Secrets(self.fleet, self.robots)
@@ -147,8 +148,12 @@ class Launch:
         if self._fork_server is not None:
             self._spawn_agents()
         try:
-            link = open_link(self._endpoint, ROUTER_S, credentials=read_credentials(self._of_run.of_viewer, "the run"))
+            credentials = read_credentials(self._of_run.of_viewer, "the run")
+            link = open_link(self._endpoint, ROUTER_S, stopped=self.stop, credentials=credentials)
         except LinkDown as down:
+            if self.stop():
+                self.interrupted = True
+                return
             raise Failed(str(down)) from None
         try:
             self._watch(link)
@@ -244,12 +249,14 @@ class Launch:
 
     def _start_router(self) -> None:
         for _ in range(MOST_ROUTERS):
-            port = self.port or _free_port()
+            port = self.port or free_port()
             self._endpoint = f"tcp/127.0.0.1:{port}"
             router = self._spawn_router()
-            report = _await_start(router)
+            report = router.await_start(ROUTER_S, self.stop)
             if report is not None and report.ready:
                 return
+            if self.stop():
+                raise KeyboardInterrupt
             if report is None or report.failure is not StartFailure.PORT_BUSY:
                 why = f": {report.detail}" if report is not None else f":\n{router.log_tail()}"
                 raise Failed(f"{ROUTER} did not start{why}")
@@ -334,20 +341,3 @@ class Launch:
                     raise BadInput(why)
                 raise Failed(f"the run could not begin: {child.describe_end()}")
             self.display.say(child.describe_end())
-
-
-def _await_start(child: Child) -> StartReport | None:
-    """Wait for a child's report; None when it ends, or `ROUTER_S` are over, without one."""
-    until = time.monotonic() + ROUTER_S
-    pipe = child.start
-    while pipe is not None and not pipe.ended and time.monotonic() < until:
-        if (report := pipe.report(_TICK_S)) is not None:
-            return report
-    child.poll()
-    return None
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])

@@ -223,7 +223,7 @@ def longest_frame(trail: int, *, tagged: bool) -> int:
 
 
 def encode(position: Position, key: bytes | None = None) -> bytes:
-    """The frame for a position: at most 32 bytes bare, at most `MAX_FRAME` with trail and tag.
+    """The frame for a position: at most 28 bytes bare, at most 63 with trail and tag.
 
     Args:
         position: to send.

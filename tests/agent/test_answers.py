@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agent.answers import MAX_FAILURE, MAX_STATE, checked, policy_failure
+from agent.answers import MAX_FAILURE, checked, policy_failure
 from agent.ports import (
     Bearing,
     Intent,
@@ -19,6 +19,7 @@ from agent.ports import (
     Stay,
     Steer,
 )
+from patrol.net.messages.phases import MAX_STATE
 from patrol.pose import Drive, Velocity
 
 VALID: list[Intent] = [

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-import time
+import threading
 from collections import deque
 from pathlib import Path
 
@@ -24,6 +24,7 @@ from patrol.scenario import load_scenario
 from tests.agent.minds import STEP, prepared_on
 
 START = Pose(6.0, 6.0, 0.0)
+PATIENCE_S = 300.0
 
 
 class Ticks:
@@ -64,16 +65,22 @@ class Eyes:
 
 
 class Ahead:
-    """A policy that drives ahead, until it raises or falls asleep."""
+    """A policy that drives ahead, until it raises or hangs.
 
-    def __init__(self, raises: int = 99, sleeps: int = 99) -> None:
-        self._raises, self._sleeps = raises, sleeps
+    woken: ends a decision that hangs. decided: the ticks that it has decided on.
+    """
+
+    def __init__(self, raises: int = 99, hangs: int = 99) -> None:
+        self.woken = threading.Event()
+        self.decided: list[int] = []
+        self._raises, self._hangs = raises, hangs
 
     def decide(self, view: View) -> Intent:
         if view.tick == self._raises:
             raise RuntimeError("no idea")
-        if view.tick == self._sleeps:
-            time.sleep(60.0)
+        if view.tick == self._hangs:
+            self.woken.wait(PATIENCE_S)
+        self.decided.append(view.tick)
         return Steer(Velocity(1.0, 0.0), state="ahead")
 
 
@@ -119,9 +126,12 @@ def test_a_policy_that_fails_stops_its_robot(capsys: pytest.CaptureFixture[str])
 
 
 def test_a_policy_that_hangs_stops_its_robot() -> None:
-    mind, robot = made(Ahead(sleeps=2))
-    begun = time.monotonic()
-    says = "its policy failed at tick 2: took longer than 0.3 s to decide"
-    assert run_mind(mind, robot, Ears(), Eyes(), limit_s=0.3) == says
-    assert time.monotonic() - begun < 30.0
+    policy = Ahead(hangs=0)
+    mind, robot = made(policy)
+    says = "its policy failed at tick 0: took longer than 0.3 s to decide"
+    try:
+        assert run_mind(mind, robot, Ears(), Eyes(), limit_s=0.3) == says
+        assert not policy.decided, "nobody waits for it"
+    finally:
+        policy.woken.set()
     assert robot.stopped == says

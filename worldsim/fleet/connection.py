@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from patrol.net.keys import FleetKeys
-from patrol.net.messages.phases import PROTOCOL, HelloReply
+from patrol.net.mailbox import Presence
+from patrol.net.messages.phases import PROTOCOL, HelloReply, ToWorld
 from patrol.net.security.tick_chain import TickChain
 from worldsim.mailbox import AnswersMailbox
 
@@ -29,7 +29,7 @@ class FleetConnection:
     keys: FleetKeys
     names: Mapping[int, str]
     posts: Mapping[int, Callable[[bytes], None]]
-    mailbox: AnswersMailbox[Any]
+    mailbox: AnswersMailbox[ToWorld | Presence]
     connected: Callable[[], bool]
     now: Callable[[], float]
     ending: Callable[[], bool]

@@ -18,6 +18,7 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import NoReturn
 
 from patrol.errors import BadInput
+from patrol.net.mailbox import Presence
 from patrol.net.messages.phases import (
     ANYONE,
     NO_RUN,
@@ -87,7 +88,7 @@ class Sessions:
         self._sessions: dict[int, Session] = {}
         self._expected: dict[int, int | None] = {number: None for number in connection.names if number not in absent}
         self._present: set[int] = set()
-        self._absent_since: dict[int, float] = {}
+        self._absent: dict[int, tuple[float, float]] = {}  # since when a token is gone, until when that is allowed
         self._heard: dict[int, float] = {}
         self._dismissed: dict[int, str] = {}
         self._failed: dict[int, str] = {}
@@ -197,31 +198,23 @@ class Sessions:
         """
         if self._connection.ending():
             raise Interrupted
-        arrived = self._connection.mailbox.get(timeout_s)
-        if arrived is None:
+        if (arrived := self._arrived(timeout_s)) is None:
             return None
-        number = self._number_of.get(arrived[0])
-        message = arrived[1]
-        if number is None:  # the world's own token
-            return None
-        if isinstance(message, ReplyA | ReplyB):
-            if self._has_session(number, message):
-                self._heard[number] = self.now
-                if self._begun - MAX_TICKS <= message.k < self._begun:
-                    return number, message
-                self._connection.mailbox.refused["ahead" if message.k >= self._begun else "late"] += 1
-                return None
-            self._connection.mailbox.refused["stranger"] += 1
+        number, message = arrived
+        if isinstance(message, ReplyA | ReplyB | Failed) and not self._has_session(number, message):
+            self.refused["stranger"] += 1
+        elif isinstance(message, ReplyA | ReplyB):
+            self._heard[number] = self.now
+            if self._begun - MAX_TICKS <= message.k < self._begun:
+                return number, message
+            self.refused["ahead" if message.k >= self._begun else "late"] += 1
         elif isinstance(message, Failed):
-            if self._has_session(number, message):
-                self._failed[number] = message.reason
-            else:
-                self._connection.mailbox.refused["stranger"] += 1
+            self._failed[number] = message.reason
         elif isinstance(message, Report):
             self._compare(number, message)
         elif isinstance(message, HelloReply):
             self._answer_hello(number, message)
-        else:
+        elif isinstance(message, Presence):
             self._note_presence(number, present=message.present)
         return None
 
@@ -234,19 +227,20 @@ class Sessions:
                 rather than killed, and has `RETURN_S` to come back.
         """
         now = self.now
-        absent = [number for number in numbers if number in self._absent_since]
+        absent = [number for number in numbers if number in self._absent]
         if not absent:
             return []
         if not self._connection.connected():
             self._trusted_from = now + RECOVERY_S
         if now < self._trusted_from:
             return []
-        return [number for number in absent if now >= self._absent_since[number] + self._grace_s(number, cut_off_s)]
+        return [number for number in absent if now >= self._gone_from(number, cut_off_s)]
 
-    def _grace_s(self, number: int, cut_off_s: float) -> float:
-        absent_since = self._absent_since[number]
-        was_cut_off = absent_since - self._heard.get(number, absent_since) > cut_off_s
-        return RETURN_S if was_cut_off else GRACE_S
+    def _gone_from(self, number: int, cut_off_s: float) -> float:
+        """From when a robot whose token has gone counts as gone."""
+        since, allowed_until = self._absent[number]
+        was_cut_off = since - self._heard.get(number, since) > cut_off_s
+        return max(since + (RETURN_S if was_cut_off else GRACE_S), allowed_until)
 
     def failed(self, numbers: Iterable[int]) -> dict[int, str]:
         """Those of the numbers whose mind cannot go on, and why."""
@@ -276,7 +270,7 @@ class Sessions:
         """Expect a robot's new process, of that incarnation and no other."""
         self.end(number)
         self._expected[number] = incarnation
-        self._absent_since.pop(number, None)
+        self._absent.pop(number, None)
 
     def is_open(self, number: int) -> bool:
         """Whether a process speaks for the robot."""
@@ -290,9 +284,9 @@ class Sessions:
             self.take(POLL_S)
 
     def allow_recovery(self, number: int) -> None:
-        """Allow a robot's process, which was paused on purpose, `RECOVERY_S` until its token must show again."""
-        if number in self._absent_since:
-            self._absent_since[number] = self.now + RECOVERY_S
+        """Allow a robot's process, which was paused on purpose, at least `RECOVERY_S` until its token must show."""
+        if number in self._absent:
+            self._absent[number] = (self._absent[number][0], self.now + RECOVERY_S)
 
     def close(self, k: int, reason: str) -> None:
         """Dismiss all robots and wait up to `DISMISSAL_S` until they are gone.
@@ -318,6 +312,12 @@ class Sessions:
 
     # --- what arrives ------------------------------------------------------------------------------------------------
 
+    def _arrived(self, timeout_s: float) -> tuple[int, ToWorld | Presence] | None:
+        """The next message with its robot's number, if one comes in time; None also for the world's own token."""
+        arrived = self._connection.mailbox.get(timeout_s)
+        number = None if arrived is None else self._number_of.get(arrived[0])
+        return None if arrived is None or number is None else (number, arrived[1])
+
     def _greet(self, number: int) -> None:
         if number in self._present and number in self._expected:
             self._connection.posts[number](encode(self._hello()))
@@ -329,12 +329,12 @@ class Sessions:
     def _note_presence(self, number: int, *, present: bool) -> None:
         if present:
             self._present.add(number)
-            self._absent_since.pop(number, None)
+            self._absent.pop(number, None)
             if number not in self._sessions:
                 self._greet(number)
         else:
             self._present.discard(number)
-            self._absent_since.setdefault(number, self.now)
+            self._absent.setdefault(number, (self.now, self.now))
 
     def _has_session(self, number: int, message: ToWorld) -> bool:
         session = self._sessions.get(number)
@@ -354,14 +354,13 @@ class Sessions:
 
     def _take_farewell(self) -> None:
         """Wait up to `POLL_S` for a message while processes leave; only reports and presence matter then."""
-        arrived = self._connection.mailbox.get(POLL_S)
-        number = None if arrived is None else self._number_of.get(arrived[0])
-        if arrived is None or number is None:
+        if (arrived := self._arrived(POLL_S)) is None:
             return
-        if isinstance(arrived[1], Report):
-            self._compare(number, arrived[1])
-        elif hasattr(arrived[1], "present"):
-            self._note_presence(number, present=arrived[1].present)
+        number, message = arrived
+        if isinstance(message, Report):
+            self._compare(number, message)
+        elif isinstance(message, Presence):
+            self._note_presence(number, present=message.present)
 
     def _answer_hello(self, number: int, message: HelloReply) -> None:
         """Deal with a process that answers a hello, asks for one, or asks whether it still belongs to the run."""

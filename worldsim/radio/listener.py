@@ -17,7 +17,7 @@ from patrol.net.messages.telemetry import Traffic
 from patrol.radio.message import CONTACT, Rejected, decode
 
 if TYPE_CHECKING:
-    from worldsim.mailbox import Mailbox
+    from worldsim.mailbox import AnswersMailbox
 
 ROOM = 64
 """Frames of one robot that can wait for the world to read them."""
@@ -75,8 +75,8 @@ class Listener:
         self,
         keys: FleetKeys,
         numbers: Mapping[str, int],
-        positions: Mailbox[bytes],
-        telemetry: Mailbox[Traffic],
+        positions: AnswersMailbox[bytes],
+        telemetry: AnswersMailbox[Traffic],
         now: Callable[[], float],
     ) -> None:
         """Listen to a fleet.
@@ -108,7 +108,10 @@ class Listener:
             The frames by robot number, of each robot its position first.
         """
         frames: dict[int, list[bytes]] = {}
-        while (arrived := self._positions.get()) is not None:
+        # No more than waits now: who floods the world keeps no tick open.
+        for _ in range(self._positions.waiting):
+            if (arrived := self._positions.get()) is None:
+                break
             number = self._numbers[arrived[0]]
             place = _place(arrived[1], k)
             if place is None or (place == CONTACT) is (number not in frames):
@@ -132,9 +135,11 @@ class Listener:
         return {"direct": {"said": said, "missed": missed}}
 
     def _listen(self, wait_s: float = 0.0) -> None:
-        while (arrived := self._telemetry.get(wait_s)) is not None:
+        """Take the reports that wait now; where none does, wait so long for one, s."""
+        for _ in range(max(1, self._telemetry.waiting)):
+            if (arrived := self._telemetry.get(wait_s)) is None:
+                break
             self._counts[robot_of(arrived[0])].take(arrived[1])
-            wait_s = 0.0
 
 
 def _place(frame: bytes, k: int) -> int | None:

@@ -42,12 +42,12 @@ NO_RUN = 0
 UNLIKE = "this process was started with another "
 """How the reason of a Stop begins that turns away a process whose scenario or protocol is not the world's."""
 
-MAX_REPLY = 2048
-"""Size of the longest message from a robot, bytes."""
+MAX_REPLY, MAX_STATE = 2048, 32
+"""Sizes of the longest message from a robot, bytes, and of its longest state word, characters."""
 
 _MAX_COUNT = 2**31 - 1
 _MAX_ID = 2**63 - 1
-_MAX_STATE, _MAX_REASON = 32, 400
+_MAX_REASON = 400
 _HASH = 64
 _HEAD = 5
 _HELLO, _PHASE_A, _PHASE_B, _STOP = 0, 1, 2, 3
@@ -204,10 +204,10 @@ def max_to_robot(robots: int) -> int:
 
 
 def encode(message: ToRobot | ToWorld) -> bytes:
-    """A message as bytes.
+    """A message as bytes, a reason cut short where it is too long. It is the receiver who checks all other limits.
 
     Raises:
-        ValueError: The message could not be decoded.
+        ValueError: A phase A says what was sensed at another tick.
     """
     kind, body = _body(message)
     packed: bytes = msgpack.packb([kind, message.incarnation, message.instance, message.k, message.run, *body])
@@ -336,7 +336,7 @@ def _reply_b(values: list[Any]) -> ReplyB:
         raise Malformed("a goal is a pair or nothing")
     reply = Reply(
         command=_command_in(values[4], _real(values[5]), _real(values[6])),
-        state=_text(values[7], _MAX_STATE),
+        state=_text(values[7], MAX_STATE),
         goal=None if goal is None else (_finite(goal[0]), _finite(goal[1])),
         decision_ms=_finite(values[9]),
         rejected=_whole(values[10], _MAX_ID),

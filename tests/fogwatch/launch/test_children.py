@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import signal
 import socket
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,6 +15,8 @@ from patrol.process.starting.readiness import StartFailure, StartReport
 
 pytestmark = pytest.mark.processes
 
+PATIENCE_S = 60.0
+
 
 @pytest.fixture
 def children() -> Iterator[Children]:
@@ -23,16 +24,6 @@ def children() -> Iterator[Children]:
     yield children
     children.end(list(children.by_name))
     children.close()
-
-
-def started(child: Child) -> StartReport | None:
-    """Its report, or None when it has ended without one."""
-    assert child.start is not None
-    end = time.monotonic() + 60.0
-    while not child.start.ended and time.monotonic() < end:
-        if (report := child.start.report(1.0)) is not None:
-            return report
-    return None
 
 
 def router(children: Children, where: str, folder: Path) -> Child:
@@ -46,15 +37,17 @@ def test_a_router_reports_that_it_listens_and_the_next_one_that_the_port_is_busy
         probe.bind(("127.0.0.1", 0))
         where = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
     first = router(children, where, tmp_path)
-    assert started(first) == StartReport(where)
+    assert first.await_start(PATIENCE_S) == StartReport(where)
     second = children.spawn("second", "fogwatch.router", ["--listen", where], tmp_path / "second", reports_start=True)
-    assert started(second) == StartReport("", StartFailure.PORT_BUSY, f"{where}: the port is busy; choose another")
+    assert second.await_start(PATIENCE_S) == StartReport(
+        "", StartFailure.PORT_BUSY, f"{where}: the port is busy; choose another"
+    )
     assert second.process.wait() == 2
 
 
 def test_a_router_that_cannot_listen_for_another_reason_says_so(children: Children, tmp_path: Path) -> None:
     child = router(children, "nonsense", tmp_path)
-    report = started(child)
+    report = child.await_start(PATIENCE_S)
     assert report is not None
     assert report.failure is StartFailure.OTHER
     assert "--listen" in report.detail
@@ -66,7 +59,7 @@ def test_a_child_that_ends_before_it_is_ready_reports_nothing(module: str, child
     killed = module == "fogwatch.router"
     if killed:
         child.process.kill()
-    assert started(child) is None
+    assert child.await_start(PATIENCE_S) is None
     child.process.wait()
     assert child.poll() == (-signal.SIGKILL if killed else 1)
     how = "child was killed by SIGKILL" if killed else "child ended with exit code 1"

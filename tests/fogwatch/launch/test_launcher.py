@@ -1,8 +1,9 @@
-"""How the launcher starts agents: from the fork server, or by themselves."""
+"""How the launcher starts agents, from the fork server or by themselves, and that it waits for nothing when stopped."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import itertools
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from fogwatch.launch.launcher import Launch
 from fogwatch.launch.live_table import SilentDisplay
 from fogwatch.launch.private import Secrets
 from fogwatch.launch.runfolder import RunFolder
+from patrol.net.link import LinkDown
 from patrol.net.security.seats import SEAT
 
 
@@ -34,6 +36,18 @@ def secrets() -> Iterator[Secrets]:
     drawn = Secrets("f", ["r1", "r2"])
     yield drawn
     drawn.remove()
+
+
+class Silent:
+    """The pipe of a router that takes its time; it is an error to listen to it on and on."""
+
+    ended = False
+
+    def __init__(self) -> None:
+        self._rounds = itertools.count(1)
+
+    def report(self, _timeout_s: float) -> None:
+        assert next(self._rounds) < 3, "the router is awaited although the user has interrupted the run"
 
 
 class NoUse:
@@ -62,6 +76,36 @@ def test_nobody_is_started_any_more_where_the_user_interrupts_the_loading_server
     launch_of(tmp_path, secrets, server)._spawn_agents()
     assert server.asked
     assert not alone
+
+
+def stopped(folder: Path, secrets: Secrets) -> Launch:
+    """One that the user has interrupted."""
+    launch = launch_of(folder, secrets)
+    launch.stop = lambda: True
+    return launch
+
+
+def test_a_router_that_takes_its_time_is_not_awaited_where_the_user_interrupts(
+    tmp_path: Path, secrets: Secrets, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    router = Child("the router", None, Path("log"), Silent())  # type: ignore[arg-type]
+    monkeypatch.setattr(Launch, "_spawn_router", lambda _self: router)
+    with pytest.raises(KeyboardInterrupt):
+        stopped(tmp_path, secrets)._start_router()
+
+
+def test_a_router_that_cannot_be_reached_is_not_awaited_where_the_user_interrupts(
+    tmp_path: Path, secrets: Secrets, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def join(*_: object, stopped: Callable[[], bool], **__: object) -> None:
+        assert stopped()
+        raise LinkDown("no router answers")
+
+    monkeypatch.setattr("fogwatch.launch.launcher.open_link", join)
+    launch = stopped(tmp_path, secrets)
+    secrets.for_members("tcp/127.0.0.1:1")
+    launch.watch()
+    assert launch.interrupted
 
 
 @pytest.mark.parametrize("alike", [True, False])

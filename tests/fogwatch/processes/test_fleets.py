@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import time
 from collections.abc import Callable
 from itertools import groupby
 from pathlib import Path
@@ -17,7 +16,11 @@ from monitor.recording.mcap_file import inspect_recording
 from monitor.replay.player import Player
 from monitor.replay.replay import play
 from monitor.replay.run import open_run
+from patrol.exchange import Sensed
 from patrol.journal import Status, read_journal
+from patrol.net.messages.phases import PhaseA, encode
+from patrol.net.security.tick_chain import PROOF
+from patrol.pose import Pose
 
 if TYPE_CHECKING:
     from tests.fogwatch.conftest import Run
@@ -90,13 +93,22 @@ def test_so_it_is_under_other_rules(rules: dict[str, Any], start: Callable[..., 
     assert run.summary()["trace_hash"] == in_process({**scenario, "radio": {"trail": 2}}, tmp_path / "one")
 
 
+def unread(pid: int) -> int:
+    """Bytes that have come for a process over TCP and that it has not read."""
+    held = {str(entry.readlink()) for entry in Path(f"/proc/{pid}/fd").iterdir()}
+    rows = [row.split() for row in Path(f"/proc/{pid}/net/tcp").read_text(encoding="ascii").splitlines()[1:]]
+    return sum(int(row[4].partition(":")[2], 16) for row in rows if f"socket:[{row[9]}]" in held)
+
+
 def test_a_paused_agent_changes_nothing(start: Callable[..., Run], tmp_path: Path) -> None:
+    once = len(encode(PhaseA(1, 2**62, 20, 2**62, Sensed(20, Pose(1.0, 2.0, 3.0)), bytes(PROOF))))
     run = start({**OPEN, "duration": 150})
     run.until(lambda: run.ticks() > 20)
     agent = run.children()["r2"]
     os.kill(agent, signal.SIGSTOP)
     before = run.ticks()
-    time.sleep(2.5)  # long enough for the world to repeat itself
+    # Before the answer comes one message, less than thrice as long with all that Zenoh adds; then the same again.
+    run.until(lambda: unread(agent) > 3 * once)
     assert run.ticks() <= before + 2
     os.kill(agent, signal.SIGCONT)
     assert run.end() == 0, run.errors

@@ -26,6 +26,7 @@ from patrol.pose import Pose
 from worldsim.faults.lifecycle import STOPPED, UNSEEN, process_name
 from worldsim.fleet.connection import FleetConnection, RunIdentity
 from worldsim.fleet.lockstep import tell
+from worldsim.fleet.paced import CUT_OFF_S
 from worldsim.fleet.process_control import START_S, ControlFailed, LauncherControl, NotStarted, Request, answer_line
 from worldsim.fleet.sessions import GRACE_S, RECOVERY_S, Interrupted, Sessions
 
@@ -205,6 +206,23 @@ def test_a_token_that_went_during_a_pause_has_time_to_come_back() -> None:
     assert stage.sessions.gone([2]) == []
     stage.time += RECOVERY_S + GRACE_S + 0.1
     assert stage.sessions.gone([2]) == [2]
+
+
+def test_who_said_nothing_during_its_pause_was_not_cut_off_and_has_no_more_time_than_others() -> None:
+    stage = Stage(waits=False)
+    stage.reach(2)
+    stage.deliver(2, ReplyA(*stage.me(2)[:2], 5, RUN, (b"frame",)))
+    assert stage.sessions.take(0.1) is not None
+    stage.control.pause(2)
+    stage.time += 10.0  # the router's lease
+    stage.presence(2, False)
+    stage.sessions.take(0.1)
+    stage.time += 100.0
+    stage.control.resume(2)
+    stage.time += RECOVERY_S - 0.1
+    assert stage.sessions.gone([2], CUT_OFF_S) == []
+    stage.time += 0.2
+    assert stage.sessions.gone([2], CUT_OFF_S) == [2]
 
 
 @pytest.mark.parametrize(

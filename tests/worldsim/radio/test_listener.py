@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -30,7 +31,7 @@ NUMBERS = {"r1": 1, "r2": 2}
 
 
 class Scene:
-    """An listener, what reaches it, and a clock that waiting moves on."""
+    """A listener, what reaches it, and a clock that waiting moves on."""
 
     def __init__(self) -> None:
         self.time = 0.0
@@ -57,6 +58,20 @@ class Waiting(Mailbox[Traffic]):
         arrived = super().get()
         self._scene.time += 0.0 if arrived else timeout_s
         return arrived
+
+
+def flood(monkeypatch: pytest.MonkeyPatch, mailbox: Mailbox[Any], send: Callable[[], None]) -> None:
+    """Have another message arrive whenever one is taken; it is an error to read on and on."""
+    get, taken = mailbox.get, itertools.count(1)
+
+    def get_and_refill(timeout_s: float = 0.0) -> Any:
+        assert next(taken) < 1000, "whoever floods the world keeps it from going on"
+        arrived = get(timeout_s)
+        send()
+        return arrived
+
+    monkeypatch.setattr(mailbox, "get", get_and_refill)
+    send()
 
 
 def position(number: int, k: int) -> bytes:
@@ -104,6 +119,28 @@ def test_the_world_waits_a_moment_for_last_words() -> None:
     assert list(notes["said"]) == ["r1"]
     assert not notes["said"]["r1"]["final"]
     assert scene.time == pytest.approx(LAST_REPORTS_S)
+
+
+def test_a_flood_of_frames_keeps_no_tick_open(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = Scene()
+    scene.send("r1", position(1, 7))
+    flood(monkeypatch, scene.positions, lambda: scene.send("r2", b"junk"))
+    assert scene.listener.frames(7) == {1: [position(1, 7)]}
+    assert scene.listener.missed == {2: 1}
+
+
+def test_a_flood_of_reports_keeps_neither_a_tick_nor_the_run_open(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = Scene()
+
+    def report() -> None:
+        scene.time += 0.01
+        scene.say("r1", final=False)
+
+    flood(monkeypatch, scene.telemetry, report)
+    assert scene.listener.frames(7) == {}
+    began = scene.time
+    assert list(scene.listener.notes()["direct"]["said"]) == ["r1"]
+    assert scene.time - began == pytest.approx(LAST_REPORTS_S, abs=0.1)
 
 
 def direct(**more: object) -> Mapping[str, Any]:

@@ -217,6 +217,14 @@ def test_a_body_off_the_terrain_fails(journal: MemoryJournal, verdict: Callable[
     assert "r2 is over a wall" in failures(verdict(journal))["bodies apart"]
 
 
+def test_of_several_bodies_over_walls_the_first_is_named(
+    journal: MemoryJournal, verdict: Callable[..., Verdict]
+) -> None:
+    for index, y in (1, 1.0), (2, 3.0):
+        change(journal, 7, robots=moved(journal.records[7], index, x=10.6, y=y))
+    assert failures(verdict(journal))["bodies apart"].startswith("r2 is over a wall at tick 7")
+
+
 def test_a_vanished_frame_fails(journal: MemoryJournal, verdict: Callable[..., Verdict]) -> None:
     change(journal, 7, deliveries=journal.records[7].deliveries[1:])
     assert failures(verdict(journal)) == {
@@ -341,6 +349,14 @@ def test_a_robot_that_is_nowhere_fails(
 ) -> None:
     change(journal, 3, robots=moved(journal.records[3], 1, **fields))
     assert "tick 3" in failures(verdict(journal))["robots there"]
+
+
+def test_of_several_robots_that_are_nowhere_the_first_is_named(
+    journal: MemoryJournal, verdict: Callable[..., Verdict]
+) -> None:
+    for index in 1, 2:
+        change(journal, 3, robots=moved(journal.records[3], index, x=math.nan))
+    assert failures(verdict(journal))["robots there"].startswith("r2 is not on the terrain at tick 3")
 
 
 def frame_of(record: TickRecord, index: int, shift: float = 0.0, **fields: Any) -> bytes:

@@ -38,7 +38,8 @@ class RobotsThere(Check):
         for name, row in zip(self._names, record.robots, strict=True):
             if not (self._terrain.contains(row.x, row.y) and math.isfinite(row.heading)):
                 where = f"({row.x}, {row.y}; {row.heading} rad)"
-                self._problem = f"{name} is not on the terrain at tick {record.k}: {where}"
+                self._fail(f"{name} is not on the terrain at tick {record.k}: {where}")
+                return
 
     def _good(self) -> str:
         return f"all {len(self._roster)} robots in every tick"

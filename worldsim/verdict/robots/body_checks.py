@@ -48,12 +48,12 @@ class BodiesApart(Check):
         if i < len(here):
             pair = f"{self._names[here[i].number]} and {self._names[here[j].number]}"
             apart = math.dist(places[i], places[j])
-            self._problem = f"{pair} overlap at tick {record.k}, centres {apart:.3f} m apart"
+            self._fail(f"{pair} overlap at tick {record.k}, centres {apart:.3f} m apart")
         for robot, radius in zip(here, radii, strict=True):
             pose = Pose(robot.x, robot.y, robot.heading)
             if free_fraction(self._terrain, pose, pose, max(radius - SLACK, 0.0)) < 1.0:
                 where = f"({robot.x:.3f}, {robot.y:.3f})"
-                self._problem = f"{self._names[robot.number]} is over a wall at tick {record.k}, at {where}"
+                self._fail(f"{self._names[robot.number]} is over a wall at tick {record.k}, at {where}")
 
     def _good(self) -> str:
         return f"{self._looked} poses clear of each other and of walls"
@@ -90,7 +90,7 @@ class MovesAreTrue(Check):
             problem = self._problem_of(row, spec, pose, command)
             problem = problem or self._problem_of_cancelling(row, pose, command, record.robots)
             if problem:
-                self._problem = f"{spec.name} {problem} at tick {record.k}"
+                self._fail(f"{spec.name} {problem} at tick {record.k}")
                 return
             moves = not row.bumped and not is_halt(command)
             self._due[row.number] = advance(pose, command, self._step) if moves else pose

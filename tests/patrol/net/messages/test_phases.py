@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from patrol.exchange import Reply, Sensed
 from patrol.net.messages.phases import (
     MAX_REPLY,
+    MAX_STATE,
     Failed,
     Hello,
     HelloReply,
@@ -209,6 +210,14 @@ def test_a_hostile_account_of_a_failure_is_malformed(reason: object) -> None:
 def test_a_phase_a_says_one_tick_only() -> None:
     with pytest.raises(ValueError, match="phase A of tick 4 cannot say what was sensed at tick 5"):
         encode(PhaseA(1, 1, 4, 9, Sensed(5, Pose(1.0, 2.0, 3.0)), bytes(PROOF)))
+
+
+def test_a_state_that_is_too_long_is_for_the_receiver_to_refuse() -> None:
+    longest = ReplyB(1, 2, 3, 4, Reply(Velocity(0.0, 0.0), "x" * MAX_STATE, None, 0.0, 0))
+    assert decode_to_world(encode(longest)) == longest
+    longer = encode(replace(longest, reply=replace(longest.reply, state="x" * (MAX_STATE + 1))))
+    with pytest.raises(Malformed, match=f"at most {MAX_STATE} characters"):
+        decode_to_world(longer)
 
 
 def test_the_longest_report_fits_into_a_message() -> None:

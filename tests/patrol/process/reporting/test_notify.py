@@ -91,7 +91,16 @@ def test_a_manager_that_does_not_read_or_is_gone_holds_up_nobody(manager: Manage
     notifier.busy(1.0)
 
 
-def test_without_a_manager_nothing_is_told() -> None:
-    notifier = Notifier({"WATCHDOG_USEC": "4"})
+@pytest.mark.parametrize("environment", [{}, {"NOTIFY_SOCKET": ""}], ids=["unset", "empty"])
+def test_without_a_manager_nothing_is_told(environment: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
+    opened: list[tuple[object, ...]] = []
+
+    def no_socket(*how: object) -> None:
+        opened.append(how)
+        raise OSError("none is to be opened")
+
+    monkeypatch.setattr("patrol.process.reporting.notify.socket.socket", no_socket)
+    notifier = Notifier({"WATCHDOG_USEC": "4", **environment})
     notifier.alive()
     notifier.busy(1.0)
+    assert not opened
