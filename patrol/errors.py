@@ -28,8 +28,8 @@ def did_you_mean(word: str, known: Sequence[str]) -> str:
     """'did you mean X?' for the known word nearest to a misspelt one, or the list of known words if none is near.
 
     Args:
-        word: what the user wrote.
-        known: the words that would have been right.
+        word: What the user wrote.
+        known: The words that would have been right.
 
     Returns:
         The end of an error message.
@@ -42,10 +42,10 @@ def quoted(value: Any) -> str:
     """A value as a scenario file would spell it, cut to a readable length.
 
     Args:
-        value: anything that a file or a message may hold.
+        value: Anything that a file or a message may hold.
 
     Returns:
-        the value as JSON where it has a JSON form, otherwise as Python writes it; at most 60 characters.
+        The value as JSON where it has a JSON form, otherwise as Python writes it; at most 60 characters.
     """
     try:
         text = json.dumps(value, ensure_ascii=False, default=repr)

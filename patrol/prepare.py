@@ -40,11 +40,11 @@ class Prepared:
     Robots of one radius share one StaticFields object, and one RegionSplit where paths lead through regions.
 
     Attributes:
-        scenario: as loaded.
-        terrain: the ground.
-        starts: in roster order.
-        fields: by robot number.
-        regions: by robot number, or None where paths do not lead through regions.
+        scenario: As loaded.
+        terrain: The ground.
+        starts: In roster order.
+        fields: By robot number.
+        regions: By robot number, or None where paths do not lead through regions.
     """
 
     scenario: Scenario
@@ -57,7 +57,7 @@ class Prepared:
         """The split for a robot's body, or None where paths do not lead through regions.
 
         Args:
-            number: of the robot.
+            number: Of the robot.
         """
         return None if self.regions is None else self.regions[number]
 
@@ -71,7 +71,7 @@ class Prepared:
         """Write the arrays as .npy files and the rest as JSON.
 
         Args:
-            folder: where to write; it is made when missing.
+            folder: Where to write; it is made when missing.
         """
         folder.mkdir(parents=True, exist_ok=True)
         for name in GROUND:
@@ -99,11 +99,11 @@ class Prepared:
         """Load what `save` wrote for a scenario.
 
         Args:
-            scenario: the one that was prepared.
-            folder: the folder that `save` wrote into.
+            scenario: The one that was prepared.
+            folder: The folder that `save` wrote into.
 
         Returns:
-            the prepared scenario, memory-mapped and read-only.
+            The prepared scenario, memory-mapped and read-only.
         """
         facts = json.loads((folder / FACTS).read_text(encoding="utf-8"))
         x, y = facts["origin"]
@@ -123,11 +123,11 @@ def prepare(scenario: Scenario, terrain: Terrain | None = None) -> Prepared:
     """Load the terrain, place the robots and compute each body's fields.
 
     Args:
-        scenario: as loaded.
-        terrain: the ground, if the caller has it.
+        scenario: As loaded.
+        terrain: The ground, if the caller has it.
 
     Raises:
-        BadInput: for an unusable map, for intruders and critical areas that are not on passable ground, for starts that
+        BadInput: For an unusable map, for intruders and critical areas that are not on passable ground, for starts that
             do not fit, for bodies too wide for the terrain and for regions that do not make a split.
     """
     from patrol.ground.maps import load_terrain  # here: whoever loads what others have prepared needs neither
@@ -155,8 +155,8 @@ def sensor_footprint(scenario: Scenario, terrain: Terrain) -> Footprint:
     """The footprint of a scenario's sensor.
 
     Args:
-        scenario: its `sensor` section is used.
-        terrain: the ground.
+        scenario: Its `sensor` section is used.
+        terrain: The ground.
     """
     sensor = scenario.sensor
     remembered = max(REMEMBERED, 2 * len(scenario.roster))
@@ -174,11 +174,11 @@ def inbox_of(
     """The inbox of one of a scenario's robots.
 
     Args:
-        scenario: the fleet's.
-        own: the robot's number.
-        bounds: the terrain's (x_min, y_min, x_max, y_max), m.
-        key: of the tags, or None when the fleet uses none.
-        knows_ticks: whether the robot's clock shows the time since the fleet's first tick.
+        scenario: The fleet's.
+        own: The robot's number.
+        bounds: The terrain's (x_min, y_min, x_max, y_max), m.
+        key: Of the tags, or None when the fleet uses none.
+        knows_ticks: Whether the robot's clock shows the time since the fleet's first tick.
     """
     fastest = max(spec.speed for spec in scenario.roster)
     numbers = [spec.number for spec in scenario.roster]

@@ -45,10 +45,10 @@ def mix(*values: SupportsIndex) -> int:
     """A well mixed 64-bit integer.
 
     Args:
-        values: one or more integers, any sign and size, taken modulo 2^64.
+        values: One or more integers, any sign and size, taken modulo 2^64.
 
     Raises:
-        TypeError: without any value.
+        TypeError: Without any value.
     """
     if not values:
         raise TypeError("mix needs at least one value")
@@ -62,7 +62,7 @@ def draw(*values: SupportsIndex) -> float:
     """A float in [0, 1), uniform over the multiples of 2^-53.
 
     Args:
-        values: one or more integers; by convention the first is the scenario's seed and the second a `Purpose`.
+        values: One or more integers; by convention the first is the scenario's seed and the second a `Purpose`.
     """
     return (mix(*values) >> 11) * 2.0**-53
 
@@ -71,7 +71,7 @@ def gauss(*values: SupportsIndex) -> float:
     """A draw from the standard normal distribution (Box and Muller).
 
     Args:
-        values: as in `draw`.
+        values: As in `draw`.
     """
     radius = math.sqrt(-2.0 * math.log(1.0 - draw(*values, 0)))
     return radius * math.cos(2.0 * math.pi * draw(*values, 1))
@@ -84,7 +84,7 @@ class Draws:
         """Begin at the first draw.
 
         Args:
-            what: the arguments of `draw` but for the last, which counts the draws.
+            what: The arguments of `draw` but for the last, which counts the draws.
         """
         self._what = what
         self._count = 0
@@ -98,8 +98,8 @@ class Draws:
         """A float, to three significant digits.
 
         Args:
-            least: lower bound.
-            most: upper bound.
+            least: Lower bound.
+            most: Upper bound.
         """
         return float(f"{least + (most - least) * self.share():.3g}")
 
@@ -107,8 +107,8 @@ class Draws:
         """An integer.
 
         Args:
-            least: lower bound, included.
-            most: upper bound, included.
+            least: Lower bound, included.
+            most: Upper bound, included.
         """
         return least + int((most - least + 1) * self.share())
 
@@ -116,7 +116,7 @@ class Draws:
         """One of several values.
 
         Args:
-            what: the values.
+            what: The values.
         """
         return what[self.whole(0, len(what) - 1)]
 
@@ -124,7 +124,7 @@ class Draws:
         """All values, in a drawn order.
 
         Args:
-            what: the values.
+            what: The values.
         """
         return [what[place] for _, place in sorted((self.share(), place) for place in range(len(what)))]
 
@@ -132,8 +132,8 @@ class Draws:
         """Some of the names, sorted.
 
         Args:
-            names: to choose from.
-            most: how many at most; at least one is chosen.
+            names: To choose from.
+            most: How many at most; at least one is chosen.
         """
         return sorted(self.shuffled(names)[: self.whole(1, most)])
 

@@ -51,15 +51,15 @@ def place_starts(terrain: Terrain, roster: Sequence[RobotSpec], seed: int) -> li
     robot for which there is no room left gets a drawn place all the same, because it waits until nobody stands there.
 
     Args:
-        terrain: the ground.
-        roster: all robots.
-        seed: the scenario's.
+        terrain: The ground.
+        roster: All robots.
+        seed: The scenario's.
 
     Returns:
-        one pose for each robot.
+        One pose for each robot.
 
     Raises:
-        BadInput: for an explicit start that does not fit, and where no place is left.
+        BadInput: For an explicit start that does not fit, and where no place is left.
     """
     placed: dict[int, tuple[Pose, float]] = {}
     for spec in roster:
@@ -87,15 +87,15 @@ def starting_part(terrain: Terrain, radius: float, first: Pose | None = None) ->
     """The part of a body's C-space that random starts are drawn from.
 
     Args:
-        terrain: the ground.
-        radius: of the body, m.
+        terrain: The ground.
+        radius: Of the body, m.
         first: a place whose part it is to be, where the body has one there.
 
     Returns:
         bool (height, width).
 
     Raises:
-        BadInput: where the body fits nowhere.
+        BadInput: Where the body fits nowhere.
     """
     cspace = cspace_of(terrain, radius)
     if not cspace.any():
@@ -111,13 +111,13 @@ def preferred_part(terrain: Terrain, labels: NDArray[np.int32], count: int, radi
     """The part where robots start unless the scenario says otherwise.
 
     Args:
-        terrain: the ground.
+        terrain: The ground.
         labels: int32 (h, w), parts numbered from 1.
-        count: the number of parts.
-        radius: of the body, m.
+        count: The number of parts.
+        radius: Of the body, m.
 
     Returns:
-        the part's number.
+        The part's number.
     """
     sizes = np.bincount(labels.ravel(), minlength=count + 1)
     sizes[0] = 0
@@ -153,7 +153,7 @@ def clearance_at(terrain: Terrain, x: float, y: float, limit: float) -> float:
     """Distance in m from a place to the nearest blocked square or the terrain's edge.
 
     Args:
-        terrain: the ground.
+        terrain: The ground.
         x: m.
         y: m.
         limit: m; a larger distance reads as that.

@@ -25,8 +25,8 @@ class Kind:
     """A kind of file.
 
     Attributes:
-        what: what errors call such a file.
-        most: bytes of the largest one.
+        what: What errors call such a file.
+        most: Bytes of the largest one.
     """
 
     what: str
@@ -63,14 +63,14 @@ def open_untrusted(path: Path, kind: Kind) -> BinaryIO:
     Journals and recordings, which are read piece by piece, have limits of their own for each piece.
 
     Args:
-        path: the file.
-        kind: what it should be.
+        path: The file.
+        kind: What it should be.
 
     Returns:
-        the file, at its beginning.
+        The file, at its beginning.
 
     Raises:
-        OSError: when the system does not open it; Refused when it is no regular file or too large. `strerror` says why
+        OSError: When the system does not open it; Refused when it is no regular file or too large. `strerror` says why
             in a few words.
     """
     try:
@@ -91,12 +91,12 @@ def check_regular(descriptor: int, path: Path, kind: Kind) -> None:
     """Check that an open file is a regular one within the limit of its kind.
 
     Args:
-        descriptor: the open file.
-        path: its path, for errors.
-        kind: what it should be.
+        descriptor: The open file.
+        path: Its path, for errors.
+        kind: What it should be.
 
     Raises:
-        OSError: it is a folder; Refused when it is something else, or too large.
+        OSError: It is a folder; Refused when it is something else, or too large.
     """
     facts = os.fstat(descriptor)
     if stat.S_ISDIR(facts.st_mode):
@@ -112,11 +112,11 @@ def read_untrusted(path: Path, kind: Kind) -> bytes:
     """The bytes of a file.
 
     Args:
-        path: the file.
-        kind: what it should be.
+        path: The file.
+        kind: What it should be.
 
     Raises:
-        OSError: as from `open_untrusted`.
+        OSError: As from `open_untrusted`.
     """
     with open_untrusted(path, kind) as file:
         content = file.read(kind.most + 1)  # some regular files, as in /proc, do not say how large they are
@@ -134,7 +134,7 @@ def leads_out(folder: Path, path: Path) -> bool:
     """Whether a path leads out of a folder, by its names or by a link.
 
     Args:
-        folder: the folder.
-        path: the file, which need not exist.
+        folder: The folder.
+        path: The file, which need not exist.
     """
     return not Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder))

@@ -112,7 +112,7 @@ def add_core_rules(reader_or_writer: type[yaml.SafeLoader | yaml.SafeDumper]) ->
     """Give a PyYAML loader or dumper the core rules of YAML 1.2 for plain values, beside those that it has.
 
     Args:
-        reader_or_writer: the class to change.
+        reader_or_writer: The class to change.
     """
     for tag, rule, first in _RULES:
         reader_or_writer.add_implicit_resolver(f"{_TAG}{tag}", rule, first)
@@ -135,11 +135,11 @@ def read_text(path: Path, kind: Kind = SCENARIO) -> str:
     """The text of a file in UTF-8, or else in Latin-1, as old maps' comments are.
 
     Args:
-        path: the file.
-        kind: what it should be, which limits its size.
+        path: The file.
+        kind: What it should be, which limits its size.
 
     Raises:
-        BadInput: when the file cannot be read or holds no text.
+        BadInput: When the file cannot be read or holds no text.
     """
     try:
         return _decode(read_untrusted(path, kind))
@@ -166,14 +166,14 @@ def parse_yaml(text: str, source: str) -> Any:
     """The one document in a YAML text.
 
     Args:
-        text: the YAML.
-        source: what errors call it.
+        text: The YAML.
+        source: What errors call it.
 
     Returns:
-        plain lists, mappings, texts and numbers.
+        Plain lists, mappings, texts and numbers.
 
     Raises:
-        BadInput: with the line, when the text is not well formed.
+        BadInput: With the line, when the text is not well formed.
     """
     try:
         return yaml.load(text, Loader=_Loader)  # a SafeLoader: builds plain values only
@@ -196,10 +196,10 @@ def line_of(text: str, location: Sequence[int | str]) -> int | None:
 
     Args:
         text: YAML that can be parsed.
-        location: the path of keys and indices to the entry.
+        location: The path of keys and indices to the entry.
 
     Returns:
-        the line, from 1; of an entry that is missing, the line of the innermost entry around it; None when not even the
+        The line, from 1; of an entry that is missing, the line of the innermost entry around it; None when not even the
         first key is there.
     """
     node = yaml.compose(text, Loader=_Loader)

@@ -34,8 +34,8 @@ def record_of(packed: bytes, longest: int = MAX_HEADER) -> Record | None:
     """The record that is packed in a feed's bytes; None for anything else.
 
     Args:
-        packed: any bytes.
-        longest: bytes of the longest record that is looked at.
+        packed: Any bytes.
+        longest: Bytes of the longest record that is looked at.
     """
     if len(packed) > longest:
         return None

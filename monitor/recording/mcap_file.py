@@ -131,7 +131,7 @@ def _unpacked(record: Any) -> Iterator[Any]:
     """A record, or those in a chunk, one at a time; nothing is decompressed that is larger than a record may be.
 
     Raises:
-        ValueError: for a chunk that is larger, and for a compression that fogwatch does not use.
+        ValueError: For a chunk that is larger, and for a compression that fogwatch does not use.
     """
     import zstandard
     from mcap.opcode import Opcode

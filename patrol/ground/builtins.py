@@ -34,13 +34,13 @@ def builtin_terrain(name: str, point: float) -> Terrain:
 
     Args:
         name: a key of `LAYOUTS`.
-        point: side of one point, m.
+        point: Side of one point, m.
 
     Returns:
-        the terrain, with its lower left corner at (0, 0).
+        The terrain, with its lower left corner at (0, 0).
 
     Raises:
-        BadInput: for an unknown name, and for points so large or small that no terrain is left.
+        BadInput: For an unknown name, and for points so large or small that no terrain is left.
     """
     if name not in LAYOUTS:
         raise BadInput(f"terrain.builtin = {name}: no such terrain; known are {', '.join(LAYOUTS)}")

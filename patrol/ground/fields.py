@@ -51,7 +51,7 @@ class StaticFields:
         """Write the four arrays as .npy files.
 
         Args:
-            folder: where to write; it is made when missing.
+            folder: Where to write; it is made when missing.
         """
         folder.mkdir(parents=True, exist_ok=True)
         for name in GRIDS:
@@ -62,10 +62,10 @@ class StaticFields:
         """Load what `save` wrote.
 
         Args:
-            folder: the folder that `save` wrote into.
+            folder: The folder that `save` wrote into.
 
         Returns:
-            the fields, memory-mapped and read-only.
+            The fields, memory-mapped and read-only.
         """
         cspace, reach, patrolled, proxy = (load_grid(folder / f"{name}.npy") for name in GRIDS)
         return StaticFields(cspace, reach, patrolled, proxy)
@@ -75,7 +75,7 @@ def load_grid(path: Path) -> NDArray[Any]:
     """An array of a .npy file, memory-mapped and read-only.
 
     Args:
-        path: the file.
+        path: The file.
     """
     return np.asarray(np.load(path, mmap_mode="r"))
 
@@ -86,8 +86,8 @@ def planning_radius(radius: float, point: float) -> float:
     Half a point more than the body, so that a straight drive between neighbouring C-space points touches no wall.
 
     Args:
-        radius: of the body, m.
-        point: side of one point, m.
+        radius: Of the body, m.
+        point: Side of one point, m.
     """
     return radius + 0.5 * point
 
@@ -96,8 +96,8 @@ def needed_level(radius: float, point: float) -> int:
     """Least squared clearance, in half points, at which a body has its planning radius.
 
     Args:
-        radius: of the body, m.
-        point: side of one point, m.
+        radius: Of the body, m.
+        point: Side of one point, m.
     """
     halves = min(2.0 * (planning_radius(radius, point) - TOLERANCE) / point, 46_000.0)  # its square fits int32
     return max(math.ceil(halves * halves), 1)
@@ -108,7 +108,7 @@ def clearance_levels(free: BoolGrid, cap: int) -> IntGrid:
 
     Args:
         free: bool (h, w).
-        cap: whole points beyond which distances are not told apart; the cost grows with it.
+        cap: Whole points beyond which distances are not told apart; the cost grows with it.
 
     Returns:
         int32 (h, w), 0 on blocked points and at most (2 cap - 1)^2.
@@ -128,8 +128,8 @@ def cspace_of(terrain: Terrain, radius: float) -> BoolGrid:
     Distances are exact, from a point's centre to the nearest blocked or keep-out square and to the terrain's edge.
 
     Args:
-        terrain: the ground.
-        radius: of the body, m.
+        terrain: The ground.
+        radius: Of the body, m.
 
     Returns:
         bool (height, width), read-only.
@@ -162,10 +162,10 @@ def anchor(terrain: Terrain, cspace: BoolGrid, x: float, y: float) -> tuple[int,
     leads to, so that no start joins a room behind a wall.
 
     Args:
-        terrain: the ground.
+        terrain: The ground.
         cspace: bool (h, w), from `cspace_of`.
-        x: of the body's centre, m.
-        y: of the body's centre, m.
+        x: Of the body's centre, m.
+        y: Of the body's centre, m.
 
     Returns:
         (row, col), or None when there is no such point.
@@ -204,17 +204,17 @@ def compute_fields(
     Patrolled is what the whole disc around some place in reach sees, whatever the sensor's angle: a robot may turn.
 
     Args:
-        terrain: the ground.
-        radius: of the body, m.
+        terrain: The ground.
+        radius: Of the body, m.
         sensor_range: m.
-        line_of_sight: whether obstacles block the view.
-        starts: the poses at which robots of this radius begin.
+        line_of_sight: Whether obstacles block the view.
+        starts: The poses at which robots of this radius begin.
 
     Returns:
-        the fields of this radius.
+        The fields of this radius.
 
     Raises:
-        BadInput: where a start lies in no part of the C-space.
+        BadInput: Where a start lies in no part of the C-space.
     """
     cspace = cspace_of(terrain, radius)
     labels, _ = parts_of(cspace)

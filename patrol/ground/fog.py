@@ -52,7 +52,7 @@ class Fog:
             last_seen: int32 (h, w), of the other fog.
 
         Returns:
-            an independent fog.
+            An independent fog.
         """
         fog = cls(patrolled)
         fog.last_seen = np.array(last_seen, dtype=np.int32, order="C")
@@ -73,11 +73,11 @@ class Fog:
         """Take in one robot's footprint.
 
         Args:
-            view: the footprint.
-            tick: at which it was observed.
+            view: The footprint.
+            tick: At which it was observed.
 
         Returns:
-            the box of the points that changed, or None when none did.
+            The box of the points that changed, or None when none did.
         """
         if tick + 2 > self._histogram.size:
             grown = np.zeros(2 * (tick + 2), dtype=np.int64)
@@ -92,7 +92,7 @@ class Fog:
         """The age of the stalest patrolled point (MFoW), in ticks.
 
         Args:
-            tick: now.
+            tick: Now.
         """
         while self._histogram.item(self._oldest) == 0:
             self._oldest += 1
@@ -102,7 +102,7 @@ class Fog:
         """One of the points that nobody has seen for longest: the same as before while it is one of them.
 
         Returns:
-            its row and column.
+            Its row and column.
         """
         self.mfow(0)
         oldest = self._oldest - 1
@@ -118,7 +118,7 @@ class Fog:
         """The patrolled points' mean age, in ticks.
 
         Args:
-            tick: now.
+            tick: Now.
         """
         return tick - self._sum / self.points
 
@@ -126,7 +126,7 @@ class Fog:
         """The age of every point, in ticks.
 
         Args:
-            tick: now.
+            tick: Now.
 
         Returns:
             int32 (h, w); points outside the patrolled area read as never seen.

@@ -27,8 +27,8 @@ class View:
     """The points seen from one pose.
 
     Attributes:
-        row0: the terrain's row under the window's row 0; may lie outside the terrain.
-        col0: the terrain's column under the window's column 0; may lie outside the terrain.
+        row0: The terrain's row under the window's row 0; may lie outside the terrain.
+        col0: The terrain's column under the window's column 0; may lie outside the terrain.
         mask: uint8 (m, m), 1 where the point is seen; read-only.
         quality: float64 (m, m), share of the age that an observation removes, or None where it makes a point fresh;
             read-only.
@@ -56,8 +56,8 @@ class View:
         """Whether the terrain's point (row, col) is seen.
 
         Args:
-            row: of the terrain.
-            col: of the terrain.
+            row: Of the terrain.
+            col: Of the terrain.
         """
         up, across = row - self.row0, col - self.col0
         rows, cols = self.mask.shape
@@ -72,12 +72,12 @@ class Footprint:
     its sensor sees through obstacles, so that is an option.
 
     Args:
-        terrain: the ground.
-        range_m: radius of the disc, m.
-        angle_deg: of the sector, degrees; 360 for the disc.
+        terrain: The ground.
+        range_m: Radius of the disc, m.
+        angle_deg: Of the sector, degrees; 360 for the disc.
         line_of_sight: False for a sensor that sees through obstacles.
-        quality: see `Quality`.
-        remembered: how many footprints to keep.
+        quality: See `Quality`.
+        remembered: How many footprints to keep.
     """
 
     def __init__(
@@ -109,11 +109,11 @@ class Footprint:
         """The points seen from a pose.
 
         Args:
-            pose: as receivers of its frame compute with it (`patrol.radio.message.as_received`), so that all who hear
+            pose: As receivers of its frame compute with it (`patrol.radio.message.as_received`), so that all who hear
                 it agree on the points.
 
         Returns:
-            the footprint, shared and read-only.
+            The footprint, shared and read-only.
         """
         row, col = self.terrain.point_at(pose.x, pose.y)
         return self._remembered(row, col, 0.0 if self._whole else pose.heading)

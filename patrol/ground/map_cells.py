@@ -43,13 +43,13 @@ def free_cells(says: MapFile) -> BoolGrid:
     In mode raw the pixel itself, 0 to 100, is the occupancy in percent, and more is unknown.
 
     Args:
-        says: the map's YAML file.
+        says: The map's YAML file.
 
     Returns:
         bool (rows, columns), the lowest y first.
 
     Raises:
-        BadInput: when the image cannot be read.
+        BadInput: When the image cannot be read.
     """
     pixels = _pixels(says)
     free = np.empty(pixels.levels.shape[:2], dtype=np.bool_)
@@ -63,10 +63,10 @@ def image_size(says: MapFile) -> tuple[int, int]:
     """The (rows, columns) of a map's image, from its first bytes.
 
     Args:
-        says: the map's YAML file.
+        says: The map's YAML file.
 
     Raises:
-        BadInput: when the image cannot be read, or has more than MAX_CELLS pixels.
+        BadInput: When the image cannot be read, or has more than MAX_CELLS pixels.
     """
     with _image(says) as image:
         return image.height, image.width
@@ -106,10 +106,10 @@ def cell_shares(says: MapFile) -> CellShares:
     """The shares of free and occupied cells.
 
     Args:
-        says: the map's YAML file.
+        says: The map's YAML file.
 
     Raises:
-        BadInput: when the image cannot be read.
+        BadInput: When the image cannot be read.
     """
     pixels = _pixels(says)
     free = occupied = 0
@@ -127,13 +127,13 @@ def suspicious(says: MapFile) -> str:
     They seem wrong where nearly nothing is free, and where another value of one of them would free several times more.
 
     Args:
-        says: the map's YAML file.
+        says: The map's YAML file.
 
     Returns:
-        the end of an error, empty where nothing seems wrong.
+        The end of an error, empty where nothing seems wrong.
 
     Raises:
-        BadInput: when the image cannot be read.
+        BadInput: When the image cannot be read.
     """
     shares = cell_shares(says)
     others = {
@@ -167,8 +167,8 @@ class _Pixels:
 
     Attributes:
         levels: uint8 or uint16 (rows, columns, channels).
-        has_alpha: whether the last channel is opacity.
-        scale: what a level is multiplied by, so that the greatest is QUANTA.
+        has_alpha: Whether the last channel is opacity.
+        scale: What a level is multiplied by, so that the greatest is QUANTA.
     """
 
     levels: NDArray[np.uint8] | NDArray[np.uint16]

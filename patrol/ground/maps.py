@@ -36,14 +36,14 @@ class MapFile:
     """What a map's YAML file says.
 
     Attributes:
-        path: the YAML file.
-        image: the image that it names.
+        path: The YAML file.
+        image: The image that it names.
         resolution: m per cell.
         origin: (x, y) in m of the lower left corner.
-        negate: whether dark pixels are free.
-        occupied_thresh: occupancy from which a cell is occupied, 0 to 1.
-        free_thresh: occupancy below which a cell is free, 0 to 1.
-        mode: how pixels are read; see `patrol.ground.map_cells.free_cells`.
+        negate: Whether dark pixels are free.
+        occupied_thresh: Occupancy from which a cell is occupied, 0 to 1.
+        free_thresh: Occupancy below which a cell is free, 0 to 1.
+        mode: How pixels are read; see `patrol.ground.map_cells.free_cells`.
     """
 
     path: Path
@@ -79,13 +79,13 @@ def load_terrain(spec: TerrainSource, point: float, base: Path, within: Path | N
     """The terrain that a scenario asks for.
 
     Args:
-        spec: the scenario's `terrain` section.
-        point: side of one point, m.
-        base: the folder that the map's path is relative to.
-        within: the folder that the map's files must lie in; None for anywhere.
+        spec: The scenario's `terrain` section.
+        point: Side of one point, m.
+        base: The folder that the map's path is relative to.
+        within: The folder that the map's files must lie in; None for anywhere.
 
     Raises:
-        BadInput: when there is no such map, it cannot be used, or no free space is left.
+        BadInput: When there is no such map, it cannot be used, or no free space is left.
     """
     if spec.builtin is not None:
         terrain = builtin_terrain(spec.builtin, point)
@@ -108,12 +108,12 @@ def read_terrain(path: Path, point: float, within: Path | None = None) -> Terrai
     The grid begins at the map's origin; what is left of the map beyond the last whole point is dropped.
 
     Args:
-        path: the map's YAML file.
-        point: side of one point, m.
-        within: the folder that both files must lie in; None for anywhere.
+        path: The map's YAML file.
+        point: Side of one point, m.
+        within: The folder that both files must lie in; None for anywhere.
 
     Raises:
-        BadInput: for anything wrong with the two files, and when no free space is left.
+        BadInput: For anything wrong with the two files, and when no free space is left.
     """
     says = read_map_file(path, within)
     rows, columns = image_size(says)
@@ -143,13 +143,13 @@ def suspicious_reading(terrain: Terrain) -> str:
     """What the settings of a terrain's map make of its cells, where they seem wrong.
 
     Args:
-        terrain: as read.
+        terrain: As read.
 
     Returns:
-        the end of an error; empty where nothing seems wrong, and for a terrain that is read from no map.
+        The end of an error; empty where nothing seems wrong, and for a terrain that is read from no map.
 
     Raises:
-        BadInput: when the map cannot be read again.
+        BadInput: When the map cannot be read again.
     """
     return "" if terrain.source is None else suspicious(read_map_file(terrain.source))
 
@@ -158,11 +158,11 @@ def read_map_file(path: Path, within: Path | None = None) -> MapFile:
     """Read a map's YAML file.
 
     Args:
-        path: the YAML file.
-        within: the folder that it and its image must lie in; None for anywhere.
+        path: The YAML file.
+        within: The folder that it and its image must lie in; None for anywhere.
 
     Raises:
-        BadInput: one line that names the key, its value and what is wrong with it.
+        BadInput: One line that names the key, its value and what is wrong with it.
     """
     if within is not None and leads_out(within, path):
         raise BadInput(f"{path}: this map lies outside of {within} and is not read; copy its files into that folder")
@@ -203,8 +203,8 @@ def resample(cells: BoolGrid, resolution: float, point: float) -> BoolGrid:
 
     Args:
         cells: bool (rows, columns), free cells.
-        resolution: side of one cell, m.
-        point: side of one point, m; it may be smaller or larger than a cell.
+        resolution: Side of one cell, m.
+        point: Side of one point, m; it may be smaller or larger than a cell.
 
     Returns:
         bool (height, width), from the same corner as the cells.

@@ -21,9 +21,9 @@ def cover(polygon: Polygon, shape: tuple[int, int], point: float, origin: tuple[
     """The points that share some area with a polygon, whose inside is by the even-odd rule.
 
     Args:
-        polygon: corners in m.
+        polygon: Corners in m.
         shape: (height, width) of the grid, points.
-        point: side of one point, m.
+        point: Side of one point, m.
         origin: (x, y) in m of the outer corner of point (0, 0).
 
     Returns:

@@ -27,10 +27,10 @@ def whole_points(length: float, point: float) -> int:
 
     Args:
         length: m.
-        point: side of one point, m.
+        point: Side of one point, m.
 
     Returns:
-        at most MAX_POINTS + 1.
+        At most MAX_POINTS + 1.
     """
     return math.floor(min(length / point + 1e-6, MAX_POINTS + 1.0))
 
@@ -51,13 +51,13 @@ class Terrain:
     """The ground of one scenario.
 
     Attributes:
-        name: what errors and reports call it.
+        name: What errors and reports call it.
         passable: bool (height, width), read-only; False is an obstacle, which stops bodies and sight alike.
-        point: side of one point, m.
+        point: Side of one point, m.
         origin: x and y in m of the outer corner of point (0, 0).
         keep_out: bool (height, width), read-only; True where bodies may not go although a sensor sees across. All False
             when omitted.
-        source: the YAML file of the map that it was read from, for errors; None for any other terrain.
+        source: The YAML file of the map that it was read from, for errors; None for any other terrain.
     """
 
     name: str
@@ -134,7 +134,7 @@ class Terrain:
             blocked: uint8 (height, width), the same.
 
         Returns:
-            this terrain.
+            This terrain.
         """
         vars(self).update(free=frozen_grid(free), blocked=frozen_grid(blocked.view(np.bool_)).view(np.uint8))
         return self
@@ -154,8 +154,8 @@ class Terrain:
         """(x, y) in m of the centre of a point.
 
         Args:
-            row: from the lowest y.
-            col: from the lowest x.
+            row: From the lowest y.
+            col: From the lowest x.
         """
         ox, oy = self.origin
         return ox + (col + 0.5) * self.point, oy + (row + 0.5) * self.point
@@ -164,8 +164,8 @@ class Terrain:
         """Whether (row, col) is a point of this grid.
 
         Args:
-            row: from the lowest y.
-            col: from the lowest x.
+            row: From the lowest y.
+            col: From the lowest x.
         """
         height, width = self.shape
         return 0 <= row < height and 0 <= col < width

@@ -62,7 +62,7 @@ def longest_record(robots: int) -> int:
     """Bytes of the longest record of a fleet: 30 times what a tick of it takes in which everybody hears everybody.
 
     Args:
-        robots: how many there are.
+        robots: How many there are.
     """
     return min(_LEAST_RECORD + 1024 * robots + 8 * robots * robots, MAX_RECORD)
 
@@ -71,7 +71,7 @@ def is_tick(payload: bytes) -> bool:
     """Whether a record, as this program writes it, is a tick.
 
     Args:
-        payload: of any record.
+        payload: Of any record.
     """
     return payload[1:11] == _TICK
 
@@ -80,11 +80,11 @@ def decode(payload: bytes, robots: int) -> Record:
     """The record in a payload.
 
     Args:
-        payload: any bytes.
-        robots: how many the fleet has.
+        payload: Any bytes.
+        robots: How many the fleet has.
 
     Raises:
-        Malformed: for anything but a record.
+        Malformed: For anything but a record.
     """
     try:
         if is_tick(payload):
@@ -175,11 +175,11 @@ def _check_links(groups: Iterable[Any], most: int) -> int:
     """Check links as the writer drew them together: (source, sequence, cause, destinations).
 
     Args:
-        groups: of one tick.
-        most: how many links the tick may still have.
+        groups: Of one tick.
+        most: How many links the tick may still have.
 
     Returns:
-        how many it may still have then.
+        How many it may still have then.
     """
     for source, sequence, cause, destinations in groups:
         if not (

@@ -43,11 +43,11 @@ class JournalWriter:
     """Writes a new journal.
 
     Args:
-        path: the new file.
-        header: the first record.
+        path: The new file.
+        header: The first record.
 
     Raises:
-        OSError: when the file cannot be written; FileExistsError when it exists.
+        OSError: When the file cannot be written; FileExistsError when it exists.
     """
 
     def __init__(self, path: Path, header: Header) -> None:
@@ -60,10 +60,10 @@ class JournalWriter:
         """Append one record; when this returns the operating system has it.
 
         Args:
-            record: any record but the header.
+            record: Any record but the header.
 
         Raises:
-            OSError: when the file cannot be written.
+            OSError: When the file cannot be written.
         """
         self.append(pack(record))
 
@@ -71,11 +71,11 @@ class JournalWriter:
         """Append one record that is packed already; when this returns the operating system has it.
 
         Args:
-            payload: from `pack`.
+            payload: From `pack`.
 
         Raises:
-            OSError: when the file cannot be written.
-            ValueError: for a record longer than a reader takes (`patrol.journal.decode.longest_record`).
+            OSError: When the file cannot be written.
+            ValueError: For a record longer than a reader takes (`patrol.journal.decode.longest_record`).
         """
         if len(payload) > self._longest:
             raise ValueError(f"a record of {len(payload)} bytes is longer than {self._longest}")
@@ -111,11 +111,11 @@ class Journal:
     """A journal on disk. Ticks are streamed from the file on each pass; the rest is read once, when first needed.
 
     Attributes:
-        path: the file.
-        header: its first record.
+        path: The file.
+        header: Its first record.
 
     Raises:
-        BadInput: on opening and on reading, when an undamaged record is not what a journal holds.
+        BadInput: On opening and on reading, when an undamaged record is not what a journal holds.
     """
 
     def __init__(self, path: Path) -> None:
@@ -165,10 +165,10 @@ def read_journal(path: Path) -> Journal:
     """Open a journal, which may be cut off anywhere or still be growing.
 
     Args:
-        path: the file.
+        path: The file.
 
     Raises:
-        BadInput: for any other file.
+        BadInput: For any other file.
     """
     return Journal(path)
 
@@ -225,7 +225,7 @@ def pack(record: Record) -> bytes:
     """A record as a journal holds it.
 
     Args:
-        record: any record.
+        record: Any record.
     """
     packed: bytes = msgpack.packb(_plain(record))
     return packed
@@ -235,10 +235,10 @@ def unpack(payload: bytes) -> Record:
     """The record that was packed.
 
     Args:
-        payload: from `pack`.
+        payload: From `pack`.
 
     Raises:
-        ValueError: for anything else.
+        ValueError: For anything else.
     """
     try:
         return decode(payload, _MOST_ROBOTS)

@@ -218,8 +218,8 @@ def to_others(sources: tuple[int, ...], receivers: tuple[int, ...]) -> ToOthers:
     """The links of some frames, worked out once for as long as the same robots send and hear.
 
     Args:
-        sources: of the frames, in their order.
-        receivers: all that a frame can reach, ascending.
+        sources: Of the frames, in their order.
+        receivers: All that a frame can reach, ascending.
     """
     of, to = np.array(sources, dtype=np.int64), np.array(receivers, dtype=np.int64)
     others = of[:, None] != to[None, :]

@@ -28,7 +28,7 @@ def frame_sequence(k: int, place: int) -> int:
     there are.
 
     Args:
-        k: the tick in which the frame was sent.
+        k: The tick in which the frame was sent.
         place: 0 for the position, 1 and up for the contacts.
     """
     return k + (MAX_TICKS + 1) * place
@@ -38,7 +38,7 @@ def sent_at(sequence: int) -> int:
     """The tick in which a frame was sent.
 
     Args:
-        sequence: from `frame_sequence`.
+        sequence: From `frame_sequence`.
     """
     return sequence % (MAX_TICKS + 1)
 
@@ -58,10 +58,10 @@ def standing_after(kind: str) -> Status | None:
     """The status in which an event leaves its robot.
 
     Args:
-        kind: of the event.
+        kind: Of the event.
 
     Returns:
-        the status, or None for an event that changes none.
+        The status, or None for an event that changes none.
     """
     return Status.__members__.get(kind.upper())
 
@@ -71,21 +71,21 @@ class RobotTick:
     """One robot in one tick.
 
     Attributes:
-        number: of the robot.
-        status: in this tick.
+        number: Of the robot.
+        status: In this tick.
         x: m, of the true pose when the tick began.
         y: m, of the same.
         heading: rad, of the same.
-        c0: of the command that it obeyed: a car's or differential drive's speed (m/s), a holonomic robot's velocity
+        c0: Of the command that it obeyed: a car's or differential drive's speed (m/s), a holonomic robot's velocity
             along x (m/s).
-        c1: of the command that it obeyed: a car's curvature (1/m), a differential drive's turn rate (rad/s), a
+        c1: Of the command that it obeyed: a car's curvature (1/m), a differential drive's turn rate (rad/s), a
             holonomic robot's velocity along y (m/s).
-        bumped: whether that move was cancelled.
-        state: what its mind reported that it is doing, empty without a report.
+        bumped: Whether that move was cancelled.
+        state: What its mind reported that it is doing, empty without a report.
         goal: m, or None without a report.
-        decision_ms: wall time of the decision, or None without a report.
-        rejected: frames that it has rejected so far, or None without a report.
-        refused: whether the world refused its command as not finite, and stopped it.
+        decision_ms: Wall time of the decision, or None without a report.
+        rejected: Frames that it has rejected so far, or None without a report.
+        refused: Whether the world refused its command as not finite, and stopped it.
     """
 
     number: int
@@ -108,19 +108,19 @@ class TickRecord:
     """One tick of the world.
 
     Attributes:
-        k: the tick.
-        robots: in roster order.
+        k: The tick.
+        robots: In roster order.
         frames: (source, bytes) of what was sent, each source's position before its contacts; the source of forged ones
             is `FORGED`.
         deliveries: (source, destination, sequence) of the frames that arrived, with the sequence of `frame_sequence`,
             once for each copy; columns (`patrol.journal.links`) or tuples, which read alike.
-        dropped: the same and the cause, which for a fault is ``kind:id``.
-        mfow: of the true fog after this tick's observations, ticks.
-        fog_mean: of the same fog, ticks.
-        seen: patrolled points seen so far.
-        copies: links of the frames that a fault added in this tick, and its id.
-        delayed: frames of this tick that arrive in a later one, once for each fault that delays them, and its id.
-        forged: for each forged frame, in their order, the id of its fault.
+        dropped: The same and the cause, which for a fault is ``kind:id``.
+        mfow: Of the true fog after this tick's observations, ticks.
+        fog_mean: Of the same fog, ticks.
+        seen: Patrolled points seen so far.
+        copies: Links of the frames that a fault added in this tick, and its id.
+        delayed: Frames of this tick that arrive in a later one, once for each fault that delays them, and its id.
+        forged: For each forged frame, in their order, the id of its fault.
     """
 
     k: int
@@ -151,9 +151,9 @@ class RobotFacts:
     """What a reader of the journal needs to know of a robot.
 
     Attributes:
-        number: of the robot.
-        name: of the robot.
-        model: car, differential or holonomic.
+        number: Of the robot.
+        name: Of the robot.
+        model: Car, differential or holonomic.
         radius: m.
     """
 
@@ -168,10 +168,10 @@ class TerrainFacts:
     """The grid of the run's fog.
 
     Attributes:
-        name: of the terrain.
-        width: points.
-        height: points.
-        point: side of one point, m.
+        name: Of the terrain.
+        width: Points.
+        height: Points.
+        point: Side of one point, m.
         origin: m, the grid's lower left corner.
     """
 
@@ -187,14 +187,14 @@ class Header:
     """A journal's first record.
 
     Attributes:
-        software: version that wrote it.
-        scenario: resolved, as a mapping.
-        scenario_hash: of what the scenario means.
-        robots: in roster order.
-        terrain: the grid.
-        patrolled_area_m2: area that counts for the fog.
-        bound_s: the lower bound of MFoW, s.
-        started: wall time as ISO 8601 text, or None where nobody read a clock.
+        software: Version that wrote it.
+        scenario: Resolved, as a mapping.
+        scenario_hash: Of what the scenario means.
+        robots: In roster order.
+        terrain: The grid.
+        patrolled_area_m2: Area that counts for the fog.
+        bound_s: The lower bound of MFoW, s.
+        started: Wall time as ISO 8601 text, or None where nobody read a clock.
     """
 
     software: str
@@ -212,9 +212,9 @@ class End:
     """A journal's last record.
 
     Attributes:
-        reason: why the run ended.
-        trace_hash: of all ticks.
-        notes: what the launcher should know as well.
+        reason: Why the run ended.
+        trace_hash: Of all ticks.
+        notes: What the launcher should know as well.
     """
 
     reason: str

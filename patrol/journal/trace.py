@@ -31,7 +31,7 @@ class TraceHash:
         """Begin before the first tick.
 
         Args:
-            spares: numbers of the scenario's spare robots.
+            spares: Numbers of the scenario's spare robots.
         """
         self._hash = hashlib.sha256()
         self._spares = frozenset(spares)
@@ -40,7 +40,7 @@ class TraceHash:
         """Take in the next tick.
 
         Args:
-            record: of the tick.
+            record: Of the tick.
         """
         robots = [one for one in record.robots if one.status is not Status.ABSENT or one.number not in self._spares]
         parts = [_COUNTED.pack(record.k, len(robots))]
@@ -81,8 +81,8 @@ def trace_hash(ticks: Iterable[TickRecord], spares: Collection[int] = ()) -> str
     """The trace hash of a whole run.
 
     Args:
-        ticks: in order.
-        spares: numbers of the scenario's spare robots.
+        ticks: In order.
+        spares: Numbers of the scenario's spare robots.
 
     Returns:
         64 hex digits.

@@ -43,7 +43,7 @@ class FleetKeys:
         """Key of phases A and B, world to robot.
 
         Args:
-            robot: its name, or ``*`` for all robots.
+            robot: Its name, or ``*`` for all robots.
         """
         return f"{ROOT}/{self.fleet}/robot/{robot}/tick"
 
@@ -51,7 +51,7 @@ class FleetKeys:
         """Key of a robot's answers, robot to world.
 
         Args:
-            robot: its name, or ``*`` for all robots.
+            robot: Its name, or ``*`` for all robots.
         """
         return f"{ROOT}/{self.fleet}/robot/{robot}/reply"
 
@@ -59,7 +59,7 @@ class FleetKeys:
         """Key of position frames, robot to robots.
 
         Args:
-            robot: its name, or ``*`` for all robots.
+            robot: Its name, or ``*`` for all robots.
         """
         return f"{ROOT}/{self.fleet}/position/{robot}"
 
@@ -67,7 +67,7 @@ class FleetKeys:
         """Key of diagnostics, robot to observers.
 
         Args:
-            robot: its name, or ``*`` for all robots.
+            robot: Its name, or ``*`` for all robots.
         """
         return f"{ROOT}/{self.fleet}/telemetry/{robot}"
 
@@ -75,7 +75,7 @@ class FleetKeys:
         """Key of what the world publishes, world to observers.
 
         Args:
-            topic: such as `patrol.net.messages.telemetry.METRICS`.
+            topic: Such as `patrol.net.messages.telemetry.METRICS`.
         """
         return f"{ROOT}/{self.fleet}/truth/{topic}"
 
@@ -83,7 +83,7 @@ class FleetKeys:
         """Key of operators' requests, which the world answers.
 
         Args:
-            what: such as `patrol.scenario.controls.ASK`.
+            what: Such as `patrol.scenario.controls.ASK`.
         """
         return f"{ROOT}/{self.fleet}/control/{what}"
 
@@ -91,7 +91,7 @@ class FleetKeys:
         """Key of an operator's orders to stop, which the robot answers.
 
         Args:
-            robot: its name, or ``*`` for all robots.
+            robot: Its name, or ``*`` for all robots.
         """
         return f"{ROOT}/{self.fleet}/stop/{robot}"
 
@@ -108,11 +108,11 @@ def fleet_keys(fleet: str, option: str = "--fleet") -> FleetKeys:
     """The keys of a fleet.
 
     Args:
-        fleet: its name.
-        option: what errors call it.
+        fleet: Its name.
+        option: What errors call it.
 
     Raises:
-        BadInput: when the name cannot be a part of a key.
+        BadInput: When the name cannot be a part of a key.
     """
     if not _FLEET.fullmatch(fleet):
         raise BadInput(
@@ -126,8 +126,8 @@ def callers_of(keys: FleetKeys, numbers: Mapping[str, int]) -> dict[int, str]:
     """The keys under which robots send positions, by their numbers.
 
     Args:
-        keys: of their fleet.
-        numbers: by their names.
+        keys: Of their fleet.
+        numbers: By their names.
     """
     return {number: keys.position(name) for name, number in numbers.items()}
 
@@ -136,7 +136,7 @@ def robot_of(key: str) -> str:
     """The robot's name in a key of `tick`, `reply`, `alive`, `telemetry` or `position`; empty for another key.
 
     Args:
-        key: any key.
+        key: Any key.
     """
     parts = key.split("/")
     if len(parts) == 5 and parts[2] == "robot":
@@ -148,14 +148,14 @@ def check_locator(locator: str, option: str) -> str:
     """Check a router's address as Zenoh writes it, ``tcp/HOST:PORT``.
 
     Args:
-        locator: the address.
-        option: what errors call it.
+        locator: The address.
+        option: What errors call it.
 
     Returns:
-        the locator.
+        The locator.
 
     Raises:
-        BadInput: for anything else.
+        BadInput: For anything else.
     """
     port = locator.rpartition(":")[2]
     if not _LOCATOR.fullmatch(locator) or not 0 < int(port) < 65536:
@@ -179,7 +179,7 @@ def is_local(locator: str) -> bool:
     """Whether a router's address is on this machine alone.
 
     Args:
-        locator: such as ``tcp/127.0.0.1:7447``.
+        locator: Such as ``tcp/127.0.0.1:7447``.
     """
     return is_loopback(locator.partition("/")[2].rpartition(":")[0])
 
@@ -204,15 +204,15 @@ def check_radio(locator: str | None, option: str, via: str) -> str | None:
     never heard. A group needs no announcements.
 
     Args:
-        locator: the address, or None.
-        option: what errors call it.
-        via: the scenario's radio.via.
+        locator: The address, or None.
+        option: What errors call it.
+        via: The scenario's radio.via.
 
     Returns:
-        the locator.
+        The locator.
 
     Raises:
-        BadInput: for anything else, and for a locator where radio.via is not direct.
+        BadInput: For anything else, and for a locator where radio.via is not direct.
     """
     if locator is None:
         return None

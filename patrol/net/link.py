@@ -67,7 +67,7 @@ class Link:
     """A session with a router. Everything declared on it lives until `close`.
 
     Args:
-        session: an open Zenoh session.
+        session: An open Zenoh session.
     """
 
     def __init__(self, session: zenoh.Session) -> None:
@@ -88,10 +88,10 @@ class Link:
         """A publisher for ticks and answers: sends at once, ahead of all else.
 
         Args:
-            key: to publish under.
-            waits: whether to wait where a queue is full, or to drop. One receiver that has stopped reading then holds
+            key: To publish under.
+            waits: Whether to wait where a queue is full, or to drop. One receiver that has stopped reading then holds
                 up its router, and with it everything that this link sends to anybody.
-            together: for who sends to many at a time: what is sent while an earlier message still waits travels with
+            together: For who sends to many at a time: what is sent while an earlier message still waits travels with
                 it, in pieces of up to 64 KiB. Each message on its own takes a place in the queue: of a burst to 50
                 robots, a busy machine dropped what came after the 16th (`patrol.net.settings`).
         """
@@ -112,7 +112,7 @@ class Link:
         dropped, on a busy machine, what came after the 16th of those who send at the same time.
 
         Args:
-            key: to publish under.
+            key: To publish under.
         """
         publisher = self._session.declare_publisher(
             key,
@@ -129,7 +129,7 @@ class Link:
         """A publisher for observers: drops a message where a queue is full, so that it never holds up a tick.
 
         Args:
-            key: to publish under.
+            key: To publish under.
         """
         publisher = self._session.declare_publisher(
             key, congestion_control=zenoh.CongestionControl.DROP, priority=zenoh.Priority.DATA_LOW
@@ -142,7 +142,7 @@ class Link:
 
         Args:
             key: a key expression.
-            mailbox: where they wait.
+            mailbox: Where they wait.
         """
 
         def receive(sample: zenoh.Sample) -> None:
@@ -156,7 +156,7 @@ class Link:
 
         Args:
             key: a key expression.
-            mailbox: where `Presence` messages wait.
+            mailbox: Where `Presence` messages wait.
         """
 
         def receive(sample: zenoh.Sample) -> None:
@@ -178,7 +178,7 @@ class Link:
 
         Args:
             key: a key expression.
-            most: how many are of interest.
+            most: How many are of interest.
         """
         replies = self._session.liveliness().get(key, timeout=SEE_S)
         return [str(reply.ok.key_expr) for reply in islice(replies, most) if reply.ok is not None]
@@ -187,9 +187,9 @@ class Link:
         """Put queries into a mailbox, to be answered later.
 
         Args:
-            key: the key that is queried.
-            longest: bytes of the longest payload that is accepted.
-            mailbox: where they wait.
+            key: The key that is queried.
+            longest: Bytes of the longest payload that is accepted.
+            mailbox: Where they wait.
         """
 
         def receive(query: zenoh.Query) -> None:
@@ -206,12 +206,12 @@ class Link:
         """The first answer to a query.
 
         Args:
-            key: to query.
-            payload: of the query.
-            wait_s: how long to wait.
+            key: To query.
+            payload: Of the query.
+            wait_s: How long to wait.
 
         Returns:
-            the answer, or None when none came in time.
+            The answer, or None when none came in time.
         """
         replies = self._session.get(key, payload=payload, timeout=wait_s, priority=zenoh.Priority.DATA_HIGH)
         return next((reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None), None)
@@ -230,10 +230,10 @@ class Link:
         """Ask the router for a liveliness token, whoever holds it; its answer shows that the router is at work.
 
         Args:
-            key: of the token.
+            key: Of the token.
 
         Returns:
-            whether the router has answered.
+            Whether the router has answered.
         """
         back = self.pulse(key)
         return lambda: back() and self.connected  # it comes back as well when the link is cut
@@ -242,7 +242,7 @@ class Link:
         """The same for a router itself: whether its own tables answer.
 
         Args:
-            key: of a token.
+            key: Of a token.
         """
         back = threading.Event()
         handler: Any = zenoh.handlers.Callback(lambda _: None, back.set, indirect=False)
@@ -253,7 +253,7 @@ class Link:
         """Declare a liveliness token, which ends with this process or its link.
 
         Args:
-            key: of the token.
+            key: Of the token.
         """
         self._declared.append(self._session.liveliness().declare_token(key))
 
@@ -261,7 +261,7 @@ class Link:
         """Close the session; what is closed already stays so.
 
         Args:
-            limit_s: how long to wait.
+            limit_s: How long to wait.
 
         Returns:
             False when closing takes longer than the limit, after which only ending the process helps.
@@ -298,14 +298,14 @@ def open_link(
     """Join a router.
 
     Args:
-        router: its locator, such as ``tcp/127.0.0.1:7447``.
-        wait_s: how long to wait for it.
-        waiting: called as `TELL_S` says, with the seconds waited, while no router answers.
-        stopped: whether to give up.
-        credentials: prove who this is; None for a router that asks nobody.
+        router: Its locator, such as ``tcp/127.0.0.1:7447``.
+        wait_s: How long to wait for it.
+        waiting: Called as `TELL_S` says, with the seconds waited, while no router answers.
+        stopped: Whether to give up.
+        credentials: Prove who this is; None for a router that asks nobody.
 
     Raises:
-        LinkDown: when no router has answered after `wait_s`, or `stopped` says so.
+        LinkDown: When no router has answered after `wait_s`, or `stopped` says so.
     """
     return Link(open_session(client_settings(router, LEASE_S, credentials), router, wait_s, waiting, stopped))
 
@@ -360,12 +360,12 @@ def open_router(listen: str, security: RouterSecurity | None = None, others: Seq
     """Be a router.
 
     Args:
-        listen: the locator to listen at.
-        security: says who may connect and do what; None to let everybody do everything.
-        others: locators of the fleet's routers at other sites, to connect to.
+        listen: The locator to listen at.
+        security: Says who may connect and do what; None to let everybody do everything.
+        others: Locators of the fleet's routers at other sites, to connect to.
 
     Raises:
-        LinkDown: in one line, when it cannot listen there.
+        LinkDown: In one line, when it cannot listen there.
     """
     try:
         return Link(zenoh.open(_config(router_settings(listen, security, others))))

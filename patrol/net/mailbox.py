@@ -28,7 +28,7 @@ class Presence:
     """A liveliness token has come or gone.
 
     Attributes:
-        present: whether it exists now.
+        present: Whether it exists now.
     """
 
     present: bool
@@ -39,8 +39,8 @@ class Question:
     """A query that waits for an answer.
 
     Attributes:
-        payload: of the query.
-        answer: sends the answer, once; a long answer waits for its receiver.
+        payload: Of the query.
+        answer: Sends the answer, once; a long answer waits for its receiver.
     """
 
     payload: bytes
@@ -65,14 +65,14 @@ class Mailbox(Generic[T]):
     One thread puts, another gets.
 
     Attributes:
-        refused: counts of dropped messages by reason: unknown, oversized, malformed, overflow.
+        refused: Counts of dropped messages by reason: unknown, oversized, malformed, overflow.
 
     Args:
-        keys: those it accepts.
-        decode: turns a payload into a message, or raises ValueError.
-        longest: bytes of the longest payload that is decoded.
-        room: messages that wait per key; when there are more the oldest is dropped.
-        room_bytes: bytes of the payloads that wait, of all keys together; a message beyond them is dropped.
+        keys: Those it accepts.
+        decode: Turns a payload into a message, or raises ValueError.
+        longest: Bytes of the longest payload that is decoded.
+        room: Messages that wait per key; when there are more the oldest is dropped.
+        room_bytes: Bytes of the payloads that wait, of all keys together; a message beyond them is dropped.
     """
 
     def __init__(
@@ -101,8 +101,8 @@ class Mailbox(Generic[T]):
         """Decode one message and put it in; called on the receiving thread.
 
         Args:
-            key: that it came under.
-            payload: not yet copied.
+            key: That it came under.
+            payload: Not yet copied.
         """
         if len(payload) > self._longest:
             self.refused["oversized"] += 1
@@ -121,9 +121,9 @@ class Mailbox(Generic[T]):
         """Put one message in; called from any thread.
 
         Args:
-            key: that it came under.
-            message: decoded.
-            size: bytes of its payload.
+            key: That it came under.
+            message: Decoded.
+            size: Bytes of its payload.
         """
         waiting = self._waiting.get(key)
         if waiting is None:
@@ -143,10 +143,10 @@ class Mailbox(Generic[T]):
         """Take the next message out.
 
         Args:
-            timeout_s: how long to wait for one.
+            timeout_s: How long to wait for one.
 
         Returns:
-            its key and the message, or None when none came in time.
+            Its key and the message, or None when none came in time.
         """
         with self._changed:
             if not self._ready and timeout_s > 0.0:
@@ -169,7 +169,7 @@ class Air(Protocol):
         """A publisher for a direct radio: sends at once, to all others; a message is lost rather than late.
 
         Args:
-            key: to publish under.
+            key: To publish under.
         """
         ...
 
@@ -178,7 +178,7 @@ class Air(Protocol):
 
         Args:
             key: a key expression.
-            mailbox: where they wait.
+            mailbox: Where they wait.
         """
         ...
 

@@ -33,19 +33,19 @@ def open_links(
     """Open the link to the router and the one for positions.
 
     Args:
-        router: the router's locator.
-        radio: where robots hear each other, or None for the same router.
-        wait_s: how long to wait for each.
-        say: takes a line now and then while the process waits.
-        stopped: whether to give up.
-        credentials: prove who this is, at both routers; None for routers that ask nobody.
-        callers: the keys under which the robots send, by their numbers, for a serial line, which carries no keys.
+        router: The router's locator.
+        radio: Where robots hear each other, or None for the same router.
+        wait_s: How long to wait for each.
+        say: Takes a line now and then while the process waits.
+        stopped: Whether to give up.
+        credentials: Prove who this is, at both routers; None for routers that ask nobody.
+        callers: The keys under which the robots send, by their numbers, for a serial line, which carries no keys.
 
     Returns:
-        both links, which may be the same; None when `stopped` says so.
+        Both links, which may be the same; None when `stopped` says so.
 
     Raises:
-        BadInput: when nobody has answered after `wait_s`, or the credentials cannot be used at `radio`.
+        BadInput: When nobody has answered after `wait_s`, or the credentials cannot be used at `radio`.
     """
     if radio is not None and credentials is not None and not is_group(radio):
         credentials.check_router(radio, "--radio")

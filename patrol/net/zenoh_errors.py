@@ -9,7 +9,7 @@ def system_error(error: Exception) -> int | None:
     """The number of the system's error behind one of Zenoh's, which says it in its text alone; None without one.
 
     Args:
-        error: of Zenoh.
+        error: Of Zenoh.
     """
     found = re.search(r"\(os error (\d+)\)", str(error))
     return None if found is None else int(found[1])
@@ -19,7 +19,7 @@ def first_line(error: Exception) -> str:
     """What Zenoh says, without where in its sources it says so.
 
     Args:
-        error: of Zenoh.
+        error: Of Zenoh.
     """
     text = str(error).partition(" at /")[0].partition("\n")[0]
     system = re.search(r": ([^:\[\]]+) \(os error \d+\)", text)

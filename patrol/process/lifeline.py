@@ -40,10 +40,10 @@ class Ending:
     """Whether this process should leave, why, and how often it was asked to.
 
     Attributes:
-        patience: signals that are handled by whoever reads this object; each further one raises Interrupted
+        patience: Signals that are handled by whoever reads this object; each further one raises Interrupted
             wherever the process is. None: all are.
-        reason: of the first request.
-        times: requests so far.
+        reason: Of the first request.
+        times: Requests so far.
     """
 
     def __init__(self, patience: int | None = None) -> None:
@@ -59,7 +59,7 @@ class Ending:
         """Ask the process to leave soon; the first reason counts.
 
         Args:
-            reason: one line.
+            reason: One line.
         """
         self.times += 1
         if not self._asked.is_set():
@@ -70,10 +70,10 @@ class Ending:
         """Wait until asked to leave.
 
         Args:
-            timeout_s: how long at most.
+            timeout_s: How long at most.
 
         Returns:
-            whether asked.
+            Whether asked.
         """
         return self._asked.wait(timeout_s)
 
@@ -82,10 +82,10 @@ class Ending:
 
         Args:
             path: a file or folder.
-            limit_s: how long at most.
+            limit_s: How long at most.
 
         Returns:
-            whether the path exists.
+            Whether the path exists.
         """
         waited_s = 0.0
         while not path.exists():
@@ -100,8 +100,8 @@ def heed(lifeline: int | None, on_death: Callable[[], None] = lambda: None, *, p
 
     Args:
         lifeline: a file descriptor, or None without a launcher.
-        on_death: called when the process has not left in time after its launcher's death, right before it ends.
-        patience: see `Ending`.
+        on_death: Called when the process has not left in time after its launcher's death, right before it ends.
+        patience: See `Ending`.
     """
     ending = Ending(patience)
 
@@ -141,7 +141,7 @@ def run_process(main: Callable[[], int]) -> NoReturn:
     """Run a process's main function and end the process with its exit code.
 
     Args:
-        main: returns the exit code; what it raises is printed and ends the process with `CRASHED`.
+        main: Returns the exit code; what it raises is printed and ends the process with `CRASHED`.
     """
     try:
         code = main()
@@ -157,7 +157,7 @@ def leave(code: int) -> NoReturn:
     """End the process now, whatever threads of libraries are doing.
 
     Args:
-        code: exit code.
+        code: Exit code.
     """
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError, ValueError):

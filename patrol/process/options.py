@@ -40,10 +40,10 @@ def fleet_parser(package: str, description: str, epilog: str, others: str) -> ar
     """A parser of the options that all have; the caller adds its own.
 
     Args:
-        package: run with ``python -m``.
-        description: first lines of the help.
-        epilog: last lines of the help.
-        others: the processes that this one waits for.
+        package: Run with ``python -m``.
+        description: First lines of the help.
+        epilog: Last lines of the help.
+        others: The processes that this one waits for.
     """
     parser = argparse.ArgumentParser(
         prog=f"python -m {package}",
@@ -111,11 +111,11 @@ def meeting(options: argparse.Namespace | MeetingOptions, *kinds: Kind) -> Meeti
     """Where the options say that the fleet meets.
 
     Args:
-        options: from `fleet_parser`.
-        kinds: whose credentials fit; a run of this machine has those of the first.
+        options: From `fleet_parser`.
+        kinds: Whose credentials fit; a run of this machine has those of the first.
 
     Raises:
-        BadInput: when they do not say it, or the credentials are of another fleet or kind.
+        BadInput: When they do not say it, or the credentials are of another fleet or kind.
     """
     from patrol.net.keys import check_locator, fleet_keys
     from patrol.net.security.access import credentials_at
@@ -141,11 +141,11 @@ def robot_named(name: str | None, credentials: Credentials | None) -> str:
     """The robot that a process is.
 
     Args:
-        name: as an option says it, or None.
-        credentials: the process's, or None.
+        name: As an option says it, or None.
+        credentials: The process's, or None.
 
     Raises:
-        BadInput: when neither says it, or each something else.
+        BadInput: When neither says it, or each something else.
     """
     own = None if credentials is None else credentials.role.robot
     if name is None and own is None:
@@ -180,15 +180,15 @@ def prepared_as_told(
     """Prepare the scenario, or load what the launcher has prepared.
 
     Args:
-        scenario: the one that all processes run.
-        options: from `fleet_parser`.
-        ending: whether to leave.
+        scenario: The one that all processes run.
+        options: From `fleet_parser`.
+        ending: Whether to leave.
 
     Returns:
-        the prepared scenario, or None when asked to leave.
+        The prepared scenario, or None when asked to leave.
 
     Raises:
-        BadInput: when the launcher's static fields do not come.
+        BadInput: When the launcher's static fields do not come.
     """
     from patrol.prepare import Prepared, prepare
 

@@ -16,13 +16,13 @@ def fleet_key(file: str | Path | None) -> bytes | None:
     """The key in a file, which is the file's bytes less white space at either end.
 
     Args:
-        file: as the scenario's ``radio.key`` names it, or None without a key.
+        file: As the scenario's ``radio.key`` names it, or None without a key.
 
     Returns:
         16 to 64 bytes, or None without a key.
 
     Raises:
-        BadInput: for a file that cannot be read or holds fewer or more bytes.
+        BadInput: For a file that cannot be read or holds fewer or more bytes.
     """
     if file is None:
         return None
@@ -40,10 +40,10 @@ def new_key(path: Path) -> None:
     """Write a new random key, as text, to a file that nobody else can read.
 
     Args:
-        path: the new file.
+        path: The new file.
 
     Raises:
-        BadInput: when the file exists or cannot be written.
+        BadInput: When the file exists or cannot be written.
     """
     if path.is_dir():
         raise BadInput(f"{path}: is a folder; name a new file in it, such as {path / 'fleet.key'}")

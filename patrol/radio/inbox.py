@@ -45,10 +45,10 @@ class History:
     """What an inbox knows of one sender.
 
     Attributes:
-        last: its newest accepted position.
-        at: when that came, by the receiver's clock, s.
-        window: which of its last sequences have come.
-        start: when its sequence 0 would have come, had it taken as long as its quickest frame, s.
+        last: Its newest accepted position.
+        at: When that came, by the receiver's clock, s.
+        window: Which of its last sequences have come.
+        start: When its sequence 0 would have come, had it taken as long as its quickest frame, s.
     """
 
     last: Position
@@ -71,22 +71,22 @@ class Inbox:
     robot's last accepted frame.
 
     Args:
-        own: the receiver's robot number.
-        roster: the numbers of all robots.
-        bounds: the terrain's (x_min, y_min, x_max, y_max), m.
-        max_speed: of the fastest robot, m/s.
-        key: of the tags, or None when the fleet uses none.
+        own: The receiver's robot number.
+        roster: The numbers of all robots.
+        bounds: The terrain's (x_min, y_min, x_max, y_max), m.
+        max_speed: Of the fastest robot, m/s.
+        key: Of the tags, or None when the fleet uses none.
         step: s between two frames of a sender; a frame may come one step early or late.
-        ahead: by how many ticks a sequence may be ahead of the receiver's own, which is the time by its clock in steps;
+        ahead: By how many ticks a sequence may be ahead of the receiver's own, which is the time by its clock in steps;
             None where the two are not counted from the same moment. Then frames too far ahead of their sender's last,
             and too old ones, are believed too, once enough of them agree with each other: what a forged one has shut
             out comes back.
-        trail_every: ticks between the places of a trail.
+        trail_every: Ticks between the places of a trail.
 
     Attributes:
-        counts: frames dropped so far, by reason.
-        rejected: frames dropped so far, for any reason.
-        trail_every: ticks between the places of a trail.
+        counts: Frames dropped so far, by reason.
+        rejected: Frames dropped so far, for any reason.
+        trail_every: Ticks between the places of a trail.
     """
 
     def __init__(
@@ -123,11 +123,11 @@ class Inbox:
         own.
 
         Args:
-            frame: any bytes.
-            now_s: when it came by the receivers' clocks, s.
+            frame: Any bytes.
+            now_s: When it came by the receivers' clocks, s.
 
         Returns:
-            the position of a robot without a trail; None for any other frame.
+            The position of a robot without a trail; None for any other frame.
         """
         try:
             position = decode(frame, self._key)
@@ -141,7 +141,7 @@ class Inbox:
         """What a frame says, whether or not it can be true; None where it cannot be decoded.
 
         Args:
-            frame: any bytes.
+            frame: Any bytes.
         """
         try:
             return decode(frame, self._key)
@@ -152,7 +152,7 @@ class Inbox:
         """Whether the last frames of a sender did not follow from those before.
 
         Args:
-            robot: its number.
+            robot: Its number.
         """
         return robot in self._jumped
 
@@ -160,10 +160,10 @@ class Inbox:
         """Forget what was heard of a sender, but for its frames that are in doubt.
 
         Args:
-            robot: its number.
+            robot: Its number.
 
         Returns:
-            what was forgotten, None where there was nothing.
+            What was forgotten, None where there was nothing.
         """
         heard = self._last.pop(robot, None)
         window = self._windows.pop(robot, None)
@@ -175,7 +175,7 @@ class Inbox:
         """Go on from what was heard of a sender.
 
         Args:
-            history: from `release`.
+            history: From `release`.
         """
         robot = history.last.robot
         self._last[robot] = _Heard(history.last, history.at)
@@ -188,11 +188,11 @@ class Inbox:
         The caller recognises a late position by its sequence, which is below that of an earlier one of its sender's.
 
         Args:
-            frame: any bytes.
-            now_s: when it came by the receiver's clock, s; never decreasing.
+            frame: Any bytes.
+            now_s: When it came by the receiver's clock, s; never decreasing.
 
         Returns:
-            the position, or None when the frame is dropped.
+            The position, or None when the frame is dropped.
         """
         try:
             position = decode(frame, self._key)
@@ -214,10 +214,10 @@ class Inbox:
         """The newest accepted position of a robot.
 
         Args:
-            robot: its number.
+            robot: Its number.
 
         Returns:
-            the position and when it came (own clock, s), or None.
+            The position and when it came (own clock, s), or None.
         """
         heard = self._last.get(robot)
         return None if heard is None else (heard.position, heard.at)

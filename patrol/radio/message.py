@@ -99,10 +99,10 @@ class Position:
         x_cm: cm, signed 32 bits.
         y_cm: cm, signed 32 bits.
         heading_mrad: 0..6283.
-        trail: up to `MAX_TRAIL` pairs of cm, signed 16 bits, newest first.
+        trail: Up to `MAX_TRAIL` pairs of cm, signed 16 bits, newest first.
 
     Raises:
-        ValueError: for anything else.
+        ValueError: For anything else.
     """
 
     robot: int
@@ -144,14 +144,14 @@ class Position:
         """The position to send for a pose.
 
         Args:
-            robot: the sender's number.
-            sequence: the tick.
-            time_s: of the sender's clock, s.
+            robot: The sender's number.
+            sequence: The tick.
+            time_s: Of the sender's clock, s.
             pose: m and rad.
-            trail: steps back to earlier positions, cm.
+            trail: Steps back to earlier positions, cm.
 
         Raises:
-            ValueError: when a number does not fit.
+            ValueError: When a number does not fit.
         """
         try:
             time_ms = round(s_to_ms(time_s))
@@ -164,13 +164,13 @@ class Position:
         """The report of an intruder.
 
         Args:
-            sequence: of the reporter's position.
-            time_s: of the reporter's position, s.
+            sequence: Of the reporter's position.
+            time_s: Of the reporter's position, s.
             x: m.
             y: m.
 
         Raises:
-            ValueError: when a number does not fit.
+            ValueError: When a number does not fit.
         """
         return cls.of(CONTACT, sequence, time_s, Pose(x, y, 0.0))
 
@@ -198,13 +198,13 @@ def as_received(pose: Pose) -> Pose:
     Every footprint is computed from such a pose, so that truth, belief and observers agree to the point.
 
     Args:
-        pose: in m and rad.
+        pose: In m and rad.
 
     Returns:
         The nearest pose that a frame can hold, in m and rad.
 
     Raises:
-        ValueError: if a frame cannot hold the pose.
+        ValueError: If a frame cannot hold the pose.
     """
     x_cm, y_cm, heading_mrad = _rounded(pose)
     if not (MIN_CM <= x_cm <= MAX_CM and MIN_CM <= y_cm <= MAX_CM):
@@ -216,8 +216,8 @@ def longest_frame(trail: int, *, tagged: bool) -> int:
     """The most bytes that a frame can have.
 
     Args:
-        trail: how many past positions it carries.
-        tagged: whether it carries a tag.
+        trail: How many past positions it carries.
+        tagged: Whether it carries a tag.
     """
     return _LONGEST_BARE + (1 + _LONGEST_STEP * trail if trail else 0) + (_TAG_LENGTH if tagged else 0)
 
@@ -226,11 +226,11 @@ def encode(position: Position, key: bytes | None = None) -> bytes:
     """The frame for a position: at most 28 bytes bare, at most 63 with trail and tag.
 
     Args:
-        position: to send.
+        position: To send.
         key: 1 to 64 bytes shared by the fleet, or None for a frame without a tag.
 
     Raises:
-        ValueError: for a key of another length.
+        ValueError: For a key of another length.
     """
     _check_key(key)
     body: list[object] = [
@@ -256,12 +256,12 @@ def decode(frame: bytes, key: bytes | None = None) -> Position:
     With a key every frame must carry its tag; without one a tag is skipped unchecked.
 
     Args:
-        frame: any bytes at all.
+        frame: Any bytes at all.
         key: 1 to 64 bytes shared by the fleet, or None.
 
     Raises:
-        Rejected: malformed, version or tag.
-        ValueError: for a key of another length.
+        Rejected: Malformed, version or tag.
+        ValueError: For a key of another length.
     """
     _check_key(key)
     values = _unpack(frame)

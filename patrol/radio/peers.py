@@ -21,9 +21,9 @@ class Peer:
     """Another robot.
 
     Attributes:
-        sequence: its newest.
-        pose: there, m and rad.
-        tick: at which that was heard.
+        sequence: Its newest.
+        pose: There, m and rad.
+        tick: At which that was heard.
     """
 
     sequence: int
@@ -51,11 +51,11 @@ class PeerTracker:
     """Follows the other robots through accepted positions, and counts each of their observations once.
 
     Attributes:
-        peers: by robot number, the newest position heard.
-        said: by robot number, the frame that gave it.
+        peers: By robot number, the newest position heard.
+        said: By robot number, the frame that gave it.
 
     Args:
-        trail_every: ticks between the places of a trail.
+        trail_every: Ticks between the places of a trail.
     """
 
     def __init__(self, trail_every: int = 1) -> None:
@@ -68,10 +68,10 @@ class PeerTracker:
         """Forget a robot.
 
         Args:
-            robot: its number.
+            robot: Its number.
 
         Returns:
-            what was known of it and which of its observations are counted; None where it had not been heard.
+            What was known of it and which of its observations are counted; None where it had not been heard.
         """
         if robot not in self.peers:
             return None
@@ -81,9 +81,9 @@ class PeerTracker:
         """Go on from what was known of a robot.
 
         Args:
-            peer: from `release`.
-            said: from `release`.
-            looks: from `release`.
+            peer: From `release`.
+            said: From `release`.
+            looks: From `release`.
         """
         self.peers[said.robot], self.said[said.robot], self._looks[said.robot] = peer, said, looks
 
@@ -95,8 +95,8 @@ class PeerTracker:
         One that is older than any window corrects its sender's sequence, and the sender's window begins anew.
 
         Args:
-            position: accepted by the inbox.
-            tick: at which it arrived.
+            position: Accepted by the inbox.
+            tick: At which it arrived.
 
         Yields:
             (tick, pose) of each observation that is new.

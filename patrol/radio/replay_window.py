@@ -25,8 +25,8 @@ class ReplayWindow:
         """A window that goes on from where another one was.
 
         Args:
-            newest: of the other one.
-            used: of the other one.
+            newest: Of the other one.
+            used: Of the other one.
         """
         window = cls()
         window.newest, window._used = newest, used & _MASK
@@ -41,7 +41,7 @@ class ReplayWindow:
         """Whether a sequence has not been used yet; one that is older than the window counts as used.
 
         Args:
-            sequence: of a frame.
+            sequence: Of a frame.
         """
         ago = self.newest - sequence
         return ago < 0 or (ago < SPAN and not self._used >> ago & 1)
@@ -50,10 +50,10 @@ class ReplayWindow:
         """Mark a sequence as used.
 
         Args:
-            sequence: of a frame.
+            sequence: Of a frame.
 
         Returns:
-            whether it was fresh.
+            Whether it was fresh.
         """
         if not self.fresh(sequence):
             return False

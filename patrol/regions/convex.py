@@ -97,7 +97,7 @@ def outward(polygon: Floats) -> tuple[Floats, Floats]:
         polygon: float64 (k, 2).
 
     Returns:
-        the sides' unit normals (k, 2), and how far along its normal each side lies (k,).
+        The sides' unit normals (k, 2), and how far along its normal each side lies (k,).
     """
     sides = np.roll(polygon, -1, axis=0) - polygon
     normals = np.stack([sides[:, 1], -sides[:, 0]], axis=1)

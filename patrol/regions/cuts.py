@@ -43,9 +43,9 @@ class Plan:
         before: int64 (n,), the neighbour before each corner.
         after: int64 (n,), the neighbour after each corner.
         concave: int64 (m,), indices of the concave corners.
-        ends: places (x, y) where cuts end on a side or on another cut; they are numbered from n on.
-        cuts: pairs of numbers.
-        stops: by line, the ends that lie on it, as (share of the way, number); lines are the sides, numbered as their
+        ends: Places (x, y) where cuts end on a side or on another cut; they are numbered from n on.
+        cuts: Pairs of numbers.
+        stops: By line, the ends that lie on it, as (share of the way, number); lines are the sides, numbered as their
             first corners, then the cuts.
     """
 
@@ -61,7 +61,7 @@ class Plan:
         """(x, y) of a corner or of a cut's end.
 
         Args:
-            number: of the corner or end.
+            number: Of the corner or end.
         """
         n = len(self.corners)
         if number >= n:
@@ -76,7 +76,7 @@ class Plan:
             concave: int64 (m,).
             begin: float64 (k, 2).
             end: float64 (k, 2).
-            first: number of the first line.
+            first: Number of the first line.
             ways: float64 (n, 5), changed in place.
         """
         shorten(self.corners, self.before, self.after, concave, begin, end, first, ways)
@@ -92,7 +92,7 @@ def convex_pieces(rings: Sequence[Ring]) -> list[Floats]:
     """The pieces into which cuts divide the ground inside the rings; angles exceed 180 degrees by SLACK at most.
 
     Args:
-        rings: outlines of the ground.
+        rings: Outlines of the ground.
 
     Returns:
         float64 (k, 2) each, counter-clockwise, in points.
@@ -144,12 +144,12 @@ def best_set(cuts: Sequence[tuple[int, int]], first: Floats, second: Floats) -> 
     A local optimum: no cut can be changed for two others, nor for a shorter one.
 
     Args:
-        cuts: pairs of corners, shortest first.
+        cuts: Pairs of corners, shortest first.
         first: float64 (k, 2), the cuts' first ends.
         second: float64 (k, 2), the cuts' second ends.
 
     Returns:
-        the chosen cuts.
+        The chosen cuts.
     """
     at = np.array(cuts, dtype=np.int64).reshape(-1, 2)
     rivals = [set(map(int, np.flatnonzero(_conflicts(i, at, first, second)))) for i in range(len(cuts))]

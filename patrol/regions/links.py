@@ -24,9 +24,9 @@ class Connection:
     Attributes:
         x: m, of the centre of a point of the first region.
         y: m, of the same.
-        regions: the two regions' numbers.
-        parts: the numbers of the two parts of regions.
-        points: flat indices of the neighbouring points on either side; (x, y) is the centre of the first.
+        regions: The two regions' numbers.
+        parts: The numbers of the two parts of regions.
+        points: Flat indices of the neighbouring points on either side; (x, y) is the centre of the first.
     """
 
     x: float
@@ -40,7 +40,7 @@ def connect(terrain: Terrain, labels: Ints, body: BoolGrid) -> tuple[Ints, tuple
     """The parts of regions in which a body's centre may be, and the connections between them.
 
     Args:
-        terrain: the ground.
+        terrain: The ground.
         labels: int32 (h, w), region numbers, -1 none.
         body: bool (h, w), where the body's centre may be.
 

@@ -34,7 +34,7 @@ class Ring:
 
     Attributes:
         corners: float64 (n, 2).
-        skipped: for each side, from its corner to the next, float64 (k, 2), the corners of the exact outline that it
+        skipped: For each side, from its corner to the next, float64 (k, 2), the corners of the exact outline that it
             replaces.
     """
 
@@ -47,7 +47,7 @@ def loops_of(free: BoolGrid, fill: float) -> list[Floats]:
 
     Args:
         free: bool (h, w).
-        fill: points; holes whose sides are at most this long are left out.
+        fill: Points; holes whose sides are at most this long are left out.
 
     Returns:
         float64 (n, 2) for each loop.
@@ -62,8 +62,8 @@ def simplified(loops: Sequence[Floats], fill: float) -> list[Ring]:
     Outer rings run counter-clockwise, holes clockwise; rings neither cross nor touch.
 
     Args:
-        loops: from `loops_of`.
-        fill: points by which the outline may move outwards; inwards it moves by SHAVE at most.
+        loops: From `loops_of`.
+        fill: Points by which the outline may move outwards; inwards it moves by SHAVE at most.
     """
     if not loops:
         return []

@@ -43,7 +43,7 @@ class Patchwork:
         """Replace a polygon.
 
         Args:
-            number: of the polygon.
+            number: Of the polygon.
             polygon: float64 (k, 2).
         """
         self.polygons[number] = polygon
@@ -53,7 +53,7 @@ class Patchwork:
         """Take a polygon away.
 
         Args:
-            number: of the polygon.
+            number: Of the polygon.
         """
         del self.polygons[number]
         self._low[number], self._high[number] = np.inf, -np.inf
@@ -63,10 +63,10 @@ class Patchwork:
 
         Args:
             polygon: float64 (k, 2).
-            margin: distance that counts as near, points.
+            margin: Distance that counts as near, points.
 
         Returns:
-            numbers.
+            Numbers.
         """
         low, high = polygon.min(axis=0) - margin, polygon.max(axis=0) + margin
         return [int(i) for i in np.flatnonzero(((self._low <= high) & (self._high >= low)).all(axis=1))]
@@ -76,7 +76,7 @@ class Patchwork:
 
         Args:
             polygon: float64 (k, 2).
-            besides: numbers of polygons that do not count.
+            besides: Numbers of polygons that do not count.
         """
         others = (self.polygons[number] for number in self.near(polygon) if number not in besides)
         return all(overlap(polygon, other) <= TOUCHING for other in others)
@@ -85,7 +85,7 @@ class Patchwork:
         """A polygon without what it shares with a convex one.
 
         Args:
-            number: of the polygon.
+            number: Of the polygon.
             gainer: float64 (k, 2), the convex one.
 
         Returns:

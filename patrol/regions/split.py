@@ -54,11 +54,11 @@ class RegionSplit:
     """A terrain's regions, and how a body gets from one to another. Arrays are read-only.
 
     Attributes:
-        polygons: by region number, corners (x, y) in m.
+        polygons: By region number, corners (x, y) in m.
         labels: int32 (h, w), the region of every point where bodies may be, -1 elsewhere.
         parts: int32 (h, w), -1 where the body's centre may not be; a region that walls or the body's width divide has
             several parts.
-        connections: ways between parts, one for each stretch of border that the body can pass.
+        connections: Ways between parts, one for each stretch of border that the body can pass.
     """
 
     polygons: tuple[Polygon, ...]
@@ -70,7 +70,7 @@ class RegionSplit:
         """The same regions, connected for another body.
 
         Args:
-            terrain: the ground.
+            terrain: The ground.
             body: bool (h, w), where the body's centre may be.
         """
         parts, connections = connect(terrain, self.labels, body & terrain.free)
@@ -80,7 +80,7 @@ class RegionSplit:
         """Write the arrays as .npy files and the rest as JSON.
 
         Args:
-            folder: where to write; it is made when missing.
+            folder: Where to write; it is made when missing.
         """
         folder.mkdir(parents=True, exist_ok=True)
         for name in GRIDS:
@@ -94,10 +94,10 @@ class RegionSplit:
         """Load what `save` wrote.
 
         Args:
-            folder: the folder that `save` wrote into.
+            folder: The folder that `save` wrote into.
 
         Returns:
-            the split, memory-mapped and read-only.
+            The split, memory-mapped and read-only.
         """
         facts = json.loads((folder / FACTS).read_text(encoding="utf-8"))
         labels, parts = (load_grid(folder / f"{name}.npy") for name in GRIDS)
@@ -113,11 +113,11 @@ def split_regions(terrain: Terrain, body: BoolGrid | None = None) -> RegionSplit
     """Split a terrain's free ground into convex regions.
 
     Args:
-        terrain: the ground.
+        terrain: The ground.
         body: bool (h, w), where the centre of a body may be, on which connections lie; all free points when None.
 
     Raises:
-        BadInput: for a terrain whose outline has more than MOST_CORNERS corners.
+        BadInput: For a terrain whose outline has more than MOST_CORNERS corners.
     """
     loops = loops_of(terrain.free, FILL)
     rings = simplified(loops, FILL) if 3 * len(loops) <= MOST_CORNERS else []
@@ -143,12 +143,12 @@ def regions_by_hand(
     region belong to it.
 
     Args:
-        terrain: the ground.
-        polygons: corners (x, y) in m, either way round.
-        body: as in `split_regions`; ground to which it has no access need not be covered.
+        terrain: The ground.
+        polygons: Corners (x, y) in m, either way round.
+        body: As in `split_regions`; ground to which it has no access need not be covered.
 
     Raises:
-        BadInput: for polygons that are not convex, hold no free point or overlap, and for gaps between them.
+        BadInput: For polygons that are not convex, hold no free point or overlap, and for gaps between them.
     """
     slack = _slack(terrain)
     corners = [_checked(terrain, number, polygon) for number, polygon in enumerate(polygons)]

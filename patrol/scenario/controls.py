@@ -112,8 +112,8 @@ class Answer:
     """The outcome of a control.
 
     Attributes:
-        done: whether it was obeyed.
-        text: one line for the operator; the reason where it was refused.
+        done: Whether it was obeyed.
+        text: One line for the operator; the reason where it was refused.
     """
 
     done: bool
@@ -124,10 +124,10 @@ def read_control(says: object) -> Control:
     """The control in a mapping.
 
     Args:
-        says: anything.
+        says: Anything.
 
     Raises:
-        BadInput: one line, for anything but a control.
+        BadInput: One line, for anything but a control.
     """
     do = says.get("do") if isinstance(says, Mapping) else None
     if not isinstance(do, str) or do not in CONTROLS:
@@ -150,16 +150,16 @@ def amended(scenario: Scenario, k: int, control: Control) -> tuple[Scenario, str
     """The scenario once a control has been obeyed before a tick.
 
     Args:
-        scenario: so far.
-        k: the tick.
-        control: the operator's.
+        scenario: So far.
+        k: The tick.
+        control: The operator's.
 
     Returns:
-        the scenario, the same object where the control changes nothing that happens; and one line that says what it
+        The scenario, the same object where the control changes nothing that happens; and one line that says what it
         does.
 
     Raises:
-        BadInput: where the control cannot be obeyed.
+        BadInput: Where the control cannot be obeyed.
     """
     match control:
         case AddFault():
@@ -181,8 +181,8 @@ def operated(scenario: Scenario, events: Iterable[Event]) -> Scenario:
     """The scenario that has happened: with what operators have added to it.
 
     Args:
-        scenario: as it was loaded.
-        events: of the journal.
+        scenario: As it was loaded.
+        events: Of the journal.
     """
     for event in events:
         if event.kind == OPERATOR:
@@ -194,10 +194,10 @@ def control_in(event: Event) -> Control:
     """The control in an event of kind `OPERATOR`.
 
     Args:
-        event: of a journal that others may have written.
+        event: Of a journal that others may have written.
 
     Raises:
-        BadInput: one line, when its detail is no control.
+        BadInput: One line, when its detail is no control.
     """
     try:
         says = json.loads(event.detail)
@@ -210,12 +210,12 @@ def in_force(scenario: Scenario, k: int, first: int = 0) -> tuple[Mapping[str, A
     """The lasting faults of radio and senses that are active in a tick and change something.
 
     Args:
-        scenario: with its operators' faults.
-        k: the tick.
-        first: index of the first fault that is looked at; operators' faults follow the scenario's own.
+        scenario: With its operators' faults.
+        k: The tick.
+        first: Index of the first fault that is looked at; operators' faults follow the scenario's own.
 
     Returns:
-        as entries of a scenario's `faults`.
+        As entries of a scenario's `faults`.
     """
     return tuple(
         fault.model_dump(mode="json", exclude_none=True)
@@ -232,8 +232,8 @@ def prepared_as_operated(prepared: Prepared, events: Iterable[Event]) -> Prepare
     """The prepared scenario with what operators have added; they change neither terrain nor robots.
 
     Args:
-        prepared: as it was loaded.
-        events: of the journal.
+        prepared: As it was loaded.
+        events: Of the journal.
     """
     scenario = operated(prepared.scenario, events)
     return prepared if scenario is prepared.scenario else replace(prepared, scenario=scenario)
@@ -243,7 +243,7 @@ def as_detail(control: Control) -> str:
     """A control as the detail of an event.
 
     Args:
-        control: the operator's.
+        control: The operator's.
 
     Returns:
         JSON.
@@ -255,10 +255,10 @@ def described(event: Event) -> str:
     """An event's detail for people.
 
     Args:
-        event: of the journal.
+        event: Of the journal.
 
     Returns:
-        one line.
+        One line.
     """
     if event.kind != OPERATOR:
         return event.detail

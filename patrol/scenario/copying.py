@@ -24,15 +24,15 @@ def keep_scenario(scenario: Scenario, folder: Path) -> Path:
     """Write the resolved scenario into a folder, with copies of its map and its policy's file beside it.
 
     Args:
-        scenario: resolved.
-        folder: an existing one.
+        scenario: Resolved.
+        folder: An existing one.
 
     Returns:
-        the scenario's new file.
+        The scenario's new file.
 
     Raises:
-        BadInput: when one of them cannot be read.
-        OSError: when the folder cannot be written to.
+        BadInput: When one of them cannot be read.
+        OSError: When the folder cannot be written to.
     """
     path = folder / FILE
     own = _with_own_policy(_with_own_map(scenario, folder / MAP), folder / POLICY)

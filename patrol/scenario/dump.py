@@ -33,10 +33,10 @@ def dump_section(section: Section, indent: int = 0, notes: Mapping[str, str] = _
     """A section as YAML, one field a line, with each field's description beside it; what is None is a comment.
 
     Args:
-        section: of a scenario.
-        indent: spaces before each line.
-        notes: what to add to a field's description, by dotted field.
-        inside: the dotted name of the section with a full stop behind it; empty for a whole scenario.
+        section: Of a scenario.
+        indent: Spaces before each line.
+        notes: What to add to a field's description, by dotted field.
+        inside: The dotted name of the section with a full stop behind it; empty for a whole scenario.
     """
     lines = []
     for name, field in type(section).model_fields.items():

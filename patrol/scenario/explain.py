@@ -59,11 +59,11 @@ def one_line(
     """The first problem as ``source: line 3: field = value: problem``, unknown keys first, and how many more there are.
 
     Args:
-        error: what pydantic found.
-        source: the file, or what a mapping is called.
-        overridden: dotted fields that were given as overrides and not by the source.
-        line_of: finds the line of a field in the source.
-        aliases: what to call a field instead of its dotted name.
+        error: What pydantic found.
+        source: The file, or what a mapping is called.
+        overridden: Dotted fields that were given as overrides and not by the source.
+        line_of: Finds the line of a field in the source.
+        aliases: What to call a field instead of its dotted name.
 
     Returns:
         One line for the user.

@@ -56,21 +56,21 @@ def load_scenario(
     """The scenario in a YAML file, or in a mapping of the same shape.
 
     Args:
-        source: the file, or the mapping.
-        overrides: values by dotted field (``patrol.dilatation``, ``robots.0.speed``; ``robots.speed`` goes to every
+        source: The file, or the mapping.
+        overrides: Values by dotted field (``patrol.dilatation``, ``robots.0.speed``; ``robots.speed`` goes to every
             entry of a list); texts are read as YAML.
-        base: the folder that a mapping's relative paths are relative to, the current one unless given; a file's are
+        base: The folder that a mapping's relative paths are relative to, the current one unless given; a file's are
             relative to the file's folder.
-        called: what errors call a mapping.
-        aliases: what errors call a field instead of its dotted name.
-        opens_policy: whether the file of a policy may be opened, for its hash; False for a stranger's scenario that is
+        called: What errors call a mapping.
+        aliases: What errors call a field instead of its dotted name.
+        opens_policy: Whether the file of a policy may be opened, for its hash; False for a stranger's scenario that is
             only looked at. No other file that a scenario names is opened here.
 
     Returns:
         The scenario, resolved.
 
     Raises:
-        BadInput: one line that names the file, the field, the value and the remedy.
+        BadInput: One line that names the file, the field, the value and the remedy.
     """
     if isinstance(source, Mapping):
         raw = copy.deepcopy(dict(source))
@@ -87,10 +87,10 @@ def open_scenario(what: str, overrides: Overrides | None = None) -> Scenario:
 
     Args:
         what: a scenario file, a map's YAML file or a built-in terrain.
-        overrides: as in `load_scenario`.
+        overrides: As in `load_scenario`.
 
     Raises:
-        BadInput: one line that says what is wrong and what to do instead.
+        BadInput: One line that says what is wrong and what to do instead.
     """
     if what in BUILTINS:
         return load_scenario({"terrain": {"builtin": what}}, overrides)
@@ -109,11 +109,11 @@ def with_spares(scenario: Scenario, spare: int) -> Scenario:
     """The same scenario with spare robots, which are not there until they join.
 
     Args:
-        scenario: without them.
-        spare: how many.
+        scenario: Without them.
+        spare: How many.
 
     Raises:
-        BadInput: where the scenario lists its robots.
+        BadInput: Where the scenario lists its robots.
     """
     if not isinstance(scenario.robots, RobotGroup):
         raise BadInput(f"--spare {spare}: {scenario.name} lists its robots; mark those that are to join as spare: true")
@@ -127,10 +127,10 @@ def parse_overrides(settings: Sequence[str]) -> dict[str, object]:
         settings: ``FIELD=VALUE``; the later of two for one field wins.
 
     Returns:
-        values by dotted field.
+        Values by dotted field.
 
     Raises:
-        BadInput: for a text of another form.
+        BadInput: For a text of another form.
     """
     overrides: dict[str, object] = {}
     for setting in settings:
@@ -146,7 +146,7 @@ def as_mapping(scenario: Scenario) -> dict[str, Any]:
     """The scenario as plain lists, texts and numbers; `load_scenario` gives an equal scenario back.
 
     Args:
-        scenario: resolved.
+        scenario: Resolved.
     """
     return scenario.model_dump(mode="json", exclude_none=True)
 
@@ -158,7 +158,7 @@ def dump_scenario(scenario: Scenario) -> str:
     to for each robot.
 
     Args:
-        scenario: resolved.
+        scenario: Resolved.
     """
     return f"{dump_section(scenario, notes=notes_on_lengths(scenario))}\n"
 
@@ -175,10 +175,10 @@ def scenario_hash(scenario: Scenario) -> str:
     by one.
 
     Args:
-        scenario: resolved.
+        scenario: Resolved.
 
     Raises:
-        BadInput: when the map cannot be read.
+        BadInput: When the map cannot be read.
     """
     meaning = _meaning(scenario)
     if scenario.terrain.map is not None:
@@ -191,8 +191,8 @@ def same_but_for_files(one: Scenario, other: Scenario) -> bool:
     """Whether two scenarios mean the same, as far as it can be told without opening what they name.
 
     Args:
-        one: resolved; it may be a stranger's.
-        other: resolved.
+        one: Resolved; it may be a stranger's.
+        other: Resolved.
 
     Returns:
         False where anything differs but names, and the map and the policy's file themselves.
@@ -218,10 +218,10 @@ def map_digest(path: Path) -> str:
     """SHA-256 (hex) of a map: what its YAML means and its image's bytes, wherever the two files lie.
 
     Args:
-        path: the map's YAML file.
+        path: The map's YAML file.
 
     Raises:
-        BadInput: when one of the files cannot be read.
+        BadInput: When one of the files cannot be read.
     """
     from patrol.ground.maps import read_map_file  # here, so that a scenario without a map needs no image library
 

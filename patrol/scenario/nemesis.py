@@ -24,7 +24,7 @@ def written_out(scenario: Scenario) -> Scenario:
     """The same scenario with concrete faults in the place of its nemesis, after those that it has.
 
     Args:
-        scenario: with or without a nemesis.
+        scenario: With or without a nemesis.
     """
     if scenario.nemesis is None:
         return scenario
@@ -39,10 +39,10 @@ def drawn_faults(scenario: Scenario) -> list[dict[str, Any]]:
     own faults let join or leave.
 
     Args:
-        scenario: with or without a nemesis.
+        scenario: With or without a nemesis.
 
     Returns:
-        entries of the scenario's `faults`.
+        Entries of the scenario's `faults`.
     """
     spec, step = scenario.nemesis, scenario.step
     if spec is None:

@@ -18,9 +18,9 @@ def wrong(field: str, problem: str, value: float | None = None) -> PydanticCusto
     """The error of a check over several fields.
 
     Args:
-        field: the field to change, dotted from the model that checks; empty for the model itself.
-        problem: what is wrong and what to do instead.
-        value: the field's value where the message should show it.
+        field: The field to change, dotted from the model that checks; empty for the model itself.
+        problem: What is wrong and what to do instead.
+        value: The field's value where the message should show it.
     """
     shown = "" if value is None else f" = {value:g}"
     return PydanticCustomError("crossed", "{problem}", {"field": field, "value": shown, "problem": problem})
@@ -31,7 +31,7 @@ def absolute(value: str | None, info: ValidationInfo) -> str | None:
 
     Args:
         value: a path, or None.
-        info: of the validation.
+        info: Of the validation.
     """
     base = info.context.get("base") if isinstance(info.context, dict) else None
     return value if value is None or base is None else str((Path(base) / value).absolute())

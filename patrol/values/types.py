@@ -42,8 +42,8 @@ def expecting(what: str, bare: bool = False) -> WrapValidator:
     """Replace whatever the inner checks say by one message: what was expected.
 
     Args:
-        what: the expected value, in words.
-        bare: whether `what` says nothing about the field, so that the message should add the field's description.
+        what: The expected value, in words.
+        bare: Whether `what` says nothing about the field, so that the message should add the field's description.
     """
 
     def check(value: Any, handler: ValidatorFunctionWrapHandler) -> Any:
@@ -69,8 +69,8 @@ def at_least(count: int, what: str) -> AfterValidator:
     It runs after the items' own checks, so that a wrong item is not counted as missing.
 
     Args:
-        count: the least number of items.
-        what: what the items are.
+        count: The least number of items.
+        what: What the items are.
     """
 
     def check(items: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -85,8 +85,8 @@ def at_most(count: int, what: str) -> BeforeValidator:
     """A check that a list does not have too many items, before any of them is looked at.
 
     Args:
-        count: the largest number of items.
-        what: what the items are.
+        count: The largest number of items.
+        what: What the items are.
     """
 
     def check(items: Any) -> Any:
@@ -169,7 +169,7 @@ def by_shape(what: str) -> Discriminator:
     The equals sign sets the tags apart from field names where an error's location mentions them.
 
     Args:
-        what: what is expected, in words, where a value has none of the shapes.
+        what: What is expected, in words, where a value has none of the shapes.
     """
     return Discriminator(_shape, "expected", "{what}", {"what": what, "bare": False})
 

@@ -27,7 +27,7 @@ def below(states, receivers, sequences, rate):
         states: uint64 (f,), the hashes of what comes before the receiver, by frame.
         receivers: int64 (r,), their numbers.
         sequences: int64 (f,), of the frames.
-        rate: in [0, 1].
+        rate: In [0, 1].
 
     Returns:
         uint8 (f, r), 1 where it is.

@@ -19,12 +19,12 @@ def fits_nowhere(terrain: Terrain, radius: float, default: bool = False) -> str:
     """The error for a body that fits nowhere.
 
     Args:
-        terrain: the ground.
-        radius: of the body, m.
-        default: whether it is the radius of a robot for which none is given.
+        terrain: The ground.
+        radius: Of the body, m.
+        default: Whether it is the radius of a robot for which none is given.
 
     Returns:
-        one line that names the cause and the remedy.
+        One line that names the cause and the remedy.
     """
     most = largest_radius(terrain)
     if why := _map_to_blame(terrain, f"a body with a radius of {radius:g} m"):
@@ -42,13 +42,13 @@ def fits_no_door(terrain: Terrain, radius: float, widest: Door, default: bool = 
     """The error for a body that fits through no door around the place where it would start.
 
     Args:
-        terrain: the ground.
-        radius: of the body, m.
-        widest: of these doors.
-        default: whether it is the radius of a robot for which none is given.
+        terrain: The ground.
+        radius: Of the body, m.
+        widest: Of these doors.
+        default: Whether it is the radius of a robot for which none is given.
 
     Returns:
-        one line that names the door and the remedy.
+        One line that names the door and the remedy.
     """
     if why := _map_to_blame(terrain, f"a body with a radius of {radius:g} m to move"):
         return why
@@ -68,13 +68,13 @@ def no_room_for_all(terrain: Terrain, radius: float, robots: int, placed: int) -
     """The error for a fleet that finds no room at the start.
 
     Args:
-        terrain: the ground.
-        radius: of the robot for which there is no place left, m.
-        robots: number of robots in the fleet.
-        placed: number of robots that have a place.
+        terrain: The ground.
+        radius: Of the robot for which there is no place left, m.
+        robots: Number of robots in the fleet.
+        placed: Number of robots that have a place.
 
     Returns:
-        one line that names the cause and the remedy.
+        One line that names the cause and the remedy.
     """
     fleet = f"{robots} {'robot' if robots == 1 else 'robots'}"
     if why := _map_to_blame(terrain, f"{fleet} with a radius of {radius:g} m"):
@@ -103,10 +103,10 @@ def largest_radius(terrain: Terrain) -> float:
     """The largest radius of a body that fits somewhere on a terrain, rounded down to hundredths of a metre.
 
     Args:
-        terrain: the ground.
+        terrain: The ground.
 
     Returns:
-        the radius, m; 0 where no body fits.
+        The radius, m; 0 where no body fits.
     """
     level = int(clearance_levels(terrain.free, max(terrain.shape)).max())
     return _hundredths(0.5 * terrain.point * (math.sqrt(level) - 1.0))
@@ -122,9 +122,9 @@ def _finer_points(spare: float, radius: float, point: float) -> list[str]:
     A body needs half a point more than its radius, and a finer grid may be shifted against the place by a point.
 
     Args:
-        spare: what the place is wider than the radius, m.
-        radius: of the body, m.
-        point: side of a point, m.
+        spare: What the place is wider than the radius, m.
+        radius: Of the body, m.
+        point: Side of a point, m.
     """
     finer = _nice(spare / 1.5) if spare > 0.0 else 0.0
     if finer < LEAST_SHARE * radius:  # nobody knows whether the place is wide enough, unless points are coarse

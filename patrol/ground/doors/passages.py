@@ -20,7 +20,7 @@ def narrow_passages(terrain: Terrain, reach: BoolGrid, width: float) -> list[Boo
     ground in two places or more, so that corners and dead ends do not.
 
     Args:
-        terrain: the ground.
+        terrain: The ground.
         reach: bool (h, w), where the body gets to.
         width: m.
 

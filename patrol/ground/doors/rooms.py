@@ -35,12 +35,12 @@ class Door:
     """A narrowest place between two parts of the free space. Lengths are in m, areas in m2.
 
     Attributes:
-        x: of its middle.
-        y: of its middle.
-        width: between the walls, in whole free points.
-        radius: of the widest body that passes.
-        behind: area of the part that it leads to: the one not reached, or the smaller one.
-        passes: whether the body fits through.
+        x: Of its middle.
+        y: Of its middle.
+        width: Between the walls, in whole free points.
+        radius: Of the widest body that passes.
+        behind: Area of the part that it leads to: the one not reached, or the smaller one.
+        passes: Whether the body fits through.
     """
 
     x: float
@@ -58,20 +58,20 @@ class Rooms:
         nodes: int32 (n, 4), rooms (leaves) and doors (inner nodes), each after those that it joins.
         labels: int32 (h, w), 1 + the node of the room that a point belongs to, or 0.
         levels: int32 (h, w), squared clearance in half points.
-        areas: by node, m2.
-        leaves: by node, the rooms in it.
-        reached: by node, whether the body gets there.
-        is_root: by node.
+        areas: By node, m2.
+        leaves: By node, the rooms in it.
+        reached: By node, whether the body gets there.
+        is_root: By node.
         crumbs: bool (h, w), free points in no room.
-        crumb_count: the number of connected parts in `crumbs`.
+        crumb_count: The number of connected parts in `crumbs`.
     """
 
     def __init__(self, terrain: Terrain, radius: float, reach: BoolGrid) -> None:
         """Split the terrain.
 
         Args:
-            terrain: the ground.
-            radius: of the body, m.
+            terrain: The ground.
+            radius: Of the body, m.
             reach: bool (h, w), where the body gets to.
         """
         self.terrain = terrain
@@ -101,7 +101,7 @@ class Rooms:
         """The points of some rooms.
 
         Args:
-            leaves: the rooms' nodes.
+            leaves: The rooms' nodes.
 
         Returns:
             bool (h, w).
@@ -115,7 +115,7 @@ class Rooms:
         """Whether the body fits into at least one of some rooms.
 
         Args:
-            leaves: the rooms' nodes.
+            leaves: The rooms' nodes.
         """
         return any(self.levels.flat[self.nodes[leaf, ROOM]] >= self.body for leaf in leaves)
 
@@ -123,8 +123,8 @@ class Rooms:
         """The door that an inner node stands for.
 
         Args:
-            number: of the node.
-            behind: area of the part that it leads to, m2.
+            number: Of the node.
+            behind: Area of the part that it leads to, m2.
         """
         at = int(self.nodes[number, SADDLE])
         x, y = self.terrain.centre(*divmod(at, self.terrain.width))

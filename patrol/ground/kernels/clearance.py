@@ -21,7 +21,7 @@ def square_clearance(free, cap, along, clearance):
 
     Args:
         free: uint8 (h, w), 0 blocked.
-        cap: in points; a distance of more than cap - 1/2 points reads as that.
+        cap: In points; a distance of more than cap - 1/2 points reads as that.
         along: int32 (h, w), scratch.
         clearance: int32 (h, w), overwritten with the square of the distance in half points: 0 on a blocked point, 1
             beside one, (2 cap - 1)^2 at most.
@@ -60,8 +60,8 @@ def nearest(marked, wanted, cap, limit, along, found):
     Args:
         marked: uint8 (h, w), non-zero where marked.
         wanted: uint8 (h, w), non-zero where wanted.
-        cap: whole points to look away.
-        limit: square of the largest distance in points.
+        cap: Whole points to look away.
+        limit: Square of the largest distance in points.
         along: int32 (h, w), scratch.
         found: int32 (h, w), overwritten with the flat index of the nearest marked point (the lowest of several) at most
             sqrt(limit) away, or -1, and -1 where not wanted.

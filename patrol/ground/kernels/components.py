@@ -23,7 +23,7 @@ def label_parts(mask, labels, work):
         work: int32 (h * w,), scratch.
 
     Returns:
-        the number of parts.
+        The number of parts.
     """
     height, width = mask.shape
     labels[:, :] = 0

@@ -118,9 +118,9 @@ def see_from_reach(passable, reach, limit, now, after, proxy, square):
     Args:
         passable: uint8 (h, w).
         reach: uint8 (h, w).
-        limit: square of the range in points.
+        limit: Square of the range in points.
         now: int64 (n, 4), scratch with n at least 2 * range + 4.
-        after: like `now`.
+        after: Like `now`.
         proxy: int32 (h, w), -1 on entry, flat index of the nearest frontier point that sees the point on return.
         square: int32 (h, w), limit + 1 on entry, its squared distance in points on return.
     """
@@ -142,15 +142,15 @@ def see_back(passable, reach, limit, now, after, work, proxy, square):
     Args:
         passable: uint8 (h, w).
         reach: uint8 (h, w).
-        limit: square of the range in points.
+        limit: Square of the range in points.
         now: int64 (n, 4), scratch, as in `see_from_reach`.
-        after: like `now`.
+        after: Like `now`.
         work: int32 (h * w,), scratch.
         proxy: int32 (h, w), as in `see_from_reach`.
         square: int32 (h, w), as in `see_from_reach`.
 
     Returns:
-        the number of points added.
+        The number of points added.
     """
     height, width = passable.shape
     waiting = 0

@@ -32,7 +32,7 @@ def falling_order(level, counts, order):
         order: int32 (n,), its head is overwritten.
 
     Returns:
-        the number of points listed.
+        The number of points listed.
     """
     highest = counts.shape[0] - 2
     counts[:] = 0
@@ -97,11 +97,11 @@ def find_doors(level, order, width, body, room, wider, parent, size, top, node, 
 
     Args:
         level: int32 (h * w,), squared clearance in half points.
-        order: from `falling_order`, its head alone.
-        width: of the grid, points.
-        body: the level that a body needs.
-        room: points of the smallest room.
-        wider: factor, see above.
+        order: From `falling_order`, its head alone.
+        width: Of the grid, points.
+        body: The level that a body needs.
+        room: Points of the smallest room.
+        wider: Factor, see above.
         parent: int32 (h * w,), scratch; -1 everywhere on entry.
         size: int32 (h * w,), scratch.
         top: int32 (h * w,), scratch.
@@ -110,7 +110,7 @@ def find_doors(level, order, width, body, room, wider, parent, size, top, node, 
             body fits into + 1).
 
     Returns:
-        the number of nodes.
+        The number of nodes.
     """
     count = int64(0)
     for place in range(order.shape[0]):
@@ -159,9 +159,9 @@ def spread_rooms(level, order, width, parent, size, label):
     """Give every point the room that it falls to, so that rooms meet at the doors' saddles.
 
     Args:
-        level: as in `find_doors`.
-        order: as in `find_doors`.
-        width: of the grid, points.
+        level: As in `find_doors`.
+        order: As in `find_doors`.
+        width: Of the grid, points.
         parent: int32 (h * w,), scratch; -1 everywhere on entry.
         size: int32 (h * w,), scratch.
         label: int32 (h * w,), on entry a number above 0 on each room's widest point and 0 elsewhere; on return on each

@@ -32,17 +32,17 @@ def observe(last_seen, tracked, histogram, view, quality, row0, col0, tick, box)
     Args:
         last_seen: int32 (h, w).
         tracked: uint8 (h, w).
-        histogram: counts of tracked points by last_seen + 1.
+        histogram: Counts of tracked points by last_seen + 1.
         view: uint8 (m, m), its element (0, 0) lies over point (row0, col0).
         quality: float64 (m, m) in [0, 1], laid over the points like `view`, for a sensor that leaves floor(age * (1 -
             quality)) ticks of a point's age; None for one that leaves nothing.
-        row0: of the grid, under the view's row 0.
-        col0: of the grid, under the view's column 0.
-        tick: now.
+        row0: Of the grid, under the view's row 0.
+        col0: Of the grid, under the view's column 0.
+        tick: Now.
         box: int64 (4,), overwritten with the first and last row and column that changed (first > last: none did).
 
     Returns:
-        the increase of the sum of last-seen ticks.
+        The increase of the sum of last-seen ticks.
     """
     height, width = last_seen.shape
     box[0] = height
@@ -102,11 +102,11 @@ def find(last_seen, tracked, tick, begin):
     Args:
         last_seen: int32 (h, w).
         tracked: uint8 (h, w).
-        tick: the tick.
-        begin: flat index of the point to begin with.
+        tick: The tick.
+        begin: Flat index of the point to begin with.
 
     Returns:
-        its flat index, or -1 where there is none.
+        Its flat index, or -1 where there is none.
     """
     seen, counts = last_seen.ravel(), tracked.ravel()
     for at in range(max(begin, 0), seen.size):

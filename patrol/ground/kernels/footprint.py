@@ -28,13 +28,13 @@ def cast(passable, row, col, radius, view, row0, col0):
 
     Args:
         passable: uint8 (h, w), 0 blocks.
-        row: of the robot's point.
-        col: of the robot's point.
-        radius: in points; centres farther than this are out of sight.
+        row: Of the robot's point.
+        col: Of the robot's point.
+        radius: In points; centres farther than this are out of sight.
         view: uint8, overwritten with 1 in sight, 0 not; it holds every point within `radius` that lies on the grid, and
             the robot's own.
-        row0: of the grid, under the view's row 0.
-        col0: of the grid, under the view's column 0.
+        row0: Of the grid, under the view's row 0.
+        col0: Of the grid, under the view's column 0.
     """
     height, width = passable.shape
     if not (-1 <= row <= height and -1 <= col <= width):  # so far outside nothing is in sight
@@ -109,12 +109,12 @@ def disc(passable, row, col, radius, view, row0, col0):
 
     Args:
         passable: uint8 (h, w).
-        row: of the robot's point.
-        col: of the robot's point.
-        radius: in points.
-        view: as in `cast`.
-        row0: as in `cast`.
-        col0: as in `cast`.
+        row: Of the robot's point.
+        col: Of the robot's point.
+        radius: In points.
+        view: As in `cast`.
+        row0: As in `cast`.
+        col0: As in `cast`.
     """
     height, width = passable.shape
     limit = radius * radius + 1e-9
@@ -133,8 +133,8 @@ def keep_sector(view, heading, angle):
 
     Args:
         view: uint8 (m, m).
-        heading: of the sector's middle, rad.
-        angle: of the whole sector, rad.
+        heading: Of the sector's middle, rad.
+        angle: Of the whole sector, rad.
     """
     reach = view.shape[0] // 2
     ahead_c = math.cos(heading)

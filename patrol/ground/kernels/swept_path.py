@@ -44,7 +44,7 @@ def arc_end(x, y, heading, distance, turn):
         y: m.
         heading: rad.
         distance: m, negative: backwards.
-        turn: change of the heading, rad, positive: left.
+        turn: Change of the heading, rad, positive: left.
 
     Returns:
         (x, y, heading), the heading in (-pi, pi].
@@ -146,14 +146,14 @@ def free_fraction_line(blocked, point, ox, oy, x0, y0, x1, y1, radius):
 
     Args:
         blocked: uint8 (h, w), 1 where a body may not be.
-        point: side of one point, m.
+        point: Side of one point, m.
         ox: x of the grid's origin, m.
         oy: y of the grid's origin, m.
-        x0: of the move's beginning, m.
-        y0: of the move's beginning, m.
-        x1: of the move's end, m.
-        y1: of the move's end, m.
-        radius: of the disc, m.
+        x0: Of the move's beginning, m.
+        y0: Of the move's beginning, m.
+        x1: Of the move's end, m.
+        y1: Of the move's end, m.
+        radius: Of the disc, m.
     """
     height, width = blocked.shape
     dx, dy = x1 - x0, y1 - y0
@@ -195,9 +195,9 @@ def chord_count(distance, turn, longest):
     A chord of length L that turns by u lies within L * u / 8 of its arc. No chord turns by more than half a circle.
 
     Args:
-        distance: along the arc, m.
-        turn: change of the heading, rad.
-        longest: of a chord, m.
+        distance: Along the arc, m.
+        turn: Change of the heading, rad.
+        longest: Of a chord, m.
     """
     if turn == 0.0 or distance == 0.0:
         return 1
@@ -215,7 +215,7 @@ def arc_points(path, x, y, heading, distance, turn):
         y: m.
         heading: rad.
         distance: m, negative: backwards.
-        turn: change of the heading, rad, positive: left.
+        turn: Change of the heading, rad, positive: left.
     """
     count = path.shape[0] - 1
     path[0, 0], path[0, 1] = x, y
@@ -259,15 +259,15 @@ def free_arc(blocked, point, ox, oy, x, y, heading, distance, turn, radius):
 
     Args:
         blocked: uint8 (h, w), 1 where a body may not be.
-        point: side of one point, m.
+        point: Side of one point, m.
         ox: x of the grid's origin, m.
         oy: y of the grid's origin, m.
         x: m.
         y: m.
         heading: rad.
         distance: m, negative: backwards.
-        turn: change of the heading, rad, positive: left.
-        radius: of the disc, m.
+        turn: Change of the heading, rad, positive: left.
+        radius: Of the disc, m.
 
     Returns:
         1 when the way is free, else 0.

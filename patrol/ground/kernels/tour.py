@@ -30,9 +30,9 @@ def wave(is_open, start, stop, limit, length, straight, diagonal, used):
 
     Args:
         is_open: uint8 (h, w), non-zero where a body's centre may be; its outermost points are 0.
-        start: flat index of an open point.
-        stop: flat index of a point whose length ends the wave, or -1: points that are farther may have none then.
-        limit: the longest path, in hundredths of a point.
+        start: Flat index of an open point.
+        stop: Flat index of a point whose length ends the wave, or -1: points that are farther may have none then.
+        limit: The longest path, in hundredths of a point.
         length: int32 (h * w,), FAR everywhere; changed in place to the lengths in hundredths of a point.
         straight: int32 (2 * h * w + 2,), scratch.
         diagonal: int32 (2 * h * w + 2,), scratch.
@@ -84,10 +84,10 @@ def forget(length, straight, diagonal, used):
     """Set what a wave has reached back to FAR.
 
     Args:
-        length: as for `wave`.
-        straight: as `wave` left it.
-        diagonal: as `wave` left it.
-        used: as `wave` left it.
+        length: As for `wave`.
+        straight: As `wave` left it.
+        diagonal: As `wave` left it.
+        used: As `wave` left it.
     """
     for entry in range(0, used[0], 2):
         length[straight[entry]] = FAR
@@ -108,10 +108,10 @@ def lengths_between(is_open, places, lengths, length, straight, diagonal, limit)
         length: int32 (h * w,), FAR everywhere, before and after.
         straight: int32 (2 * h * w + 2,), scratch.
         diagonal: int32 (2 * h * w + 2,), scratch.
-        limit: of the paths that are searched for, in hundredths of a point.
+        limit: Of the paths that are searched for, in hundredths of a point.
 
     Returns:
-        the number of ordered pairs of places without a path.
+        The number of ordered pairs of places without a path.
     """
     used = np.empty(2, np.int64)
     for first in range(places.size):
@@ -142,8 +142,8 @@ def clear_line(is_open, first, last):
 
     Args:
         is_open: uint8 (h, w), non-zero where a body's centre may be.
-        first: flat index of a point.
-        last: flat index of another one.
+        first: Flat index of a point.
+        last: Flat index of another one.
     """
     ground = is_open.ravel()
     stride = is_open.shape[1]
@@ -177,16 +177,16 @@ def way_between(is_open, first, last, length, straight, diagonal, way):
     """A short way between two places: the straight line, else a shortest 8-connected path pulled taut.
 
     Args:
-        is_open: as for `lengths_between`.
-        first: flat index of an open point.
-        last: flat index of an open point, connected with the first.
-        length: as for `lengths_between`.
-        straight: as for `lengths_between`.
-        diagonal: as for `lengths_between`.
+        is_open: As for `lengths_between`.
+        first: Flat index of an open point.
+        last: Flat index of an open point, connected with the first.
+        length: As for `lengths_between`.
+        straight: As for `lengths_between`.
+        diagonal: As for `lengths_between`.
         way: int32 (h * w,), overwritten with the flat indices of the way's corners, from the first point to the last.
 
     Returns:
-        the number of corners; between two of them the straight line is open.
+        The number of corners; between two of them the straight line is open.
     """
     way[0] = first
     if first == last:
@@ -233,7 +233,7 @@ def shorten(lengths, tour):
         tour: int64 (n,), a permutation of 0 to n - 1; changed in place.
 
     Returns:
-        the length of the tour.
+        The length of the tour.
     """
     n = tour.size
     better = n > 3

@@ -30,7 +30,7 @@ class Datagram:
     """A payload that has been copied already (`patrol.net.mailbox.Payload`).
 
     Attributes:
-        data: the bytes.
+        data: The bytes.
     """
 
     data: bytes
@@ -47,9 +47,9 @@ class Group:
     """A member of a multicast group (`patrol.net.mailbox.Air`). It does not hear what it sends itself.
 
     Args:
-        out: sends to the group.
-        into: receives from it.
-        address: the group's, and the port.
+        out: Sends to the group.
+        into: Receives from it.
+        address: The group's, and the port.
     """
 
     def __init__(self, out: socket.socket, into: socket.socket, address: tuple[str, int]) -> None:
@@ -66,7 +66,7 @@ class Group:
         """What sends under a key; a frame that the network does not take at once is lost.
 
         Args:
-            key: to send under.
+            key: To send under.
         """
         self._own.add(key)
         head = key.encode() + b"\0"
@@ -81,8 +81,8 @@ class Group:
         """Put messages into a mailbox.
 
         Args:
-            key: one key, or the beginning of several with ``*`` for the rest.
-            mailbox: where they wait.
+            key: One key, or the beginning of several with ``*`` for the rest.
+            mailbox: Where they wait.
         """
         self._subscriptions.append((key, mailbox))
 
@@ -117,7 +117,7 @@ def open_group(locator: str) -> Group:
         locator: ``udp/GROUP:PORT``, perhaps with ``#iface=NAME``.
 
     Raises:
-        GroupDown: in one line, when it cannot be joined.
+        GroupDown: In one line, when it cannot be joined.
     """
     address, _, iface = locator.removeprefix("udp/").partition("#iface=")
     group, _, port = address.partition(":")

@@ -72,10 +72,10 @@ class Batch:
     A batch may be empty, where only `running` or `pace` has changed.
 
     Attributes:
-        first: the number of the first record.
-        records: in order.
-        running: whether ticks go on by themselves.
-        pace: the requested factor of real time, None for as fast as possible.
+        first: The number of the first record.
+        records: In order.
+        running: Whether ticks go on by themselves.
+        pace: The requested factor of real time, None for as fast as possible.
     """
 
     first: int
@@ -91,8 +91,8 @@ class Ground:
     Attributes:
         passable: False is an obstacle.
         keep_out: True where bodies may not go.
-        areas: what robots can see, one for each kind of body.
-        area_of: by robot number, the index of its area.
+        areas: What robots can see, one for each kind of body.
+        area_of: By robot number, the index of its area.
     """
 
     passable: NDArray[np.bool_]
@@ -111,19 +111,19 @@ class SoFar:
     """A run up to now.
 
     Attributes:
-        number: of the next record.
-        header: packed record.
-        last: packed record of the newest tick, or None.
+        number: Of the next record.
+        header: Packed record.
+        last: Packed record of the newest tick, or None.
         last_seen: int32 (h, w), of the true fog after that tick.
-        events: packed records, the latest ones.
-        event: how many events there were before those.
-        asked: packed records, all events of operators' controls.
-        every: distance in ticks between the values of the series.
+        events: Packed records, the latest ones.
+        event: How many events there were before those.
+        asked: Packed records, all events of operators' controls.
+        every: Distance in ticks between the values of the series.
         mfow: float32, ticks, of every `every`-th tick from the first on.
         fog_mean: float32, ticks, the same.
-        running: whether ticks go on by themselves.
-        pace: the requested factor of real time, None for as fast as possible.
-        ground: the grids.
+        running: Whether ticks go on by themselves.
+        pace: The requested factor of real time, None for as fast as possible.
+        ground: The grids.
     """
 
     number: int
@@ -145,7 +145,7 @@ def batch_bytes(batch: Batch) -> bytes:
     """A batch as it is sent.
 
     Args:
-        batch: to send.
+        batch: To send.
     """
     packed: bytes = msgpack.packb([batch.first, batch.records, batch.running, batch.pace])
     return packed
@@ -155,10 +155,10 @@ def read_batch(payload: bytes) -> Batch:
     """The batch in a payload.
 
     Args:
-        payload: any bytes.
+        payload: Any bytes.
 
     Raises:
-        Garbled: for anything but a batch.
+        Garbled: For anything but a batch.
     """
     try:
         reader = Reader(payload)
@@ -179,7 +179,7 @@ def longest_record(robots: int) -> int:
     """Bytes of the longest record that a viewer unpacks; objects take many times the bytes that they are packed in.
 
     Args:
-        robots: in the roster. Each has a row, frames, and links to all others.
+        robots: In the roster. Each has a row, frames, and links to all others.
     """
     return min(MAX_BATCH, (1 << 17) + (robots << 11) + (robots * robots << 6))
 
@@ -188,7 +188,7 @@ def so_far_bytes(so_far: SoFar) -> bytes:
     """An answer as it is sent; takes a while for a large terrain.
 
     Args:
-        so_far: to send.
+        so_far: To send.
     """
     ground = so_far.ground
     patrolled = ground.patrolled
@@ -222,12 +222,12 @@ def read_so_far(
     """The answer in a payload. Nothing is decompressed before its size is known and allowed.
 
     Args:
-        payload: any bytes.
-        known: an earlier answer of the same run, whose grids are kept; None for the first.
-        fits: says of the header and the terrain's height and width whether they can be of one run.
+        payload: Any bytes.
+        known: An earlier answer of the same run, whose grids are kept; None for the first.
+        fits: Says of the header and the terrain's height and width whether they can be of one run.
 
     Raises:
-        Garbled: for anything but an answer, for one of another run than `known`, and for one too large.
+        Garbled: For anything but an answer, for one of another run than `known`, and for one too large.
     """
     if len(payload) > MAX_ANSWER:
         raise Garbled(f"an answer of {len(payload)} bytes")
@@ -359,7 +359,7 @@ def thinned(values: Sequence[float], every: int) -> NDArray[np.float32]:
     """Every n-th of the values, as a copy: the values may grow while somebody still looks at these.
 
     Args:
-        values: the series.
+        values: The series.
         every: n.
 
     Returns:

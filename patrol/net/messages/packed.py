@@ -24,7 +24,7 @@ class Reader:
     """The values of a payload, one after the other.
 
     Args:
-        payload: any bytes.
+        payload: Any bytes.
     """
 
     def __init__(self, payload: bytes) -> None:
@@ -36,10 +36,10 @@ class Reader:
         """The length of the array that begins here; its values follow.
 
         Args:
-            most: the greatest length.
+            most: The greatest length.
 
         Raises:
-            Unexpected: for anything else, and for a longer one.
+            Unexpected: For anything else, and for a longer one.
         """
         return self._length(self._unpacker.read_array_header, most)
 
@@ -47,10 +47,10 @@ class Reader:
         """The length of the map that begins here; its keys and values follow in turn.
 
         Args:
-            most: the greatest length.
+            most: The greatest length.
 
         Raises:
-            Unexpected: for anything else, and for a longer one.
+            Unexpected: For anything else, and for a longer one.
         """
         return self._length(self._unpacker.read_map_header, most)
 
@@ -58,7 +58,7 @@ class Reader:
         """The number, text, bytes, truth value or None that is next.
 
         Raises:
-            Unexpected: for an array or a map, and at the end.
+            Unexpected: For an array or a map, and at the end.
         """
         at = self._unpacker.tell()
         if at >= len(self._payload) or self._payload[at] in _HOLDS:
@@ -72,11 +72,11 @@ class Reader:
         """The array of values of one type that is next.
 
         Args:
-            kind: their exact type.
-            most: the greatest length.
+            kind: Their exact type.
+            most: The greatest length.
 
         Raises:
-            Unexpected: for anything else.
+            Unexpected: For anything else.
         """
         found = [self.value() for _ in range(self.array(most))]
         if any(type(one) is not kind for one in found):
@@ -87,7 +87,7 @@ class Reader:
         """Check that nothing follows.
 
         Raises:
-            Unexpected: when something does.
+            Unexpected: When something does.
         """
         if self._unpacker.tell() != len(self._payload):
             raise Unexpected("more than is expected")

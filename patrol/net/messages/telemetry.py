@@ -50,9 +50,9 @@ class RobotView:
     """One robot.
 
     Attributes:
-        name: of the robot.
+        name: Of the robot.
         status: a `patrol.journal.Status`.
-        state: what its mind reports that it is doing.
+        state: What its mind reports that it is doing.
         x: m, of its true pose.
         y: m, of the same.
         heading: rad, of the same.
@@ -71,15 +71,15 @@ class Metrics:
     """The run so far.
 
     Attributes:
-        k: ticks done.
-        ticks: of the whole run.
-        time_s: simulated.
-        mfow_s: now.
-        mfow_mean_s: over all ticks.
-        mfow_max_s: over all ticks.
-        seen_share: of the patrolled area.
-        ticks_per_s: by the wall clock, over the last seconds.
-        robots: in roster order.
+        k: Ticks done.
+        ticks: Of the whole run.
+        time_s: Simulated.
+        mfow_s: Now.
+        mfow_mean_s: Over all ticks.
+        mfow_max_s: Over all ticks.
+        seen_share: Of the patrolled area.
+        ticks_per_s: By the wall clock, over the last seconds.
+        robots: In roster order.
         stalest: x and y in m of the stalest place now, or None where nobody says.
     """
 
@@ -100,10 +100,10 @@ class Notice:
     """An event of the run.
 
     Attributes:
-        k: it happened before this tick.
-        kind: of the event.
-        robot: its name, or empty for the whole run.
-        detail: one line.
+        k: It happened before this tick.
+        kind: Of the event.
+        robot: Its name, or empty for the whole run.
+        detail: One line.
     """
 
     k: int
@@ -117,11 +117,11 @@ class Traffic:
     """Frames that one process of a robot has sent and heard by direct radio so far.
 
     Attributes:
-        incarnation: which of the robot's processes.
-        sent: frames.
-        heard: frames by the sender's name.
-        refused: frames dropped unread.
-        final: whether this process is about to leave.
+        incarnation: Which of the robot's processes.
+        sent: Frames.
+        heard: Frames by the sender's name.
+        refused: Frames dropped unread.
+        final: Whether this process is about to leave.
     """
 
     incarnation: int
@@ -136,15 +136,15 @@ class Telemetry:
     """What a robot decided in one tick.
 
     Attributes:
-        k: the tick.
-        state: what it is doing.
+        k: The tick.
+        state: What it is doing.
         goal: m, before refinement.
         refined: m, after refinement.
         direction: rad, or None.
-        mfow: believed, ticks.
-        decision_ms: wall time.
-        rejected: frames so far.
-        traffic: of a direct radio, or None.
+        mfow: Believed, ticks.
+        decision_ms: Wall time.
+        rejected: Frames so far.
+        traffic: Of a direct radio, or None.
     """
 
     k: int
@@ -162,11 +162,11 @@ class Watcher:
     """Turns tick records into metrics, at most one each `SHOW_S` of wall time.
 
     Args:
-        names: by robot number.
-        points: of the patrolled area.
+        names: By robot number.
+        points: Of the patrolled area.
         step: s.
-        ticks: of the whole run.
-        now: wall clock, s.
+        ticks: Of the whole run.
+        now: Wall clock, s.
     """
 
     def __init__(
@@ -186,11 +186,11 @@ class Watcher:
         """The next tick is done.
 
         Args:
-            record: of the tick.
-            stalest: gives x and y in m of the stalest place; asked only when metrics are due.
+            record: Of the tick.
+            stalest: Gives x and y in m of the stalest place; asked only when metrics are due.
 
         Returns:
-            the metrics when they are due, and after the last tick; otherwise None.
+            The metrics when they are due, and after the last tick; otherwise None.
         """
         self._sum += record.mfow
         self._max = max(self._max, record.mfow)
@@ -219,7 +219,7 @@ class Watcher:
         """An event of the journal as observers receive it.
 
         Args:
-            event: of the journal.
+            event: Of the journal.
         """
         name = "" if event.robot is None else self._names[event.robot]
         return Notice(event.k, event.kind, name, described(event)[:MAX_TEXT])
@@ -237,7 +237,7 @@ def longest_metrics(robots: int) -> int:
     """Bytes of the longest metrics that a reader looks at: many more would be made of a stranger's small objects.
 
     Args:
-        robots: in the roster.
+        robots: In the roster.
     """
     return min(MAX_VIEW, MAX_NOTICE + 2 * MAX_TEXT * robots)
 
@@ -246,7 +246,7 @@ def pack_view(view: Metrics | Notice | Telemetry) -> bytes:
     """A view as bytes.
 
     Args:
-        view: to send.
+        view: To send.
     """
     packed: bytes = msgpack.packb(asdict(view))
     return packed
@@ -256,10 +256,10 @@ def read_metrics(payload: bytes) -> Metrics:
     """The metrics in a payload.
 
     Args:
-        payload: any bytes.
+        payload: Any bytes.
 
     Raises:
-        Unreadable: for anything else.
+        Unreadable: For anything else.
     """
     says = _map(payload)
     robots = says.get("robots")
@@ -286,10 +286,10 @@ def read_notice(payload: bytes) -> Notice:
     """The notice in a payload.
 
     Args:
-        payload: any bytes.
+        payload: Any bytes.
 
     Raises:
-        Unreadable: for anything else.
+        Unreadable: For anything else.
     """
     says = _map(payload)
     k = _whole(says, "k")
@@ -302,10 +302,10 @@ def read_traffic(payload: bytes) -> Traffic:
     """The traffic in a robot's telemetry.
 
     Args:
-        payload: any bytes.
+        payload: Any bytes.
 
     Raises:
-        Unreadable: for anything else.
+        Unreadable: For anything else.
     """
     says = _map(payload).get("traffic")
     if type(says) is not dict:
@@ -326,10 +326,10 @@ def read_telemetry(payload: bytes) -> Telemetry:
     """What a robot decided, without its traffic.
 
     Args:
-        payload: any bytes.
+        payload: Any bytes.
 
     Raises:
-        Unreadable: for anything else.
+        Unreadable: For anything else.
     """
     says = _map(payload)
     direction = says.get("direction")

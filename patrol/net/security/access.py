@@ -45,10 +45,10 @@ class Access:
     """How to reach a fleet and control it.
 
     Attributes:
-        fleet: its name.
-        router: its locator.
-        token: the right to control it.
-        credentials: prove to the router who this is; None for a router that asks nobody.
+        fleet: Its name.
+        router: Its locator.
+        token: The right to control it.
+        credentials: Prove to the router who this is; None for a router that asks nobody.
     """
 
     fleet: str
@@ -64,11 +64,11 @@ def write_access(path: Path, access: Access) -> None:
     """Write a new file, for a router that asks nobody, that no other user may read.
 
     Args:
-        path: the new file.
-        access: what it holds.
+        path: The new file.
+        access: What it holds.
 
     Raises:
-        OSError: when the file cannot be written.
+        OSError: When the file cannot be written.
     """
     write_private(path, json.dumps({name: value for name, value in asdict(access).items() if name in _FIELDS}))
 
@@ -77,13 +77,13 @@ def write_pointer(path: Path, fleet: str, router: str, private: str) -> None:
     """Write a new file that names the private folder of a run.
 
     Args:
-        path: the new file.
-        fleet: the fleet's name.
-        router: its locator.
-        private: name of the private folder.
+        path: The new file.
+        fleet: The fleet's name.
+        router: Its locator.
+        private: Name of the private folder.
 
     Raises:
-        OSError: when the file cannot be written.
+        OSError: When the file cannot be written.
     """
     write_private(path, json.dumps({"fleet": fleet, "router": router, "private": private}))
 
@@ -93,10 +93,10 @@ def read_access(path: Path, option: str) -> Access:
 
     Args:
         path: a run's folder or its file, or an operator's credentials.
-        option: what errors call the path.
+        option: What errors call the path.
 
     Raises:
-        BadInput: when there is no such file, or it gives no right to control the fleet.
+        BadInput: When there is no such file, or it gives no right to control the fleet.
     """
     found = _read(path, option, OPERATOR)
     if isinstance(found, Access):
@@ -113,12 +113,12 @@ def credentials_at(path: Path, option: str, role: Role) -> Credentials:
     """Read the credentials that a member has, or that a role has in a run of this machine.
 
     Args:
-        path: the member's credentials, or a run's folder or file.
-        option: what errors call the path.
-        role: the role in the run.
+        path: The member's credentials, or a run's folder or file.
+        option: What errors call the path.
+        role: The role in the run.
 
     Raises:
-        BadInput: when there are none.
+        BadInput: When there are none.
     """
     found = _read(path, option, role)
     if isinstance(found, Access):
@@ -194,7 +194,7 @@ def is_private(folder: Path) -> bool:
     """Whether a path is a folder of this user's own, and no link, that nobody else can look into.
 
     Args:
-        folder: the path.
+        folder: The path.
     """
     try:
         status = folder.lstat()

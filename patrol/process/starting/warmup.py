@@ -36,11 +36,11 @@ def warm(packages: Sequence[str], say: Callable[[str], None]) -> None:
     """Make sure that the kernels of some packages are compiled; returns at once when they are.
 
     Args:
-        packages: their names.
-        say: takes a line when compiling or waiting takes time.
+        packages: Their names.
+        say: Takes a line when compiling or waiting takes time.
 
     Raises:
-        BadInput: where nothing can be kept on disk.
+        BadInput: Where nothing can be kept on disk.
     """
     files = {package: kernel_files(package) for package in packages}
     home = cache_home([path for modules in files.values() for path in modules.values()])
@@ -73,10 +73,10 @@ def kernel_files(package: str) -> dict[str, Path]:
     """A package's kernel modules: every module in a folder called kernels.
 
     Args:
-        package: its name.
+        package: Its name.
 
     Returns:
-        files by the module's full name.
+        Files by the module's full name.
     """
     found = {}
     spec = find_spec(package)
@@ -92,10 +92,10 @@ def cache_home(kernels: Sequence[Path]) -> Path:
     """The first folder for stamps that can be written to, in the order in which numba looks for its own.
 
     Args:
-        kernels: the kernels' source files.
+        kernels: The kernels' source files.
 
     Raises:
-        BadInput: where no folder can be written to.
+        BadInput: Where no folder can be written to.
     """
     given = os.environ.get("NUMBA_CACHE_DIR")
     own = os.environ.get("XDG_CACHE_HOME") or "~/.cache"

@@ -84,10 +84,10 @@ def partners(corners, before, after, concave, reach, v, longest, slack, margin, 
         after: int64 (n,), the neighbour after each corner.
         concave: int64 (m,), indices of the concave corners.
         reach: float64 (n,), each corner's distance to the nearest line in its cone.
-        v: the corner looked at.
+        v: The corner looked at.
         longest: a cut is at most this many times as long as both reaches together.
-        slack: tolerance of the cone's edges, as `_in_cone` has it.
-        margin: points that a cut keeps from other corners.
+        slack: Tolerance of the cone's edges, as `_in_cone` has it.
+        margin: Points that a cut keeps from other corners.
         found: uint8 (m,), overwritten.
     """
     for index in range(concave.shape[0]):
@@ -125,7 +125,7 @@ def shorten(corners, before, after, concave, begin, end, first, ways):
         concave: int64 (m,), the corners looked at.
         begin: float64 (k, 2), where the lines begin.
         end: float64 (k, 2), where the lines end.
-        first: the first line's number.
+        first: The first line's number.
         ways: float64 (n, 5), by corner: length, share of the way along the line, x, y and the line's number; shorter
             ways replace what is there.
     """

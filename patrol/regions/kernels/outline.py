@@ -54,7 +54,7 @@ def trace(mask, passed, corners, ends):
         ends: int32, overwritten with where each loop ends; it must hold m / 4 of them.
 
     Returns:
-        the number of loops.
+        The number of loops.
     """
     loops = 0
     count = 0
@@ -97,18 +97,18 @@ def fewest_corners(xs, ys, first, banned, fill, shave, sums, cost, link, chosen)
     Args:
         xs: float64 (n,).
         ys: float64 (n,).
-        first: index of a corner that stays.
+        first: Index of a corner that stays.
         banned: int64 (k, 2), sides by their ends that must not be used.
-        fill: how far a corner left out may lie on the left of the side that replaces it (so much is added outside the
+        fill: How far a corner left out may lie on the left of the side that replaces it (so much is added outside the
             mask); it is larger than `shave`.
-        shave: how far a corner left out may lie on the right of that side (so much of the mask is cut off).
+        shave: How far a corner left out may lie on the right of that side (so much of the mask is cut off).
         sums: float64 (2 n + 1, 5), scratch.
         cost: float64 (n + 1,), scratch.
         link: int64 (n + 1,), scratch.
         chosen: int64 (n,), its head is overwritten with the corners.
 
     Returns:
-        the number of corners.
+        The number of corners.
     """
     n = xs.shape[0]
     sums[0, :] = 0.0

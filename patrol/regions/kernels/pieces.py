@@ -24,7 +24,7 @@ def fill(polygon, number, mask, labels):
 
     Args:
         polygon: float64 (k, 2), in points.
-        number: to give.
+        number: To give.
         mask: uint8 (h, w), only its points are numbered.
         labels: int32 (h, w), -1 where there is no number.
     """
@@ -57,12 +57,12 @@ def spread(mask, rounds, labels, work):
 
     Args:
         mask: uint8 (h, w).
-        rounds: how often numbers spread to neighbours.
+        rounds: How often numbers spread to neighbours.
         labels: int32 (h, w), -1 where there is no number.
         work: int32 (h * w,), scratch.
 
     Returns:
-        how many points got a number.
+        How many points got a number.
     """
     height, width = mask.shape
     begin, end = int64(0), int64(0)
@@ -107,7 +107,7 @@ def split_parts(body, labels, parts, work):
         work: int32 (h * w,), scratch.
 
     Returns:
-        the number of parts.
+        The number of parts.
     """
     height, width = body.shape
     parts[:, :] = -1

@@ -327,10 +327,10 @@ def nothing(name: str, at: float, step: float, who: str) -> dict[str, Any]:
     """An entry that changes nothing (a clock that is not wrong), for a place in the list that others' draws depend on.
 
     Args:
-        name: the entry's id.
+        name: The entry's id.
         at: s.
         step: s; the entry lasts for one step.
-        who: any robot's name.
+        who: Any robot's name.
     """
     return {"kind": "clock", "id": name, "at": at, "for": step, "who": [who]}
 
@@ -339,10 +339,10 @@ def kinds_acting_on(what: ActsOn) -> tuple[str, ...]:
     """The kinds of faults that act on processes, on frames or on senses.
 
     Args:
-        what: as `Fault.acts_on` has it.
+        what: As `Fault.acts_on` has it.
 
     Returns:
-        in the order of `KINDS`.
+        In the order of `KINDS`.
     """
     return tuple(kind for kind, model in KINDS.items() if model.acts_on == what)
 

@@ -80,13 +80,13 @@ def draw_fault(draws: Draws, kinds: Sequence[str], robots: RobotsHit, when: When
     """Draw a fault: of the kinds, the first in a drawn order that can happen now.
 
     Args:
-        draws: of the interval in which it begins.
-        kinds: keys of `DRAWN`.
-        robots: notes whom it hits.
-        when: it lasts.
+        draws: Of the interval in which it begins.
+        kinds: Keys of `DRAWN`.
+        robots: Notes whom it hits.
+        when: It lasts.
 
     Returns:
-        the fault and what heals it, as entries of a scenario's `faults` without ids; empty when none can happen.
+        The fault and what heals it, as entries of a scenario's `faults` without ids; empty when none can happen.
     """
     for kind in draws.shuffled(kinds):
         if found := DRAWN[kind](draws, robots, when):

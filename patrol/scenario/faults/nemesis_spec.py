@@ -46,15 +46,15 @@ def room_for(spec: NemesisSpec, step: float, ticks: int) -> tuple[int, float]:
     """The part of a run that is left for a nemesis's faults.
 
     Args:
-        spec: of the nemesis.
+        spec: Of the nemesis.
         step: s.
-        ticks: of the run.
+        ticks: Of the run.
 
     Returns:
-        the tick at which the quiet window begins, and the ticks of an interval.
+        The tick at which the quiet window begins, and the ticks of an interval.
 
     Raises:
-        PydanticCustomError: when they do not fit into the run.
+        PydanticCustomError: When they do not fit into the run.
     """
     quiet = ticks * QUIET if spec.quiet is None else spec.quiet / step
     end = min(math.floor(ticks - quiet + 1e-9), ticks - 1)

@@ -39,15 +39,15 @@ def check_faults(
     comes after the last tick.
 
     Args:
-        faults: all of the scenario.
-        names: of the whole roster, in the order of the robots' numbers.
-        spares: numbers of the spare robots; sizes are of the others.
+        faults: All of the scenario.
+        names: Of the whole roster, in the order of the robots' numbers.
+        spares: Numbers of the spare robots; sizes are of the others.
         step: s.
-        ticks: of the run.
-        seed: the scenario's, from which targets are drawn.
+        ticks: Of the run.
+        seed: The scenario's, from which targets are drawn.
 
     Raises:
-        PydanticCustomError: for the first such fault.
+        PydanticCustomError: For the first such fault.
     """
     fleet = len(names) - len(spares)
     for place, fault in enumerate(faults):

@@ -64,13 +64,13 @@ def check_who(who: str | tuple[str, ...] | Some, names: Sequence[str], fleet: in
     """Raise when a target cannot be among some robots, or is nobody.
 
     Args:
-        who: the target.
-        names: of all robots.
-        fleet: how many of them are not spare.
-        where: the target's field.
+        who: The target.
+        names: Of all robots.
+        fleet: How many of them are not spare.
+        where: The target's field.
 
     Raises:
-        PydanticCustomError: when the target is none.
+        PydanticCustomError: When the target is none.
     """
     if isinstance(who, Some):
         if who.count is not None and who.count > fleet:
@@ -91,12 +91,12 @@ def check_name(name: str, names: Sequence[str], where: str) -> None:
     """Raise when no robot has a name.
 
     Args:
-        name: to look for.
-        names: of all robots.
-        where: the name's field.
+        name: To look for.
+        names: Of all robots.
+        where: The name's field.
 
     Raises:
-        PydanticCustomError: when no robot has it.
+        PydanticCustomError: When no robot has it.
     """
     if name not in names:
         near = get_close_matches(name, names, n=1, cutoff=0.6)
@@ -110,13 +110,13 @@ def meant(
     """The robots that a target means.
 
     Args:
-        who: the target, which `check_who` has checked.
-        numbers: of all robots by name.
-        spares: numbers of the spare robots.
-        drawing: what the target is drawn from.
+        who: The target, which `check_who` has checked.
+        numbers: Of all robots by name.
+        spares: Numbers of the spare robots.
+        drawing: What the target is drawn from.
 
     Returns:
-        robot numbers, ascending.
+        Robot numbers, ascending.
     """
     if isinstance(who, tuple):
         return tuple(sorted(numbers[name] for name in who))
@@ -132,8 +132,8 @@ def in_drawn_order(numbers: Iterable[int], drawing: Drawing) -> list[int]:
     """Robots in an order drawn for one field of one fault.
 
     Args:
-        numbers: of the robots.
-        drawing: what the order is drawn from.
+        numbers: Of the robots.
+        drawing: What the order is drawn from.
     """
     seed, index, field = drawing
     return sorted(numbers, key=lambda number: (draw(seed, Purpose.FAULT, index, field, number), number))
@@ -143,8 +143,8 @@ def size_of(who: str | Some, robots: int) -> int:
     """How many robots a target by size means.
 
     Args:
-        who: the target.
-        robots: how many there are to choose from.
+        who: The target.
+        robots: How many there are to choose from.
     """
     if isinstance(who, Some):
         if who.count is not None:
