@@ -62,10 +62,9 @@ class Look:
     def __exit__(self, kind: object, *_: object) -> None:
         self._context.close()
         if kind is None:
-            assert self._complaints == []
-            assert {urlsplit(url).netloc for url in self._asked if not url.startswith(("data:", "blob:"))} == {
-                self._host
-            }
+            assert not self._complaints, self._complaints
+            asked = {urlsplit(url).netloc for url in self._asked if not url.startswith(("data:", "blob:"))}
+            assert asked == {self._host}, asked
 
     def evaluate(self, script: str) -> Any:
         """What a script comes to in the page."""
