@@ -239,5 +239,14 @@ def _sending(scenario: Scenario, terrain: Terrain) -> Sending:
 
 
 def mind_maker(prepared: Prepared, key: bytes | None, shared: Shared) -> MakeMind:
-    """Makes minds of a scenario by robot number and incarnation, which share what they can."""
+    """What makes the minds of a scenario, which share what they can.
+
+    Args:
+        prepared: The scenario.
+        key: Of the fleet's tags, or None.
+        shared: What the minds share.
+
+    Returns:
+        Makes a mind by robot number and incarnation.
+    """
     return lambda number, incarnation: build_mind(prepared, number, incarnation, key, shared)

@@ -233,8 +233,11 @@ class Body(Protocol):
         """The command that carries an intent out best in the next step.
 
         Args:
-            intent: Checked (`checked`).
+            intent: Checked (`agent.answers.checked`).
             view: The same as the policy's.
+
+        Returns:
+            The command, and what it is meant for.
         """
         ...
 
@@ -323,5 +326,11 @@ class Telemetry(Protocol):
     """Who looks on. Nothing that it does may change a decision."""
 
     def report(self, sensed: Sensed, decision: Decision, decision_ms: float) -> None:
-        """A decision has been taken, and is about to be acted on. decision_ms: wall time that it took."""
+        """A decision has been taken, and is about to be acted on.
+
+        Args:
+            sensed: What the robot sensed in this tick.
+            decision: What its mind decided.
+            decision_ms: Wall time that this took, ms.
+        """
         ...

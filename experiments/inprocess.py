@@ -190,7 +190,15 @@ class InProcessFleet:
 
 
 def make_minds(prepared: Prepared, shared: Shared | None = None) -> dict[int, Mind]:
-    """The first minds of a scenario's whole roster."""
+    """The first minds of a scenario's whole roster.
+
+    Args:
+        prepared: The scenario.
+        shared: What they share; made for them unless given.
+
+    Returns:
+        By robot number.
+    """
     make = mind_maker(prepared, fleet_key(prepared.scenario.radio.key), shared or shared_by(prepared))
     return {spec.number: make(spec.number, FIRST_INCARNATION) for spec in prepared.scenario.roster}
 
@@ -211,19 +219,32 @@ def run_in_process(
     baseline_s: float | None = None,
     share: bool = True,
 ) -> Outcome:
-    """Run a scenario to its end, or until `stop` (asked between ticks) says so.
+    """Run a scenario to its end, or until `stop` says so.
 
-    journal: where to write the journal; without it the records stay in memory, or without `keep` only what they add up
-    to, so that the memory needed does not grow with the run. started: wall time for its header, ISO 8601. progress,
-    events: take each tick's record and each event, after they are recorded.
-    threads: minds that step at once; one where the policy is not ours.
-    verify_fog: without `keep`, whether the verdict recomputes the fog (see `worldsim.verdict.Judge`); it always does
-    where there are records to read again. look: called after each tick with the world and the minds by robot number,
-    to compare what is with what they believe; it must change nothing. watch: makes, from the world before its first
-    tick, what takes each tick's record after `progress`. baseline_s: what `fault_free_mfow` gives, for the verdict to
-    judge recovery by. share: whether minds whose beliefs are equal share them, which changes no trace.
+    Args:
+        scenario: The scenario, prepared or not.
+        journal: Where to write the journal; without it the records stay in memory, or without `keep` only what they add
+            up to, so that the memory needed does not grow with the run.
+        started: Wall time for the journal's header, ISO 8601.
+        progress: Takes each tick's record after it is recorded.
+        events: Takes each event after it is recorded.
+        stop: Asked between ticks whether to end.
+        threads: Minds that step at once; one where the policy is not ours.
+        keep: Whether records are kept.
+        verify_fog: Without `keep`, whether the verdict recomputes the fog (`worldsim.verdict.judge.Judge`); it always
+            does where there are records to read again.
+        look: Called after each tick with the world and the minds by robot number, to compare what is with what they
+            believe; it must change nothing.
+        watch: Makes, from the world before its first tick, what takes each tick's record after `progress`.
+        baseline_s: What `fault_free_mfow` gives, for the verdict to judge recovery by.
+        share: Whether minds whose beliefs are equal share them, which changes no trace.
 
-    Raises BadInput for a scenario that cannot be prepared; what a mind raises ends the run and is passed on.
+    Returns:
+        The records, their summary and the verdict.
+
+    Raises:
+        BadInput: The scenario cannot be prepared, or has a direct radio. What a mind raises ends the run and is passed
+            on.
     """
     prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
     if prepared.scenario.radio.via != "ether":
@@ -268,7 +289,15 @@ def run_in_process(
 
 
 def fault_free_mfow(prepared: Prepared, stop: Callable[[], bool] = lambda: False) -> float | None:
-    """The mean MFoW (s) of the same scenario without its faults; None when `stop` has ended that run."""
+    """The mean MFoW of a scenario without its faults.
+
+    Args:
+        prepared: The scenario.
+        stop: Asked between ticks whether to end.
+
+    Returns:
+        In s; None when `stop` has ended the run.
+    """
     calm = replace(prepared, scenario=prepared.scenario.model_copy(update={"faults": ()}))
     outcome = run_in_process(calm, keep=False, verify_fog=False, stop=stop)
     completed = outcome.journal.end is not None and outcome.journal.end.reason == COMPLETED

@@ -317,7 +317,19 @@ def open_session(
     waiting: Callable[[float], None],
     stopped: Callable[[], bool],
 ) -> zenoh.Session:
-    """A session with a router, for who needs more of Zenoh than a `Link`; otherwise as `open_link`."""
+    """A session with a router, for those who need more of Zenoh than a `Link`.
+
+    Args:
+        settings: Of Zenoh, by dotted name (`client_settings`).
+        router: As of `open_link`, like all others that are not listed.
+        wait_s: As of `open_link`.
+        waiting: As of `open_link`.
+        stopped: As of `open_link`.
+
+    Raises:
+        LinkDown: As of `open_link`.
+        Refused: The router does not let this process in.
+    """
     box: list[zenoh.Session | Exception] = []
     done = threading.Event()
 

@@ -49,7 +49,13 @@ class Steering(Protocol):
     """What moves a robot."""
 
     def want(self, command: Command, goal: Place | None, now_s: float) -> None:
-        """What the mind wants: the command for the next step, and where it leads in the end, if anywhere."""
+        """Take in what the mind wants.
+
+        Args:
+            command: For the next step.
+            goal: Where it leads in the end, x and y in m; None for nowhere.
+            now_s: The time, s.
+        """
         ...
 
     def step(self, fix: Fix | None, now_s: float, since_s: float, stopped: str) -> str:
@@ -67,7 +73,12 @@ class Steering(Protocol):
         ...
 
     def ahead(self, fix: Fix, lead_s: float) -> Pose:
-        """Where the robot will be in a moment, s."""
+        """Where the robot will be in a moment.
+
+        Args:
+            fix: Where it is.
+            lead_s: How far ahead, s.
+        """
         ...
 
     def blocked(self, pose: Pose) -> bool:
