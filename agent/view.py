@@ -110,6 +110,7 @@ class View:
         fog: What it believes of the fog.
         ground: Where its centre may be, and what is in the way now.
         routes: Lengths of ways, from here and from elsewhere.
+        chance: What `draw` asks.
     """
 
     tick: int
