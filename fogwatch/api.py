@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from worldsim.verdict.judge import Verdict
     from worldsim.world import World
 
-MOST_THREADS = 8
-"""Threads that minds in one process use at most."""
 EAGER = 16
 """Fleets of up to this many robots are started before the check that they fit, which saves time."""
 PROCESS_GB = 0.15
@@ -80,6 +78,7 @@ class RunOptions:
     Attributes:
         out: The run folder, new or empty; None for ``runs/<name>-<time>``.
         in_process: Whether to run in this process instead of one process per robot.
+        threads: Minds that think at once in this process; the trace is the same.
         port: TCP port of the router; None for a free one.
         display: Shows the progress.
         begin: Called when the ticks are about to begin. Before that, KeyboardInterrupt ends everything.
@@ -94,6 +93,7 @@ class RunOptions:
 
     out: Path | None = None
     in_process: bool = False
+    threads: int = 1
     port: int | None = None
     display: RunDisplay = field(default_factory=SilentDisplay)
     begin: Callable[[], None] = lambda: None
@@ -239,7 +239,7 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions)
             watch=watch,
             events=on_event,
             stop=options.stop,
-            threads=min(len(scenario.roster), os.cpu_count() or 1, MOST_THREADS),
+            threads=min(len(scenario.roster), options.threads),
             baseline_s=baseline_s,
         )
     return _result(folder, prepared, outcome.journal, outcome.verdict, outcome.summary, options)

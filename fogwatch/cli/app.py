@@ -71,6 +71,7 @@ command(app, examples=bench_command.EXAMPLES, exit_codes=bench_command.EXIT_CODE
 
 PAGE_SPARES = 2
 """How many robots may join a run with a live page, unless the scenario or the command line says so."""
+MOST_THREADS = 64
 BODY = "Robots"
 RUN = "Run"
 OUTPUT = "Output"
@@ -147,6 +148,16 @@ def run(
             "--in-process", help="Run in one process, without Zenoh; the trace is the same.", rich_help_panel=RUN
         ),
     ] = False,
+    threads: Annotated[
+        int,
+        typer.Option(
+            metavar="N",
+            min=1,
+            max=MOST_THREADS,
+            help="Robots that decide at once with --in-process; more than 1 is seldom faster.",
+            rich_help_panel=RUN,
+        ),
+    ] = 1,
     port: Annotated[
         int | None,
         typer.Option(metavar="N", help="TCP port of the router (default: a free one).", rich_help_panel=RUN),
@@ -206,6 +217,8 @@ def run(
     given = {field: value for field, value in overrides.items() if value is not None}
     if port is not None and not 0 < port < 65536:
         raise BadInput(f"--port {port}: is not a TCP port; give one from 1 to 65535")
+    if threads > 1 and not in_process:
+        raise BadInput(f"--threads {threads}: each robot is a process of its own; leave it out, or give --in-process")
     ending = heed(None, patience=0)
     scenario = open_scenario(what, {**given, **parse_overrides(settings or [])})
     served = page and not quiet and not in_process
@@ -230,6 +243,7 @@ def run(
     run_options = RunOptions(
         out,
         in_process,
+        threads,
         port,
         display,
         begin=begin,

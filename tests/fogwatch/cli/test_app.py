@@ -51,7 +51,8 @@ def test_the_options_override_the_scenario(fogwatch: Callable[..., int], tmp_pat
     header = (out / "scenario.yaml").read_text(encoding="utf-8")
     for words in ("model: holonomic", "radius: 0.5", "speed: 2.0", "seed: 9", "count: 2", "dilatation: 0.0"):
         assert words in header
-    assert fogwatch("run", str(out / "scenario.yaml"), "--in-process", "--quiet", "--out", str(tmp_path / "two")) == 0
+    again = ["--in-process", "--threads", "2", "--quiet", "--out", str(tmp_path / "two")]
+    assert fogwatch("run", str(out / "scenario.yaml"), *again) == 0
     hashes = {json.loads((tmp_path / name / "summary.json").read_text())["trace_hash"] for name in ("out", "two")}
     assert len(hashes) == 1
 
@@ -173,6 +174,7 @@ def test_an_error_in_a_map_names_the_map_and_not_its_copy(
         (["map", "check", "yards", "--range", "far"], "--range far: expected a number in m, such as --range 10"),
         (["control", "RUN", "go", "--wait", "1m"], "--wait 1m: expected a number in s, such as --wait 15"),
         (["chaos", "--runs", "0"], "--runs 0: expected 1 or more"),
+        (["run", "open", "--threads", "2"], "--threads 2: each robot is a process of its own; leave it out, or give"),
         (["paper", "table", "two"], "N... two: expected a whole number, such as 5"),
         (["sweep"], "FILE is missing; for example: fogwatch sweep"),
     ],
