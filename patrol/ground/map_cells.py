@@ -6,18 +6,15 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
 from patrol.errors import BadInput
+from patrol.ground.map_file import MapFile
 from patrol.ground.terrain import BoolGrid
 from patrol.untrusted import IMAGE, open_untrusted
-
-if TYPE_CHECKING:
-    from patrol.ground.maps import MapFile
 
 FORMATS = ("PPM", "PNG", "BMP", "JPEG")
 MAX_CELLS = 100_000_000

@@ -1,59 +1,28 @@
-"""Maps in ROS map_server's format, read as nav2's map server reads them and resampled without shrinking an obstacle.
+"""Terrains of maps in ROS map_server's format, read as nav2's map server reads them, without shrinking an obstacle.
 
-A map is a YAML file with the keys image, resolution, origin, negate, occupied_thresh, free_thresh and, if wanted, mode,
-and the image that it names, whose pixels are the map's cells, the upper row at the highest y.
+A map is a YAML file (`patrol.ground.map_file`) and the image that it names, whose pixels are the map's cells, the upper
+row at the highest y.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.errors import BadInput, did_you_mean, quoted
+from patrol.errors import BadInput
 from patrol.ground.builtins import builtin_terrain
 from patrol.ground.map_cells import free_cells, image_size, suspicious
+from patrol.ground.map_file import read_map_file
 from patrol.ground.shapes import cover
 from patrol.ground.terrain import MAX_POINTS, BoolGrid, Terrain, whole_points
 from patrol.printable import printable
-from patrol.untrusted import MAP, leads_out
-from patrol.yaml_text import parse_yaml, read_text
-
-Mode = Literal["trinary", "scale", "raw"]
-MODES: tuple[Mode, ...] = ("trinary", "scale", "raw")
 
 TOLERANCE = 1e-6
 """Overlaps thinner than this (in cells) are rounding and do not count."""
-
-
-@dataclass(frozen=True, slots=True)
-class MapFile:
-    """What a map's YAML file says.
-
-    Attributes:
-        path: The YAML file.
-        image: The image that it names.
-        resolution: m per cell.
-        origin: (x, y) in m of the lower left corner.
-        negate: Whether dark pixels are free.
-        occupied_thresh: Occupancy from which a cell is occupied, 0 to 1.
-        free_thresh: Occupancy below which a cell is free, 0 to 1.
-        mode: How pixels are read; see `patrol.ground.map_cells.free_cells`.
-    """
-
-    path: Path
-    image: Path
-    resolution: float
-    origin: tuple[float, float]
-    negate: bool
-    occupied_thresh: float
-    free_thresh: float
-    mode: Mode
 
 
 class TerrainSource(Protocol):
@@ -154,50 +123,6 @@ def suspicious_reading(terrain: Terrain) -> str:
     return "" if terrain.source is None else suspicious(read_map_file(terrain.source))
 
 
-def read_map_file(path: Path, within: Path | None = None) -> MapFile:
-    """Read a map's YAML file.
-
-    Args:
-        path: The YAML file.
-        within: The folder that it and its image must lie in; None for anywhere.
-
-    Raises:
-        BadInput: One line that names the key, its value and what is wrong with it.
-    """
-    if within is not None and leads_out(within, path):
-        raise BadInput(f"{path}: this map lies outside of {within} and is not read; copy its files into that folder")
-    says = parse_yaml(read_text(path, MAP), str(path))
-    if not isinstance(says, dict):
-        raise BadInput(f"{path}: is not a map; expected keys and values such as 'image: map.pgm'")
-    image = _value(path, says, "image", "the image's file name")
-    if not isinstance(image, str) or not image or "\0" in image:
-        raise BadInput(f"{path}: image = {quoted(image)}: expected the image's file name")
-    if within is not None and leads_out(within, path.parent / image):
-        raise BadInput(f"{path}: image = {quoted(image)}: lies outside of {within} and is not read; copy it there")
-    resolution = _number(path, says, "resolution", "a finite number above 0 (m per cell)")
-    if resolution <= 0.0:
-        raise BadInput(f"{path}: resolution = {resolution:g}: expected a finite number above 0 (m per cell)")
-    mode = says.get("mode", "trinary")
-    if mode not in MODES:
-        raise BadInput(f"{path}: mode = {quoted(mode)}: unknown; {did_you_mean(str(mode), MODES)}")
-    occupied, free = (_number(path, says, f"{name}_thresh", "a number from 0 to 1") for name in ("occupied", "free"))
-    if not 0.0 <= free < occupied <= 1.0:
-        raise BadInput(
-            f"{path}: free_thresh = {free:g}, occupied_thresh = {occupied:g}: expected 0 <= free_thresh < "
-            "occupied_thresh <= 1"
-        )
-    return MapFile(
-        path=path,
-        image=path.parent / image,
-        resolution=resolution,
-        origin=_origin(path, says),
-        negate=_negate(path, says),
-        occupied_thresh=occupied,
-        free_thresh=free,
-        mode=mode,
-    )
-
-
 def resample(cells: BoolGrid, resolution: float, point: float) -> BoolGrid:
     """The points on which every cell that they share some area with is free.
 
@@ -228,43 +153,3 @@ def _overlaps(cells: int, resolution: float, point: float) -> tuple[NDArray[np.i
     first = np.floor(index * point / resolution + TOLERANCE).astype(np.int64)
     after = np.ceil((index + 1.0) * point / resolution - TOLERANCE).astype(np.int64)
     return first, np.minimum(after, cells)
-
-
-def _value(path: Path, says: Mapping[str, Any], key: str, what: str) -> Any:
-    if key not in says:
-        raise BadInput(f"{path}: {key}: missing; give {what}")
-    return says[key]
-
-
-def _number(path: Path, says: Mapping[str, Any], key: str, what: str) -> float:
-    return _finite(path, key, _value(path, says, key, what), what)
-
-
-def _finite(path: Path, key: str, value: Any, what: str) -> float:
-    try:
-        number = math.nan if isinstance(value, bool) else float(value)
-    except (TypeError, ValueError, OverflowError):
-        number = math.nan
-    if not math.isfinite(number):
-        raise BadInput(f"{path}: {key} = {quoted(value)}: expected {what}")
-    return number
-
-
-def _origin(path: Path, says: Mapping[str, Any]) -> tuple[float, float]:
-    what = "[x, y, yaw] in m and rad of the lower left corner"
-    value = _value(path, says, "origin", what)
-    if not isinstance(value, list) or len(value) != 3:
-        raise BadInput(f"{path}: origin = {quoted(value)}: expected {what}")
-    x, y, yaw = (_finite(path, "origin", part, what) for part in value)
-    if yaw != 0.0:
-        raise BadInput(f"{path}: origin = {quoted(value)}: yaw must be 0; rotate the image instead")
-    return x, y
-
-
-def _negate(path: Path, says: Mapping[str, Any]) -> bool:
-    value = _value(path, says, "negate", "0 or 1")
-    words = {"0": False, "false": False, "no": False, "1": True, "true": True, "yes": True}
-    word = str(value).lower()
-    if word not in words:
-        raise BadInput(f"{path}: negate = {quoted(value)}: expected 0, 1, true or false")
-    return words[word]

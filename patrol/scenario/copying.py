@@ -10,7 +10,7 @@ from pathlib import Path
 import yaml
 
 from patrol.errors import BadInput
-from patrol.ground.maps import read_map_file
+from patrol.ground.map_file import read_map_file
 from patrol.scenario import Scenario, dump_scenario
 from patrol.scenario.policy_file import policy_digest, policy_file, policy_source
 from patrol.untrusted import IMAGE, read_untrusted

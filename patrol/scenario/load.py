@@ -21,6 +21,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from patrol.errors import BadInput, did_you_mean, quoted
+from patrol.ground.map_file import read_map_file
 from patrol.pose import TURNS_IN_ARCS
 from patrol.scenario.dump import dump_section
 from patrol.scenario.explain import one_line
@@ -223,8 +224,6 @@ def map_digest(path: Path) -> str:
     Raises:
         BadInput: When one of the files cannot be read.
     """
-    from patrol.ground.maps import read_map_file  # here, so that a scenario without a map needs no image library
-
     says = read_map_file(path)
     try:
         image = read_untrusted(says.image, IMAGE)

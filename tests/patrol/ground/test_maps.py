@@ -17,7 +17,8 @@ from PIL import Image
 
 from patrol.errors import BadInput
 from patrol.ground.map_cells import free_cells
-from patrol.ground.maps import load_terrain, read_map_file, read_terrain, resample, suspicious_reading
+from patrol.ground.map_file import read_map_file
+from patrol.ground.maps import load_terrain, read_terrain, resample, suspicious_reading
 from patrol.scenario import TerrainSpec
 
 SAYS: dict[str, Any] = {
