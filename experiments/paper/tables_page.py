@@ -65,8 +65,8 @@ def _head(setup: PaperSetup, command: str, computing_s: float) -> Iterator[str]:
     yield (
         "MFoW is a maximum, so it depends on the size of the points: compare only runs with the same size. Each cell "
         "shows our mean over the seeds ± half the width of its 95 % interval, the printed value in brackets, and the "
-        "ratio of the two. Where the paper leaves something open, the table lists what is assumed. Values that differ by "
-        f"more than a factor of {FAR_OFF:g} are bold, and listed below with the reason where it is known."
+        "ratio of the two. Where the paper leaves something open, the table lists what is assumed. Values that differ "
+        f"by more than a factor of {FAR_OFF:g} are bold, and listed below with the reason where it is known."
     )
 
 
