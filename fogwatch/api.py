@@ -127,7 +127,7 @@ def run(
         in_process: Whether to run in this process, or as one process per robot over Zenoh. Both give the same trace.
         progress: Called with the measures so far, at most ten times a second.
         overrides: Values by dotted field, such as ``{"patrol.dilatation": 0}``.
-        picture: Whether to draw fog.png, the final fog; in a loop over many runs, that takes the time of a short run.
+        picture: Whether to draw fog.png, the final fog, which takes about a second.
         recording: Whether to write recording.mcap as well; `fogwatch record` writes it at any later time.
         report: Whether to write report.html as well; `fogwatch report` writes it at any later time.
         recovery: Whether to run a scenario with faults without them too, so that the verdict can judge the recovery.

@@ -227,7 +227,7 @@ def test_nothing_outlives_a_killed_launcher(start: Callable[..., Run]) -> None:
 
 
 def test_a_dead_world_ends_the_run_unjudged(start: Callable[..., Run]) -> None:
-    run = start({**OPEN, "duration": 100_000})
+    run = start({**OPEN, "duration": 100_000}, "--recording", "--report")
     run.until(lambda: run.ticks() > 20)
     os.kill(run.children()["worldsim"], signal.SIGKILL)
     assert run.end() == 3, run.errors
