@@ -47,7 +47,6 @@ def test_a_robot_of_ones_own_patrols_with_two_simulated_ones(fleet: Hand) -> Non
     assert fleet.code("world") == 0, fleet.said("world")
     fleet.processes["guest"].send_signal(signal.SIGINT)
     assert fleet.code("guest") == 130, fleet.said("guest")
-    assert "ticks differ" not in fleet.said("guest")
     summary = json.loads((fleet.out / "summary.json").read_text(encoding="utf-8"))
     links = summary["direct"]["links"]
     for one, other in (("guest", "r1"), ("guest", "r2"), ("r1", "guest"), ("r2", "guest")):
