@@ -13,6 +13,8 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from patrol.process.starting.warmup import warm
+
 # A slow machine is no failure; in CI a run repeats exactly, elsewhere each run searches anew.
 settings.register_profile("local", deadline=None, print_blob=True)
 settings.register_profile("ci", settings.get_profile("local"), derandomize=True, database=None)
@@ -20,6 +22,9 @@ settings.load_profile("ci" if os.environ.get("CI") else "local")
 
 SELDOM = ("accept", "network")
 """Markers of tests that run only where ``-m`` names them."""
+
+PACKAGES = ("patrol", "agent", "worldsim", "monitor")
+"""Packages that have kernels."""
 
 MARK = "FOGWATCH_TEST_SESSION"
 GRACE_S = 60.0
@@ -29,6 +34,12 @@ GRACE_S = 60.0
 def pytest_xdist_auto_num_workers() -> int:
     """One worker more than there are processors: many tests wait for processes."""
     return len(os.sched_getaffinity(0)) + 1
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Compile the kernels before workers start, which would compile them side by side."""
+    if config.getoption("numprocesses", None):
+        warm(PACKAGES, print)
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

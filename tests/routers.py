@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import socket
@@ -16,7 +17,8 @@ from fogwatch.fleet_folder import FleetFolder, make_fleet
 from fogwatch.launch.private import Secrets
 from patrol.net.keys import WORLD, FleetKeys, fleet_keys
 from patrol.net.link import open_link, open_router
-from patrol.net.security.credentials import Credentials, read_credentials, read_router
+from patrol.net.security.access import FILE
+from patrol.net.security.credentials import Credentials, read_credentials, read_router, write_private
 from patrol.net.security.roles import role_of
 
 PATIENCE_S = 120.0
@@ -25,6 +27,11 @@ needs_openssl = pytest.mark.skipif(
     shutil.which("openssl") is None and not os.environ.get("CI"), reason="the command openssl is not installed"
 )
 """Tests of certificates; in CI they fail without it."""
+
+
+def write_access(folder: Path, router: str, fleet: str = "fleet-1", token: str = "0123456789abcdef") -> None:
+    """Write by hand how a fleet is reached and controlled, for a router that asks nobody."""
+    write_private(folder / FILE, json.dumps({"fleet": fleet, "router": router, "token": token}))
 
 
 def free_endpoint() -> str:

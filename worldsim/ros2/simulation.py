@@ -124,14 +124,6 @@ class Simulation:
         self.nodes[name].plugged = False
         self._plugs[name] = _Plug(wall_s)
 
-    def plug_in(self, name: str) -> None:
-        """A robot's odometry comes again.
-
-        Args:
-            name: The robot.
-        """
-        self.nodes[name].plugged = True
-
     def summary(self) -> dict[str, Any]:
         """What was measured, in s and m."""
         return {

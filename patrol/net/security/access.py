@@ -17,7 +17,7 @@ import re
 import stat
 import tempfile
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -58,19 +58,6 @@ class Access:
 
     def __repr__(self) -> str:
         return f"Access({self.fleet!r}, {self.router!r})"
-
-
-def write_access(path: Path, access: Access) -> None:
-    """Write a new file, for a router that asks nobody, that no other user may read.
-
-    Args:
-        path: The new file.
-        access: What it holds.
-
-    Raises:
-        OSError: When the file cannot be written.
-    """
-    write_private(path, json.dumps({name: value for name, value in asdict(access).items() if name in _FIELDS}))
 
 
 def write_pointer(path: Path, fleet: str, router: str, private: str) -> None:

@@ -7,10 +7,10 @@ import pytest
 
 from monitor.live.attach import is_running, open_fleet
 from patrol.errors import BadInput
-from patrol.net.security.access import FILE, Access, write_access
+from patrol.net.security.access import FILE
 from patrol.process.lifeline import Ending
 from patrol.radio.fleet_key import new_key
-from tests.routers import PATIENCE_S, free_endpoint, routed, world_seen
+from tests.routers import PATIENCE_S, free_endpoint, routed, world_seen, write_access
 
 
 @pytest.fixture
@@ -25,7 +25,7 @@ def folder(tmp_path: Path) -> Callable[[str], Path]:
     """A run's folder that says where its fleet is met."""
 
     def make(router: str) -> Path:
-        write_access(tmp_path / FILE, Access("fleet-1", router, "0123456789abcdef"))
+        write_access(tmp_path, router)
         return tmp_path
 
     return make
@@ -51,7 +51,7 @@ def test_a_launcher_that_was_killed_leaves_nobody_to_ask(
     assert not is_running(run)
     monkeypatch.setattr("monitor.live.attach.open_link", lambda *_: pytest.fail("asked somebody else's router"))
     (run / FILE).unlink()
-    write_access(run / FILE, Access("fleet-1", "tcp/192.0.2.1:7447", "0123456789abcdef"))
+    write_access(run, "tcp/192.0.2.1:7447")
     assert not is_running(run)
     (run / FILE).write_text("{}", encoding="utf-8")
     assert not is_running(run)

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar, Literal, TypeVar
+from typing import TYPE_CHECKING, ClassVar, TypeVar
 
 from patrol.journal.records import FORGED
 
@@ -16,9 +16,6 @@ if TYPE_CHECKING:
     from patrol.prepare import Prepared
     from worldsim.faults.timeline import Timeline
     from worldsim.run_record import RunRecord
-
-Severity = Literal["error", "warning"]
-"""Error: the run cannot be believed. Warning: the patrol makes no progress, or evidence is missing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,11 +35,6 @@ class CheckResult:
     detail: str
     judged: bool = True
     warnings: tuple[str, ...] = ()
-
-    @property
-    def severity(self) -> Severity | None:
-        """How bad the worst is that was found; None where all is well."""
-        return "error" if not self.ok else "warning" if self.warnings else None
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,9 @@ import fogwatch
 from fogwatch.cli.app import main
 from fogwatch.launch.derived import derive
 from patrol.journal import read_journal
-from patrol.net.security.access import FILE, Access, write_access
 from patrol.prepare import prepare
 from patrol.scenario import load_scenario
-from tests.routers import PATIENCE_S, routed, world_seen
+from tests.routers import PATIENCE_S, routed, world_seen, write_access
 
 SMALL = {
     "name": "small",
@@ -206,7 +205,7 @@ def test_a_run_that_was_paused_long_ago_is_not_cut_off_while_its_world_is_there(
     monkeypatch.setattr("patrol.net.link.SEE_S", PATIENCE_S)
     folder = half(ran, tmp_path / "half", old=True)
     with routed() as where:
-        write_access(folder / FILE, Access("fleet-1", where, "0123456789abcdef"))
+        write_access(folder, where)
         with world_seen(where, "fleet-1"):
             assert command("report", folder) == 0
     assert "is still going" in capsys.readouterr().err

@@ -21,12 +21,12 @@ from patrol.net.security.access import (
     credentials_at,
     is_private,
     read_access,
-    write_access,
     write_pointer,
 )
 from patrol.net.security.credentials import Credentials, as_json, read_credentials, read_router, write_private
 from patrol.net.security.roles import OPERATOR, VIEWER, WORLD_ROLE, Kind, robot_role
 from patrol.process.options import meeting
+from tests.routers import write_access
 
 ROUTER, AWAY = "tcp/127.0.0.1:7447", "tcp/192.0.2.1:7447"
 
@@ -171,11 +171,9 @@ def test_without_a_folder_of_one_s_own_there_is_no_run(roots: Path, monkeypatch:
 
 
 def test_a_file_made_by_hand_is_read_as_before(tmp_path: Path) -> None:
-    access = Access("f", ROUTER, "0123456789abcdef")
-    write_access(tmp_path / FILE, access)
-    assert stat.S_IMODE((tmp_path / FILE).stat().st_mode) == 0o600
+    write_access(tmp_path, ROUTER, "f", "0123456789abcdef")
     for path in (tmp_path, tmp_path / FILE):
-        assert read_access(path, "test") == access
+        assert read_access(path, "test") == Access("f", ROUTER, "0123456789abcdef")
     with pytest.raises(BadInput, match="holds no credentials"):
         credentials_at(tmp_path, "test", VIEWER)
 
