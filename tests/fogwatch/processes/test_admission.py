@@ -59,7 +59,7 @@ def what_others_see(pids: list[int]) -> str:
 
 
 def test_a_running_fleet_shows_no_secret_and_lets_no_stranger_in(start: Callable[..., Run]) -> None:
-    run = start({**COARSE, "duration": 100_000, "robots": 3 * [{}]})
+    run = start({**COARSE, "duration": 100_000, "pace": 10, "robots": 3 * [{}]})
     run.until(lambda: run.ticks() > 5)
     folder = private_folder(run.folder)
     secrets = secrets_in(folder)
@@ -127,7 +127,7 @@ def site(tmp_path: Path) -> Iterator[Site]:
 
 @needs_openssl
 def test_the_recipe_for_several_machines(site: Site, tmp_path: Path) -> None:
-    site.scenario.write_text(json.dumps({**SMALL, "duration": 100_000}), encoding="utf-8")
+    site.scenario.write_text(json.dumps({**SMALL, "duration": 100_000, "pace": 10}), encoding="utf-8")
     made = site.command("fleet", "init", str(site.fleet), "--robots", "anna,bert", "--port", site.port)
     assert made.returncode == 0, made.stderr
     machines = {

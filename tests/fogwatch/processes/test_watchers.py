@@ -66,14 +66,17 @@ def asking_viewer(folder: Path, ready: Path) -> Iterator[subprocess.Popen[bytes]
 
 def test_viewers_that_ask_for_all_and_stop_reading_cost_no_robot(start: Callable[..., Run], tmp_path: Path) -> None:
     run = start({**FAST, "point": 0.1, "duration": 100_000})
-    run.until(lambda: run.ticks() > 5)
+    operator = attached(run)
     for number in range(3):
+        assert operator.control({"do": "pause"}).done  # until the viewer is there, however long that takes
         ready = tmp_path / f"ready-{number}"
         with asking_viewer(run.folder, ready) as viewer:
             run.until(ready.exists)
             viewer.send_signal(signal.SIGSTOP)
             before = run.ticks()
+            assert operator.control({"do": "go"}).done
             run.until(lambda: run.ticks() > before + 50)  # noqa: B023 - it is over before the next
+    operator.close()
     run.process.send_signal(signal.SIGINT)
     assert run.end() == 130, run.errors
     assert {robot["status"] for robot in run.summary()["robots"].values()} == {"alive"}
