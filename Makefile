@@ -41,7 +41,7 @@ browser: ## install Chromium, for the tests of the page (needs root and apt-get)
 pictures: install ## make the README's pictures of the page again (needs Chromium)
 	$(BIN)/python docs/pictures/make.py
 
-# Several processes share the tests: one more than there are processors (`tests/conftest.py`), up to four.
+# Several processes share the tests: two more than there are processors (`tests/conftest.py`), up to four.
 # On a developer's machine nothing is installed unasked: without a Chromium pytest skips the tests of the page and says so.
 .PHONY: test
 test: install $(if $(CI),browser) ## check style, types and layers, and run every quick test

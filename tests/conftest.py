@@ -32,8 +32,8 @@ GRACE_S = 60.0
 
 
 def pytest_xdist_auto_num_workers() -> int:
-    """One worker more than there are processors: many tests wait for processes."""
-    return len(os.sched_getaffinity(0)) + 1
+    """Two workers more than there are processors: many tests wait for processes."""
+    return len(os.sched_getaffinity(0)) + 2
 
 
 def pytest_configure(config: pytest.Config) -> None:
