@@ -13,9 +13,6 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --no-input
 
-# A fleet starts many processes, and each would compile all sources anew where the environment forbids to keep bytecode.
-export PYTHONDONTWRITEBYTECODE :=
-
 .PHONY: help
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | while IFS= read -r line; do \
@@ -43,7 +40,9 @@ pictures: install ## make the README's pictures of the page again (needs Chromiu
 
 # Several processes share the tests: two more than there are processors (`tests/conftest.py`), up to four.
 # On a developer's machine nothing is installed unasked: without a Chromium pytest skips the tests of the page and says so.
+# The tests start hundreds of processes, each of which would compile all sources anew where PYTHONDONTWRITEBYTECODE is set.
 .PHONY: test
+test: export PYTHONDONTWRITEBYTECODE :=
 test: install $(if $(CI),browser) ## check style, types and layers, and run every quick test
 	$(BIN)/python -m pytest -n auto --maxprocesses 4
 
@@ -78,7 +77,7 @@ accept: install ## the long checks: measure what the project promises
 	$(BIN)/python -m pytest -m accept
 
 .PHONY: bench rivals
-bench: rivals ## measure the speed of everything, beside other libraries (about an hour; BENCH="kernels --quick")
+bench: rivals ## measure the speed of everything, beside other libraries (hours; BENCH="kernels --quick")
 	$(BIN)/fogwatch bench $(BENCH)
 
 rivals: install $(VENV)/.rivals ## install the libraries that benchmarks compare our kernels with (needs a C++ compiler)

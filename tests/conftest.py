@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from patrol.errors import BadInput
 from patrol.process.starting.warmup import warm
 
 # A slow machine is no failure; in CI a run repeats exactly, elsewhere each run searches anew.
@@ -38,8 +39,11 @@ def pytest_xdist_auto_num_workers() -> int:
 
 def pytest_configure(config: pytest.Config) -> None:
     """Compile the kernels before workers start, which would compile them side by side."""
-    if config.getoption("numprocesses", None):
-        warm(PACKAGES, print)
+    if config.getoption("numprocesses", None) and not config.option.collectonly:
+        try:
+            warm(PACKAGES, print)
+        except BadInput as error:
+            raise pytest.UsageError(str(error)) from None
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

@@ -123,7 +123,9 @@ def _growth(loss: float, effort: Effort) -> Sequence[Measured]:
 
 
 def growth_of(large: FleetReadings, size: int, beside: FleetReadings, fewer: int) -> Measured:
-    """By how much a robot's tick costs more in one fleet than in another.
+    """By how much a robot's tick costs more in one fleet than in another, over the same ticks of their patrols.
+
+    Ticks become dearer as a patrol goes on, so what one fleet did beyond the other's last tick does not count.
 
     Args:
         large: Readings of the one.
@@ -132,17 +134,16 @@ def growth_of(large: FleetReadings, size: int, beside: FleetReadings, fewer: int
         fewer: Number of its robots.
 
     Raises:
-        Unmeasured: One of them has too few ticks to divide into as many stretches as the other.
+        Unmeasured: One of them did no tick.
     """
+    ticks = min(len(large.processor), len(beside.processor))
     own, other = (
-        [spent / (ticks * robots) for spent, ticks in blocks(readings.processor)]
+        [spent / (count * robots) for spent, count in blocks(readings.processor[:ticks])]
         for readings, robots in ((large, size), (beside, fewer))
     )
-    ticks = f"{len(large.processor)} ticks beside {len(beside.processor)}"
-    if len(own) != len(other):
-        raise Unmeasured(f"{ticks}: too few to compare stretch by stretch")
     ratio = tuple(more / less for more, less in zip(own, other, strict=True))
-    return Measured("processor time per robot and tick, as a ratio", "", ratio, says=f"stretch by stretch, {ticks}")
+    says = f"stretch by stretch, over the same {ticks} ticks"
+    return Measured("processor time per robot and tick, as a ratio", "", ratio, says=says)
 
 
 def _paper_cell(effort: Effort) -> Sequence[Measured]:

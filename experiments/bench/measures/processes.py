@@ -159,7 +159,7 @@ def _start_up(terrain: str, effort: Effort, options: Sequence[str] = ()) -> Sequ
             agent = _newest_agent(process, "r1", number + 2)
             wall.append(now - agent.began)
             processor.append(agent.processor)
-    says = "and some of the tick after it, in which it is written down"
+    says = "includes part of the next tick, in which the world writes it down"
     return [
         Measured("until the first decision, wall time", "s", tuple(wall), says=says),
         Measured("until the first decision, processor time", "s", tuple(processor), says=says),

@@ -101,7 +101,7 @@ def until_gone(source: Source) -> bool:
 @pytest.mark.processes
 def test_a_stopped_viewer_costs_no_tick(start: Callable[..., Run], tmp_path: Path) -> None:
     """A viewer's process is stopped; far more than its buffers hold goes by, and the run ends as ever."""
-    scenario = {**COARSE, "duration": 400, "robots": 4 * [{}]}
+    scenario = {**COARSE, "duration": 800, "robots": 4 * [{}]}
     run = start(scenario)
     operator = attached(run)
     assert operator.control({"do": "pause"}).done  # until the viewer is there, however long that takes

@@ -174,7 +174,7 @@ def test_bad_input_is_one_line_in_each_format(site: Site) -> None:
 
 
 def test_whatever_connects_to_the_metrics_changes_nothing(site: Site, tmp_path: Path) -> None:
-    scenario = {**SCENARIO, "duration": 400}
+    scenario = {**SCENARIO, "duration": 800}
     site.start_all(scenario, *JSON)
     site.until(has_grown(site, "world", "fogwatch_ticks_total", 10.0))
     with ExitStack() as held:

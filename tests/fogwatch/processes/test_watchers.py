@@ -64,18 +64,25 @@ def asking_viewer(folder: Path, ready: Path) -> Iterator[subprocess.Popen[bytes]
         viewer.wait()
 
 
+def pass_ticks(run: Run, ticks: int) -> None:
+    """Wait until so many more ticks are over."""
+    before = run.ticks()
+    run.until(lambda: run.ticks() > before + ticks)
+
+
 def test_viewers_that_ask_for_all_and_stop_reading_cost_no_robot(start: Callable[..., Run], tmp_path: Path) -> None:
     run = start({**FAST, "point": 0.1, "duration": 100_000})
     operator = attached(run)
+    run.until(lambda: run.ticks() > 5)
     for number in range(3):
         assert operator.control({"do": "pause"}).done  # until the viewer is there, however long that takes
         ready = tmp_path / f"ready-{number}"
         with asking_viewer(run.folder, ready) as viewer:
             run.until(ready.exists)
-            viewer.send_signal(signal.SIGSTOP)
-            before = run.ticks()
             assert operator.control({"do": "go"}).done
-            run.until(lambda: run.ticks() > before + 50)  # noqa: B023 - it is over before the next
+            pass_ticks(run, 20)  # while it asks and reads
+            viewer.send_signal(signal.SIGSTOP)
+            pass_ticks(run, 50)
     operator.close()
     run.process.send_signal(signal.SIGINT)
     assert run.end() == 130, run.errors

@@ -89,12 +89,14 @@ def test_a_whole_run_is_told_by_each_clock_for_itself_and_only_when_it_is_whole(
 
 
 def test_a_robot_in_a_large_fleet_is_compared_stretch_by_stretch() -> None:
-    twice = replace(RUN, processor=[0.4] * 5)
-    found = growth_of(twice, 12, RUN, 6)
-    assert found.values == pytest.approx([0.4 / 12 / (0.1 / 6)] * 5)
-    assert found.says == "stretch by stretch, 5 ticks beside 10"
-    with pytest.raises(Unmeasured, match="4 ticks beside 10: too few to compare"):
-        growth_of(replace(RUN, processor=[0.4] * 4), 12, RUN, 6)
+    shorter = replace(RUN, processor=[0.4] * 5)
+    longer = replace(RUN, processor=[0.1] * 5 + [0.9] * 5)
+    found = growth_of(shorter, 12, longer, 6)
+    assert found.values == pytest.approx([0.4 / 12 / (0.1 / 6)] * 5), "later ticks do not count"
+    assert found.says == "stretch by stretch, over the same 5 ticks"
+    assert growth_of(longer, 6, shorter, 12).values == pytest.approx([0.1 / 6 / (0.4 / 12)] * 5)
+    with pytest.raises(Unmeasured, match="no tick was done"):
+        growth_of(replace(RUN, processor=[]), 12, RUN, 6)
 
 
 def test_a_fleet_runs_once_however_many_rows_tell_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
