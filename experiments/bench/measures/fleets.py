@@ -125,7 +125,7 @@ def _growth(loss: float, effort: Effort) -> Sequence[Measured]:
 def growth_of(large: FleetReadings, size: int, beside: FleetReadings, fewer: int) -> Measured:
     """By how much a robot's tick costs more in one fleet than in another, over the same ticks of their patrols.
 
-    Ticks become dearer as a patrol goes on, so what one fleet did beyond the other's last tick does not count.
+    Ticks cost more as a patrol goes on, so what one fleet did beyond the other's last tick does not count.
 
     Args:
         large: Readings of the one.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import mmap
 import os
 import subprocess
 import sys
@@ -15,6 +14,7 @@ from experiments.bench.tools import procfs
 from experiments.bench.tools.machine import this_machine
 from experiments.bench.tools.measure import Unmeasured
 from experiments.bench.tools.procfs import cores_busy_s, family_of, loopback_bytes, memory_of, peak_mb, since_boot
+from tests.fresh_memory import fresh_memory
 
 
 def test_a_busy_machine_is_warned_of() -> None:
@@ -66,9 +66,7 @@ def test_a_benchmark_names_its_commit() -> None:
 def test_the_memory_of_a_process_is_what_it_holds() -> None:
     memory = memory_of(os.getpid())
     assert 0.0 < memory.private <= memory.pss <= memory.rss
-    with mmap.mmap(-1, 64_000_000, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS) as held:  # malloc may reuse
-        for start in range(0, len(held), mmap.PAGESIZE):
-            held[start] = 1
+    with fresh_memory(64_000_000):
         grown = memory_of(os.getpid())
     assert grown.private - memory.private == pytest.approx(64.0, abs=8.0)
     assert peak_mb() >= grown.rss - 1.0

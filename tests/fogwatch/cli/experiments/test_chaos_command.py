@@ -30,10 +30,10 @@ def signals_are_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_what_holds_leaves_nothing_behind(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "chaos"
-    assert fogwatch("chaos", "--runs", "2", "--seed", "2000", "--out", str(out)) == 0
+    assert fogwatch("chaos", "--runs", "3", "--seed", "2000", "--out", str(out)) == 0
     said = capsys.readouterr().out.splitlines()
-    assert said[0] == "2 scenarios, seeds 2000 to 2001, 2 ways each ..."
-    assert said[-1].startswith("2 scenarios, 2 ways each: all held, in ")
+    assert said[0] == "3 scenarios, seeds 2000 to 2002, 2 ways each ..."
+    assert said[-1].startswith("3 scenarios, 2 ways each: all held, in ")
     assert not out.exists()
 
 

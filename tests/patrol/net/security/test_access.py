@@ -172,6 +172,7 @@ def test_without_a_folder_of_one_s_own_there_is_no_run(roots: Path, monkeypatch:
 
 def test_a_file_made_by_hand_is_read_as_before(tmp_path: Path) -> None:
     write_access(tmp_path, ROUTER, "f", "0123456789abcdef")
+    assert stat.S_IMODE((tmp_path / FILE).stat().st_mode) == 0o600
     for path in (tmp_path, tmp_path / FILE):
         assert read_access(path, "test") == Access("f", ROUTER, "0123456789abcdef")
     with pytest.raises(BadInput, match="holds no credentials"):

@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-import mmap
-
 from patrol.net.mailbox import Mailbox
 from patrol.process.reporting.vitals import (
     DROPPED,
@@ -16,6 +14,7 @@ from patrol.process.reporting.vitals import (
     VERSION,
     Vitals,
 )
+from tests.fresh_memory import fresh_memory
 
 
 class Arrived(bytes):
@@ -83,7 +82,5 @@ def test_a_figure_that_cannot_be_read_hides_no_other() -> None:
 
 def test_the_memory_is_that_of_this_process() -> None:
     before = Vitals().read()[MEMORY]
-    with mmap.mmap(-1, 64 << 20, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS) as held:  # malloc may reuse
-        for start in range(0, len(held), mmap.PAGESIZE):
-            held[start] = 1
-        assert Vitals().read()[MEMORY] > before + 0.5 * len(held)  # type: ignore[operator]
+    with fresh_memory(64 << 20):
+        assert Vitals().read()[MEMORY] > before + 0.5 * (64 << 20)  # type: ignore[operator]
