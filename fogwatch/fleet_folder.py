@@ -18,7 +18,7 @@ import os
 import shutil
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -36,6 +36,7 @@ from patrol.net.security.credentials import (
     as_json,
     check_private,
     read_object,
+    replace_private,
     router_json,
     write_private,
 )
@@ -372,17 +373,3 @@ def _made_whole(folder: Path) -> Iterator[Path]:
     except BaseException:
         shutil.rmtree(part, ignore_errors=True)
         raise
-
-
-def replace_private(file: Path, text: str) -> None:
-    """Write a file that only its owner can read, whole or not at all.
-
-    Args:
-        file: The file, which may be there already.
-        text: What it is to hold.
-    """
-    part = file.with_name(f".{file.name}.part")
-    with suppress(FileNotFoundError):
-        part.unlink()
-    write_private(part, text)
-    part.replace(file)

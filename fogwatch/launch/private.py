@@ -22,7 +22,15 @@ from pathlib import Path
 from patrol.errors import BadInput
 from patrol.net.keys import fleet_keys
 from patrol.net.security.access import is_private, private_roots
-from patrol.net.security.credentials import ROUTER, USERS, Credentials, as_json, router_json, write_private
+from patrol.net.security.credentials import (
+    ROUTER,
+    USERS,
+    Credentials,
+    as_json,
+    replace_private,
+    router_json,
+    write_private,
+)
 from patrol.net.security.roles import OPERATOR, VIEWER, WORLD_ROLE, Role, robot_role, roles_of
 
 _LOCK = "lock"
@@ -125,7 +133,7 @@ class Secrets:
                 if not file.exists():
                     token = self.token if role in (WORLD_ROLE, OPERATOR) else None
                     credentials = Credentials(self._fleet, self._router, role, self._passwords[user], token)
-                    write_private(file, as_json(credentials))
+                    replace_private(file, as_json(credentials))
 
     def _make(self) -> Path:
         """The new folder, locked as long as this process lives. It gets its name last, so no sweep finds it open."""

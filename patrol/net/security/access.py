@@ -29,7 +29,7 @@ from patrol.net.security.credentials import (
     Credentials,
     read_credentials,
     read_object,
-    write_private,
+    replace_private,
 )
 from patrol.net.security.roles import OPERATOR, Role
 
@@ -61,10 +61,10 @@ class Access:
 
 
 def write_pointer(path: Path, fleet: str, router: str, private: str) -> None:
-    """Write a new file that names the private folder of a run.
+    """Write the file that names the private folder of a run. Who waits for it finds all of it as soon as it is there.
 
     Args:
-        path: The new file.
+        path: The file.
         fleet: The fleet's name.
         router: Its locator.
         private: Name of the private folder.
@@ -72,7 +72,7 @@ def write_pointer(path: Path, fleet: str, router: str, private: str) -> None:
     Raises:
         OSError: When the file cannot be written.
     """
-    write_private(path, json.dumps({"fleet": fleet, "router": router, "private": private}))
+    replace_private(path, json.dumps({"fleet": fleet, "router": router, "private": private}))
 
 
 def read_access(path: Path, option: str) -> Access:

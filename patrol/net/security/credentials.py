@@ -356,3 +356,19 @@ def _option(says: Mapping[str, Any], name: str, where: str) -> str | None:
     if value is not None and not isinstance(value, str):
         raise BadInput(f"{where}: {name}: expected a text; {_REMEDY}")
     return value
+
+
+def replace_private(file: Path, text: str) -> None:
+    """Write a file that nobody but its owner may read; whoever looks sees all of it or what was there before.
+
+    Args:
+        file: The file, which may be there already.
+        text: What it is to hold.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    part = file.with_name(f".{file.name}.part")
+    part.unlink(missing_ok=True)
+    write_private(part, text)
+    part.replace(file)

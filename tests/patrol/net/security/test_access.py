@@ -5,9 +5,11 @@ import os
 import re
 import shutil
 import stat
+import sys
 from argparse import Namespace
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -160,6 +162,26 @@ def test_a_link_in_place_of_the_private_folder_is_not_followed(secrets: Secrets,
         read_access(run, "test")
     secrets.path.unlink()
     moved.rename(secrets.path)
+
+
+def test_who_waits_for_a_run_s_file_finds_all_of_it(secrets: Secrets, tmp_path: Path) -> None:
+    found: list[bool] = []
+
+    def look(*_: object) -> Callable[..., Any]:
+        if (tmp_path / FILE).exists():
+            read_access(tmp_path, "test")
+        found.append((tmp_path / FILE).exists())
+        return look
+
+    before = sys.gettrace()
+    sys.settrace(look)  # at every line that the writer executes
+    try:
+        write_pointer(tmp_path / FILE, "f", ROUTER, secrets.name)
+    finally:
+        sys.settrace(before)
+    assert not found[0]
+    assert found[-1]
+    assert [path.name for path in tmp_path.iterdir() if path.is_file()] == [FILE]
 
 
 def test_without_a_folder_of_one_s_own_there_is_no_run(roots: Path, monkeypatch: pytest.MonkeyPatch) -> None:
