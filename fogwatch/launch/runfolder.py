@@ -141,11 +141,11 @@ class RunFolder:
             self.path.rmdir()
 
 
-def create(scenario: Scenario, out: Path | None, now: datetime) -> RunFolder:
-    """Make the folder of a new run.
+def choose(scenario: Scenario, out: Path | None, now: datetime) -> RunFolder:
+    """Choose the folder of a new run. Nothing is written yet.
 
     Args:
-        scenario: The scenario, which is copied into the folder with its map.
+        scenario: The scenario.
         out: The folder, new or empty; None for ``runs/<name>-<time>``.
         now: The time for that name.
 
@@ -153,22 +153,44 @@ def create(scenario: Scenario, out: Path | None, now: datetime) -> RunFolder:
         The folder.
 
     Raises:
-        BadInput: The folder is not empty or cannot be written to, or the map cannot be used.
+        BadInput: The folder is not empty or cannot be read, or the map cannot be used.
     """
     path = (out or untaken(RUNS / f"{scenario.name}-{now:%Y%m%d-%H%M%S}")).absolute()
-    shown = f"--out {out}" if out else str(path)
-    folder = RunFolder(path, made=not path.exists())
     if scenario.terrain.map is not None:
-        # Loaded here so that an error names the map itself, not its copy, and leaves no folder behind.
+        # Loaded here so that an error names the map itself, not its copy.
         load_terrain(scenario.terrain, scenario.point, scenario.base)
     try:
         if path.is_dir() and any(path.iterdir()):
-            raise BadInput(f"{shown}: is not empty; choose a folder that is, or that does not exist yet")
-        path.mkdir(parents=True, exist_ok=True)
-        keep_scenario(scenario, path)
+            raise BadInput(f"{_shown(path, out)}: is not empty; choose a folder that is, or that does not exist yet")
     except OSError as error:
-        raise BadInput(f"{shown}: cannot be written ({error.strerror}); choose another folder") from None
-    return folder
+        raise _unusable(path, out, error) from None
+    return RunFolder(path, made=not path.exists())
+
+
+def fill(folder: RunFolder, scenario: Scenario, out: Path | None) -> None:
+    """Make a folder that was chosen, and copy the scenario with its map into it.
+
+    Args:
+        folder: The folder.
+        scenario: The scenario.
+        out: The folder that was asked for, as errors name it.
+
+    Raises:
+        BadInput: The folder cannot be written to.
+    """
+    try:
+        folder.path.mkdir(parents=True, exist_ok=True)
+        keep_scenario(scenario, folder.path)
+    except OSError as error:
+        raise _unusable(folder.path, out, error) from None
+
+
+def _shown(path: Path, out: Path | None) -> str:
+    return f"--out {out}" if out else str(path)
+
+
+def _unusable(path: Path, out: Path | None, error: OSError) -> BadInput:
+    return BadInput(f"{_shown(path, out)}: cannot be written ({error.strerror}); choose another folder")
 
 
 def untaken(first: Path) -> Path:

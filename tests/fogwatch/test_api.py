@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 import fogwatch
+from fogwatch.launch import runfolder
 from patrol.errors import BadInput
 from patrol.journal import read_journal
 from patrol.net.messages.telemetry import Metrics
-from patrol.scenario import load_scenario
+from patrol.scenario import Scenario, load_scenario
+from patrol.scenario.copying import keep_scenario
 
 SMALL = {
     "name": "small",
@@ -130,3 +132,20 @@ def test_a_run_that_is_interrupted_before_its_first_tick_loads_no_judge(tmp_path
     command = [sys.executable, "-c", INTERRUPTED, str(tmp_path / "run")]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
     assert done.stdout == "set()\n"
+
+
+def test_a_run_that_is_interrupted_while_its_folder_is_made_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(scenario: Scenario, folder: Path) -> None:
+        keep_scenario(scenario, folder)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(runfolder, "keep_scenario", interrupted)
+    given = tmp_path / "given"
+    given.mkdir()
+    for out in (given, tmp_path / "new"):
+        with pytest.raises(KeyboardInterrupt):
+            fogwatch.run(SMALL, out=out)
+    assert list(tmp_path.iterdir()) == [given]
+    assert not list(given.iterdir())

@@ -6,11 +6,17 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from fogwatch.launch.runfolder import create
+from fogwatch.launch.runfolder import RunFolder, choose, fill
 from patrol.errors import BadInput
-from patrol.scenario import load_scenario, scenario_hash
+from patrol.scenario import Scenario, load_scenario, scenario_hash
 
 NOW = datetime(2026, 3, 4, 5, 6, 7, tzinfo=UTC)
+
+
+def create(scenario: Scenario, out: Path | None, now: datetime) -> RunFolder:
+    folder = choose(scenario, out, now)
+    fill(folder, scenario, out)
+    return folder
 
 
 def test_the_default_folder_has_the_name_and_the_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
