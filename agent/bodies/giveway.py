@@ -11,9 +11,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+import numpy as np
+
 from agent.routes.ground import Disc
 from patrol.pose import Pose
-from patrol.radio.peers import Peer
+from patrol.radio.peers import Peer, places_of
 from patrol.random import Purpose, draw
 
 SHORTEST_S = 3.0
@@ -22,6 +24,9 @@ LONGEST_S = 10.0
 
 PATIENCE = 8
 """Number of bumps in a row after which a robot gives way to a higher number too."""
+
+ROUNDING_M = 1e-6
+"""By how much a distance may be off that was found in arrays, m."""
 
 
 def nearest(pose: Pose, peers: Mapping[int, Peer], radii: Mapping[int, float]) -> tuple[float, int]:
@@ -35,11 +40,13 @@ def nearest(pose: Pose, peers: Mapping[int, Peer], radii: Mapping[int, float]) -
     Returns:
         Distance in m from the robot's centre to the other's body, and the other's number; infinity and 0 for none.
     """
-    gaps = [
-        (math.hypot(peer.pose.x - pose.x, peer.pose.y - pose.y) - radii[other], other)
-        for other, peer in sorted(peers.items())
-    ]
-    return min(gaps, default=(math.inf, 0))
+    if not peers:
+        return math.inf, 0
+    numbers, places = sorted(peers), places_of(peers)
+    gaps = np.hypot(places[:, 0] - pose.x, places[:, 1] - pose.y) - [radii[number] for number in numbers]
+    # Arrays round in ways of their own, so they only tell who is worth a closer look.
+    near = [(numbers[index], peers[numbers[index]].pose) for index in np.flatnonzero(gaps <= gaps.min() + ROUNDING_M)]
+    return min((math.hypot(there.x - pose.x, there.y - pose.y) - radii[number], number) for number, there in near)
 
 
 class GiveWay:

@@ -165,13 +165,13 @@ def spread(state, row0, col0, cell, cols, lists, starts, limit, top, bottom, lef
     return _run(cell, cols, lists, starts.size, limit, 1)
 
 
-@njit(int64(GRID, int64, int64, CELLS, int64, LISTS, int64, STARTS, int64), cache=True, nogil=True)
-def claimed(state, row0, col0, cell, cols, lists, start, rivals, limit):
-    """The longest path from a start to a point to which no rival has a shorter one.
+@njit(int64(GRID, int64, int64, CELLS, int64, LISTS, int64, STARTS, int64, int64), cache=True, nogil=True)
+def claimed(state, row0, col0, cell, cols, lists, start, rivals, lead, limit):
+    """The longest path from a start to a point to which no rival has a path that is shorter by more than a lead.
 
-    All paths grow at once, and a point's cell holds the shortest: twice its length if it begins at the start, or 1 more
-    if it begins at a rival, so that a tie is the start's. What lies on a shortest path to a point that a rival is not
-    nearer to is itself such a point. So it is over when the start's paths have been cut off on every side.
+    All paths grow at once, and a point's cell holds the shortest: twice its length if it begins at the start; if it
+    begins at a rival, twice its length with the lead, and 1 more, so that a tie is the start's. What lies on a shortest
+    path to such a point is itself such a point. So it is over when the start's paths have been cut off on every side.
 
     Args:
         state: As of `spread`.
@@ -182,6 +182,7 @@ def claimed(state, row0, col0, cell, cols, lists, start, rivals, limit):
         lists: See `spread`.
         start: Flat index of the start, which is open.
         rivals: int64 (s,), flat indices of where the rivals' paths start.
+        lead: In hundredths of a point; at most 2**26.
         limit: Longest path that counts, in hundredths of a point; at most 2**26.
 
     Returns:
@@ -193,7 +194,7 @@ def claimed(state, row0, col0, cell, cols, lists, start, rivals, limit):
     if starts > lists.shape[1] - 8:
         return -1
     for k in range(rivals.size):
-        cell[index(rivals[k])] = 1 << 1 | BESIDE
+        cell[index(rivals[k])] = (2 * lead + 1) << 1 | BESIDE
         lists[0, k] = rivals[k] << 4 | ALL_WAYS
     cell[index(start)] = BESIDE
     lists[0, rivals.size] = start << 4 | ALL_WAYS

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
 import pytest
 
-from agent.bodies.giveway import LONGEST_S, PATIENCE, SHORTEST_S, GiveWay
+from agent.bodies.giveway import LONGEST_S, PATIENCE, SHORTEST_S, GiveWay, nearest
 from patrol.pose import Pose
 from patrol.radio.peers import Peer
 
@@ -64,3 +67,24 @@ def test_the_obstacle_never_covers_the_robot_itself() -> None:
     rule.update(0, HERE, True, others, 0.5)
     ((_, _, radius),) = rule.discs(0, HERE, others, 0.1)
     assert radius < 0.45
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_nearest_is_whose_body_is_nearest_and_of_several_the_first(seed: int) -> None:
+    dice = np.random.default_rng(seed)
+    places = dice.integers(0, 4, (int(dice.integers(1, 40)), 2)).astype(np.float64) + seed / 3.0
+    others = {
+        int(number): Peer(0, Pose(float(x), float(y), 0.0), 0)
+        for number, (x, y) in zip(dice.permutation(len(places)) + 1, places, strict=True)
+    }
+    radii = {number: float(dice.choice([0.2, 0.3, 0.45])) for number in others}
+    here = Pose(seed / 3.0 + 1.0, seed / 3.0 + 2.0, 0.0)
+    gaps = [
+        (math.hypot(others[number].pose.x - here.x, others[number].pose.y - here.y) - radii[number], number)
+        for number in sorted(others)
+    ]
+    assert nearest(here, others, radii) == min(gaps)
+
+
+def test_of_nobody_nobody_is_the_nearest() -> None:
+    assert nearest(HERE, {}, RADII) == (math.inf, 0)

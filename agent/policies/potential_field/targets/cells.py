@@ -91,8 +91,8 @@ class Layer:
             self._make_room()
         return Cells(cell, top - 1, left - 1, limit)
 
-    def claimed(self, ground: Ground, start: tuple[int, int], rivals: NDArray[np.int64], limit: int) -> int:
-        """The longest path to a point to which no rival has a shorter one.
+    def claimed(self, ground: Ground, start: tuple[int, int], rivals: NDArray[np.int64], lead: int, limit: int) -> int:
+        """The longest path to a point to which no rival has a path that is shorter by more than a lead.
 
         What lies on a path to a claimed point is claimed itself. So a box that reaches twice as far as the longest of
         these paths holds every path that decides a claim. A box that turns out to be smaller than that is doubled.
@@ -101,6 +101,7 @@ class Layer:
             ground: What all paths lead over.
             start: An open point (row, col) of the terrain.
             rivals: int64 (n, 2), the points on which rivals stand; those off the terrain are left out.
+            lead: In hundredths of a point; at most 2**26.
             limit: The longest path that counts, in hundredths of a point; at most 2**26.
 
         Returns:
@@ -112,14 +113,14 @@ class Layer:
             box = around([start], reach, (rows, cols))
             if WORTH_A_BOX * (box[1] - box[0]) * (box[3] - box[2]) > rows * cols:
                 box = whole
-            longest = self._claimed_in(box, ground, start, rivals, limit)
+            longest = self._claimed_in(box, ground, start, rivals, lead, limit)
             if box == whole or 2 * longest <= 100 * reach:
                 self._reach = 3 * longest // 100 + 1  # claimed ground may grow until it is measured again
                 return longest
             reach *= 2
 
     def _claimed_in(
-        self, box: Box, ground: Ground, start: tuple[int, int], rivals: NDArray[np.int64], limit: int
+        self, box: Box, ground: Ground, start: tuple[int, int], rivals: NDArray[np.int64], lead: int, limit: int
     ) -> int:
         """The same if nothing were open but a box."""
         top, bottom, left, right = box
@@ -129,7 +130,8 @@ class Layer:
         inside = (up >= 0) & (up < rows - 2) & (across >= 0) & (across < cols - 2)
         others = (up[inside] + 1) * cols + across[inside] + 1
         begin = (start[0] - top + 1) * cols + start[1] - left + 1
-        while (longest := int(claimed(ground.state, *origin, cell, cols, self._lists, begin, others, limit))) < 0:
+        asked = begin, others, lead, limit
+        while (longest := int(claimed(ground.state, *origin, cell, cols, self._lists, *asked))) < 0:
             self._make_room()
         return longest
 

@@ -120,7 +120,7 @@ class Commitment:
         self._least_at = 0
         self._near = math.ceil(NEAR_RANGES * sensor.range / self._point)
         sight_points = sensor.range / self._point
-        self._nearby = Nearby(setup.posts, sight_points, 100 * self._near, self._width, self._hand_over)
+        self._nearby = Nearby(setup.posts, sight_points, 100 * self._near, self._width)
         self._decay = Decay(setup.patrol, self._point)
         self._stretched_until = -1
         # What a car heads for depends on points in sight of its target, which may lie outside a window.
@@ -222,7 +222,8 @@ class Commitment:
         if self._paths is None and home is None:
             known = view.tick < self._stretched_until
             if known or self._measure_nearby(view, start, rivals):
-                nearby = self._nearby.find(self._question(view, rivals), start, whole=not known)
+                asked = self._question(view, rivals)
+                nearby = self._nearby.find(asked, start, whole=not known) or self._nearby.find_far(asked, start)
                 if nearby is not None:
                     return self._target_near(view, start, nearby)
         if home is None and self._widens:
@@ -321,8 +322,8 @@ class Commitment:
     def _question(self, view: View, rivals: NDArray[np.int64]) -> Question:
         """What is asked for first: a stale point that is not handed over."""
         others = rivals - 1
-        least = self._stale(view)
-        return Question(view, self._pull(view), self._decay, others, self._shunned.now(view.tick), least)
+        shunned, stale = self._shunned.now(view.tick), self._stale(view)
+        return Question(view, self._pull(view), self._decay, others, shunned, stale, self._hand_over)
 
     @staticmethod
     def _stale(view: View) -> int:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from agent.policies.potential_field.kernels.rivals import rivals_within
 from agent.policies.potential_field.kernels.strips import DECIDED, STRIP, hardest_of, posts_within, survey
 from agent.policies.potential_field.targets.cells import NO_CELLS, Cells, Layer, around
+from agent.routes.path_window import FAR
 from agent.routes.wave import LONGEST
 
 if TYPE_CHECKING:
@@ -36,8 +37,8 @@ TOP = 8
 ROUNDING = 1e-9
 """By how much a strip may pull less than a point and still be looked at, relative to the logarithm of the force."""
 
-EVERY = 1000
-"""Steps in which a limit is looked for, in hundredths of a point."""
+EVERY, FINER = 1000, 100
+"""Steps in which a limit is looked for, and then looked for again, in hundredths of a point."""
 
 NOBODY = np.zeros((0, 2), dtype=np.int64)
 
@@ -61,6 +62,18 @@ class Found(NamedTuple):
     close: tuple[int, int]
     cells: Cells
     limit: int
+
+
+class Searched(NamedTuple):
+    """What came of a search over the whole terrain.
+
+    Attributes:
+        best: What pulls hardest; None for nothing within reach.
+        sure: False if something pulls, but nothing bounds how far away something could pull harder.
+    """
+
+    best: Found | None
+    sure: bool = True
 
 
 class Surveyed(NamedTuple):
@@ -89,6 +102,7 @@ class Question(NamedTuple):
         others: int64 (n, 2), the points (row, col) of the terrain on which rivals stand.
         shunned: int64 (n, 3), see `agent.policies.potential_field.kernels.hardest.hardest`.
         least: Points younger than this are left out, ticks.
+        hand_over: See `agent.policies.potential_field.kernels.hardest.hardest`.
     """
 
     view: View
@@ -97,6 +111,7 @@ class Question(NamedTuple):
     others: NDArray[np.int64]
     shunned: NDArray[np.int64]
     least: int
+    hand_over: int
 
     def beyond(self, limit: int) -> float:
         """The hardest that a point could pull whose path is longer than a limit in hundredths of a point."""
@@ -106,7 +121,7 @@ class Question(NamedTuple):
 class Nearby:
     """Looks for the point that pulls hardest."""
 
-    def __init__(self, posts: Posts, sight: float, near: int, width: float, hand_over: int) -> None:
+    def __init__(self, posts: Posts, sight: float, near: int, width: float) -> None:
         """Lay no paths yet.
 
         Args:
@@ -114,12 +129,10 @@ class Nearby:
             sight: The sensor's range, in points.
             near: How far the small window reaches, in hundredths of a point.
             width: Of the claims, in hundredths of a point; 0 without claims.
-            hand_over: See `agent.policies.potential_field.kernels.hardest.hardest`.
         """
         self._posts = posts
         self._near = near
         self._width = width
-        self._hand_over = hand_over
         self._decided = math.ceil(DECIDED * width)
         # Within this, the small window knows all paths of rivals that matter.
         self._first = max(0, min(math.ceil(100.0 * BEYOND_SIGHT * sight), near - self._decided))
@@ -149,10 +162,37 @@ class Nearby:
         own, least = self._survey(asked, start, needed), best.force
         if whole:
             return self._hardest(asked, own, needed, known, least)
-        best = self._hardest(asked, own, min(needed, self._near), self._near, least)
-        if needed <= self._near or (best is not None and best.force > asked.beyond(self._near)):
+        if needed <= self._near:
+            return self._hardest(asked, own, needed, self._near, least)
+        # Only what pulls harder than anything outside of the small window counts as found in it.
+        outside = asked.beyond(self._near)
+        best = self._hardest(asked, own, self._near, self._near, max(least, outside))
+        if best is not None and best.force > outside:
             return best
         return self._hardest(asked, own, needed, LONGEST, least)
+
+    def find_far(self, asked: Question, start: Element) -> Found | None:
+        """The point that pulls hardest, as if nothing but the whole terrain were looked at.
+
+        For when the small window holds nothing. What rivals have the shorter way to counts only where nothing else
+        does.
+
+        Args:
+            asked: In this tick.
+            start: The element of the ground on which the robot stands.
+
+        Returns:
+            None where that takes a look at all paths.
+        """
+        reach = self._reach(asked.view, start, asked.others, asked.hand_over)
+        if reach is None:
+            return None
+        begin = min(max(self._near, reach), 2 * self._near)
+        own = self._nearest_first(asked, start, begin, reach)
+        if own.best is not None or not own.sure:
+            return own.best
+        handed_over = asked._replace(hand_over=FAR)
+        return self._nearest_first(handed_over, start, self._near, 100 * sum(asked.view.ground.terrain.shape)).best
 
     def claimed(self, view: View, start: Element, others: NDArray[np.int64]) -> int | None:
         """How far the robot's claimed ground reaches.
@@ -166,10 +206,7 @@ class Nearby:
             Hundredths of a point; 0 where it claims nothing but its own place. None while something is closed, because
             rivals' paths then lead over other ground than the robot's own.
         """
-        if view.ground.static is not view.ground:
-            return None
-        rivals = others if self._width > 0.0 else NOBODY
-        return self._layer.claimed(view.ground, (start[0] - 1, start[1] - 1), rivals, LONGEST)
+        return self._reach(view, start, others, 0)
 
     def paths(self, view: View, start: Element, limit: int) -> Cells:
         """The robot's own paths.
@@ -182,12 +219,44 @@ class Nearby:
         here = start[0] - 1, start[1] - 1
         return self._layer.lay(view.ground, [here], around([here], limit // 100 + 2, view.ground.terrain.shape), limit)
 
+    def _reach(self, view: View, start: Element, others: NDArray[np.int64], lead: int) -> int | None:
+        """As `claimed`, of the ground to which no rival has a way that is shorter by more than a lead."""
+        if view.ground.static is not view.ground:
+            return None
+        rivals = others if self._width > 0.0 else NOBODY
+        return self._layer.claimed(view.ground, (start[0] - 1, start[1] - 1), rivals, min(lead, LONGEST), LONGEST)
+
+    def _nearest_first(self, asked: Question, start: Element, begin: int, reach: int) -> Searched:
+        """The point that pulls hardest, as if nothing but the whole terrain were looked at.
+
+        Args:
+            asked: In this tick.
+            start: The element of the ground on which the robot stands.
+            begin: How far to look at first, in hundredths of a point.
+            reach: How far to look at most for the first point that pulls, likewise.
+        """
+        limit = begin
+        best = self._hardest(asked, self._survey(asked, start, limit), limit, LONGEST)
+        while best is None and limit < reach:
+            limit = min(2 * limit, reach)
+            best = self._hardest(asked, self._survey(asked, start, limit), limit, LONGEST)
+        if best is None or best.force > asked.beyond(limit):
+            return Searched(best)
+        needed = self._needed(asked, best.force, limit)
+        if needed is None:
+            return Searched(None, sure=False)
+        return Searched(self._hardest(asked, self._survey(asked, start, needed), needed, LONGEST, best.force))
+
     def _needed(self, asked: Question, force: float, least: int) -> int | None:
         """The length from which on nothing pulls as hard as a force, hundredths of a point; None without one."""
+        weaker = force - ROUNDING * (1.0 + abs(force)) - asked.pull[-1]
         decay = asked.decay.from_on(least, 100 * sum(asked.view.ground.terrain.shape), EVERY)
-        weaker = asked.pull[-1] + decay < force - ROUNDING * (1.0 + abs(force))
-        first = int(weaker.argmax()) if weaker.size else 0
-        return least + first * EVERY if weaker.size and weaker[first] else None
+        first = int((decay < weaker).argmax()) if decay.size else 0
+        if not decay.size or decay[first] >= weaker:
+            return None
+        end = least + first * EVERY
+        begin = max(least, end - EVERY)
+        return begin + FINER * int(np.count_nonzero(asked.decay.table(end)[begin:end:FINER] >= weaker))
 
     def _hardest(
         self, asked: Question, own: Surveyed, limit: int, known: int, least: float = -math.inf
@@ -209,7 +278,7 @@ class Nearby:
             best[0], undecided[:] = weakest, NONE_UNDECIDED
             others = asked.others if rival is None and self._width > 0.0 else NOBODY
             law = *ages, asked.pull, own.decay
-            rivals = others, *(rival or NO_CELLS), self._width, self._hand_over
+            rivals = others, *(rival or NO_CELLS), self._width, asked.hand_over
             hardest_of(
                 bounds, floor, posts, *own.cells[:3], limit, *law, *rivals, asked.shunned, best, place, undecided
             )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -67,7 +68,7 @@ def by_all_paths(nearby: Nearby, asked: Question, start: tuple[int, int], whole:
                 decay,
                 rival,
                 nearby._width,
-                nearby._hand_over,
+                asked.hand_over,
                 asked.shunned,
                 0,
                 0,
@@ -115,6 +116,35 @@ def test_it_is_the_point_that_pulls_hardest_of_all(
     assert min(limits) < 100 * math.ceil(2.5 * 3.0 / terrain.point), "it never looks at less than the small window"
 
 
+@pytest.mark.parametrize("model", ["holonomic", "car"])
+@pytest.mark.parametrize("separation", ["claims", "none"])
+def test_farther_away_too_it_is_the_point_that_pulls_hardest_of_the_whole_terrain(
+    model: str, separation: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    terrain = cluttered(15, (100, 140), 30)
+    starts = [Pose(x, y, 0.0) for x in (0.75, 1.75, 2.75, 34.0) for y in (0.75, 1.75, 24.0)]
+    body = {"radius": 0.3, "speed": 1.5, "model": model, **({"turning_radius": 1.0} if model == "car" else {})}
+    patrol = {"separation": separation, "claim_width": 0.1}
+    robots = Robots(prepared_in(terrain, starts, body, patrol=patrol, sensor={"range": 3.0}))
+    found: Counter[str] = Counter()
+    real = Nearby.find
+
+    def checked(self: Nearby, asked: Question, start: tuple[int, int], *, whole: bool = False) -> Found | None:
+        if asked.hand_over < FAR:
+            result = self.find_far(asked, start)
+            own = by_all_paths(self, asked, start, whole=True)
+            wanted = own or by_all_paths(self, asked._replace(hand_over=FAR), start, whole=True)
+            assert result is None or (result.point, result.close) == wanted
+            found["unknown" if result is None else "own" if own else "of a rival"] += 1
+        return real(self, asked, start, whole=whole)
+
+    monkeypatch.setattr(Nearby, "find", checked)
+    for _ in range(80):
+        robots.tick()
+    assert found["own"] > 20
+    assert (found["of a rival"] > 0) == (separation == "claims")
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_a_box_holds_the_lengths_of_paths_that_do_not_leave_it(seed: int) -> None:
     terrain = cluttered(seed, (60, 70), 40)
@@ -143,8 +173,9 @@ def test_claimed_ground_reaches_as_far_as_the_paths_of_all_robots_say(seed: int)
     own = wave.lengths_from(ground, 1, 1, [(start[0] + 1, start[1] + 1)], LONGEST)
     off = np.vstack([rivals, [[-1, 3], [60, 3], [3, 70]]])
     for limit in (LONGEST, int(dice.integers(0, 4000))):
-        expected = int(own[(own <= np.minimum(rival, limit))].max())
-        assert Layer().claimed(ground, (start[0], start[1]), off, limit) == expected
+        for lead in (0, 1, int(dice.integers(1, 3000)), LONGEST):
+            expected = int(own[(own <= np.minimum(rival.astype(np.int64) + lead, limit))].max())
+            assert Layer().claimed(ground, (start[0], start[1]), off, lead, limit) == expected
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -157,11 +188,12 @@ def test_claimed_ground_is_measured_in_a_box_no_smaller_than_what_decides_it(see
         start, *others = open_points[dice.integers(0, len(open_points), team)].tolist()
         rival = wave.lengths_from(ground, 1, 1, [(row + 1, col + 1) for row, col in others], LONGEST)
         own = wave.lengths_from(ground, 1, 1, [(start[0] + 1, start[1] + 1)], LONGEST)
-        expected = int(own[own <= np.minimum(rival, LONGEST)].max())
+        lead = int(dice.choice([0, 700]))
+        expected = int(own[own <= np.minimum(rival.astype(np.int64) + lead, LONGEST)].max())
         rivals = np.array(others, dtype=np.int64)
         layer._reach = int(dice.integers(1, 80))
         for _ in range(2):
-            assert layer.claimed(ground, (start[0], start[1]), rivals, LONGEST) == expected
+            assert layer.claimed(ground, (start[0], start[1]), rivals, lead, LONGEST) == expected
 
 
 @pytest.mark.parametrize("name", ["g1", "g2", "g3", "g4", "g5"])
