@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fogwatch.launch.live_table import CallbackDisplay, RunDisplay, SilentDisplay
-from fogwatch.launch.runfolder import RunFolder, choose, fill
+from fogwatch.launch.runfolder import RunFolder, fill, make_folder
 from patrol.errors import BadInput
 from patrol.net.messages.telemetry import Metrics
 from patrol.process.starting.warmup import warm
@@ -138,7 +138,7 @@ def run(
     Raises:
         BadInput: The input is wrong; the message is one line that says what, and how to mend it.
         fogwatch.launch.launcher.Failed: The processes could not be brought to run.
-        KeyboardInterrupt: The run was interrupted before its first tick; nothing is left behind.
+        KeyboardInterrupt: The run was interrupted before its first tick; its folder is gone again.
     """
     if isinstance(scenario, Scenario):
         loaded = load_scenario(scenario.model_dump(mode="json", exclude_none=True), overrides)
@@ -180,14 +180,14 @@ def execute(scenario: Scenario, options: RunOptions) -> Result:
         from agent.policies.found import policy_of
 
         policy_of(scenario)
-    folder = choose(scenario, options.out, datetime.now().astimezone())
+    folder = make_folder(scenario, options.out, datetime.now().astimezone())
     try:
         fill(folder, scenario, options.out)
         resolved = folder.load()
         fleet_key(resolved.radio.key)  # an error in it is reported before any process starts
         return (_in_this_process if options.in_process else _as_processes)(resolved, folder, options)
     except (BadInput, KeyboardInterrupt) as error:
-        if folder.path.is_dir() and not folder.journal.exists():  # the ticks of a run that has begun are kept
+        if folder.path.exists() and not folder.journal.exists():  # the ticks of a run that has begun are kept
             folder.discard()
             if isinstance(error, BadInput):
                 raise BadInput(folder.naming_the_given_map(str(error), scenario)) from None

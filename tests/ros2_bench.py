@@ -56,12 +56,14 @@ class Bench:
         said: What the agent has said so far.
     """
 
-    def __init__(self, endpoint: str, form: str, plan: Path, link: ZenohRos2Link, habits: Habits) -> None:
+    def __init__(
+        self, endpoint: str, form: str, plan: Path, link: ZenohRos2Link, habits: Habits, watchdog_s: float
+    ) -> None:
         self.endpoint, self.form, self.plan = endpoint, form, plan
         terrain = load_terrain(TerrainSpec(map=str(plan)), 0.1, plan.parent)
         spec = RobotSpec(1, NAME, "differential", SPEED, RADIUS, 1.0, None)
         errors = Errors(noise_m=0.01, noise_rad=0.002, drift=0.01, drift_rad=0.002)
-        self.robot = SimulatedRobot(Build(spec, Pose(1.5, 1.5, 0.3), errors, 5.0, 0.5, 7))
+        self.robot = SimulatedRobot(Build(spec, Pose(1.5, 1.5, 0.3), errors, 5.0, watchdog_s, 7))
         self.node = RobotNode(link, self.robot, habits, terrain)
         ground = Ground(terrain, Footprint(terrain, 3.0, 360.0, True, 1.0), terrain.passable, 0.5)
         self.simulation = Simulation({NAME: self.node}, ground, time.time())
@@ -131,11 +133,13 @@ class Bench:
 
 
 @contextmanager
-def bench(endpoint: str, form: str, folder: Path, habits: Habits | None = None) -> Iterator[Bench]:
-    """A robot at a router."""
+def bench(
+    endpoint: str, form: str, folder: Path, habits: Habits | None = None, watchdog_s: float = 0.5
+) -> Iterator[Bench]:
+    """A robot at a router. Its watchdog stops it when no command has come for so long."""
     with ExitStack() as stack:
         link = open_ros2(endpoint, format_named(form, 0, "form"), NodeName("robot", NAME), PATIENCE_S)
         stack.callback(link.close)
-        made = Bench(endpoint, form, write_plan(folder), link, habits or Habits(delay_s=0.05))
+        made = Bench(endpoint, form, write_plan(folder), link, habits or Habits(delay_s=0.05), watchdog_s)
         stack.callback(made.end)
         yield made

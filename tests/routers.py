@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -17,6 +18,7 @@ from fogwatch.fleet_folder import FleetFolder, make_fleet
 from fogwatch.launch.private import Secrets
 from patrol.net.keys import WORLD, FleetKeys, fleet_keys
 from patrol.net.link import open_link, open_router
+from patrol.net.open_links import open_links
 from patrol.net.security.access import FILE
 from patrol.net.security.credentials import Credentials, read_credentials, read_router, write_private
 from patrol.net.security.roles import role_of
@@ -48,6 +50,15 @@ def routed() -> Iterator[str]:
     router = open_router(where)
     yield where
     assert router.close(PATIENCE_S)
+
+
+def reach_patiently(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let whoever looks for a fleet have time to reach its router, however briefly it then waits for the world."""
+
+    def patiently(router: str, radio: str | None, _wait_s: float, *more: Any) -> Any:
+        return open_links(router, radio, PATIENCE_S, *more)
+
+    monkeypatch.setattr("monitor.live.attach.open_links", patiently)
 
 
 @contextmanager

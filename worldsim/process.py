@@ -22,6 +22,7 @@ from patrol.process.options import meeting, prepared_as_told
 from patrol.process.reporting.logs import Log
 from patrol.process.reporting.notify import Notifier
 from patrol.process.reporting.supervision import followed
+from patrol.whole_file import write_whole
 from worldsim.options import WorldOptions, parse_options
 from worldsim.run_record import Unwritten
 
@@ -227,7 +228,7 @@ def _judge(out: Path, prepared: Prepared, wall_s: float) -> int:
     journal = read_journal(out / "journal")
     verdict = judge(journal, {}, prepared)
     summary = summarise(journal, verdict, wall_s, prepared)
-    (out / "summary.json").write_text(f"{json.dumps(summary, indent=2)}\n", encoding="utf-8")
+    write_whole(out / "summary.json", f"{json.dumps(summary, indent=2)}\n")
     mean = summary["mfow_mean_s"]
     mfow = "no ticks" if mean is None else f"mean MFoW {mean:.1f} s"
     warned = ", with warnings" if verdict.warnings else ""

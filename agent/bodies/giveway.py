@@ -45,7 +45,8 @@ def nearest(pose: Pose, peers: Mapping[int, Peer], radii: Mapping[int, float]) -
     numbers, places = sorted(peers), places_of(peers)
     gaps = np.hypot(places[:, 0] - pose.x, places[:, 1] - pose.y) - [radii[number] for number in numbers]
     # Arrays round in ways of their own, so they only tell who is worth a closer look.
-    near = [(numbers[index], peers[numbers[index]].pose) for index in np.flatnonzero(gaps <= gaps.min() + ROUNDING_M)]
+    worth = np.flatnonzero(~(gaps > np.fmin.reduce(gaps) + ROUNDING_M))
+    near = [(numbers[index], peers[numbers[index]].pose) for index in worth]
     return min((math.hypot(there.x - pose.x, there.y - pose.y) - radii[number], number) for number, there in near)
 
 

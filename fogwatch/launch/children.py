@@ -23,7 +23,7 @@ from patrol.process.starting.readiness import StartPipe, StartReport
 
 LOG_LINES = 5
 """Lines of a child's log that are quoted when it has ended."""
-TERM_S = 2.0
+TERM_S = 5.0
 """How long a process may take to heed a signal before it is killed."""
 _POLL_S = 0.01
 _REPORT_S = 0.05

@@ -49,8 +49,10 @@ LATEST = 9999
 """As often as a robot may be started until its command line is cut short in `ps`."""
 ROUTER_S = 60.0
 """How long a router may take to listen, on a machine with much else to do; one that ends is noticed at once."""
-GOODBYE_S = 5.0
-"""How long processes may take to leave by themselves once the run is over."""
+BEGIN_S = 5.0
+"""How long a world that is interrupted may take until it either ends or has a run to end in order."""
+GOODBYE_S = 30.0
+"""How long processes may take to leave by themselves once the run is over; killed, they would fail the verdict."""
 PAGE_WAIT_S = "86400"
 """How long the page waits for the world, which may have a large map to work on."""
 MOST_ROUTERS = 20
@@ -175,6 +177,8 @@ class Launch:
             self._control.close()
         children.signal(self.robots, signal.SIGCONT)  # one that is paused could not leave
         world = children.by_name.get(WORLD)
+        if world is not None and self.interrupted:
+            children.wait([WORLD], BEGIN_S)
         if world is not None and self.folder.journal.exists() and (self.interrupted or world.poll() == 0):
             children.wait([WORLD, *self.robots], GOODBYE_S)
         children.end([name for name in children.by_name if name != ROUTER])

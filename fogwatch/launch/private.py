@@ -15,6 +15,7 @@ import fcntl
 import os
 import shutil
 import threading
+import time
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -35,6 +36,8 @@ from patrol.net.security.roles import OPERATOR, VIEWER, WORLD_ROLE, Role, robot_
 
 _LOCK = "lock"
 _PART = "part-"
+_ABANDONED_S = 3600.0
+"""Age beyond which a folder without its name belongs to nobody any more, s."""
 
 
 class Secrets:
@@ -140,10 +143,14 @@ class Secrets:
         root = _root()
         _sweep(root)
         part = root / f"{_PART}{self.name}"
-        part.mkdir(mode=0o700)
-        self._lock = os.open(part / _LOCK, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o600)
-        fcntl.flock(self._lock, fcntl.LOCK_EX)
-        return part.rename(root / self.name)
+        try:
+            part.mkdir(mode=0o700)
+            self._lock = os.open(part / _LOCK, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o600)
+            fcntl.flock(self._lock, fcntl.LOCK_EX)
+            return part.rename(root / self.name)
+        except BaseException:
+            shutil.rmtree(part, ignore_errors=True)
+            raise
 
     def _unlock(self) -> None:
         if self._lock >= 0:
@@ -168,7 +175,10 @@ def _root() -> Path:
 def _sweep(root: Path) -> None:
     """Remove the folders of launchers that are gone."""
     for folder in root.iterdir():
-        if folder.name.startswith(_PART):
+        if folder.name.startswith(_PART):  # of a launcher that is about to lock it, or was killed before it did
+            with suppress(FileNotFoundError):
+                if time.time() - folder.stat().st_mtime > _ABANDONED_S:
+                    shutil.rmtree(folder, ignore_errors=True)
             continue
         try:
             lock = os.open(folder / _LOCK, os.O_WRONLY | os.O_CLOEXEC)

@@ -32,6 +32,7 @@ from patrol.net.security.access import FILE as ACCESS
 from patrol.scenario import Scenario, load_scenario
 from patrol.scenario.copying import FILE as SCENARIO
 from patrol.scenario.copying import MAP, keep_scenario
+from patrol.whole_file import write_whole
 
 RUNS = Path("runs")
 
@@ -116,7 +117,7 @@ class RunFolder:
         Args:
             summary: The summary.
         """
-        self.summary.write_text(f"{json.dumps(summary, indent=2)}\n", encoding="utf-8")
+        write_whole(self.summary, f"{json.dumps(summary, indent=2)}\n")
 
     def naming_the_given_map(self, error: str, scenario: Scenario) -> str:
         """An error that names the map that was given, and not its copy in this folder.
@@ -141,8 +142,8 @@ class RunFolder:
             self.path.rmdir()
 
 
-def choose(scenario: Scenario, out: Path | None, now: datetime) -> RunFolder:
-    """Choose the folder of a new run. Nothing is written yet.
+def make_folder(scenario: Scenario, out: Path | None, now: datetime) -> RunFolder:
+    """Make the folder of a new run, which no other run takes then. Nothing is in it yet.
 
     Args:
         scenario: The scenario.
@@ -153,22 +154,32 @@ def choose(scenario: Scenario, out: Path | None, now: datetime) -> RunFolder:
         The folder.
 
     Raises:
-        BadInput: The folder is not empty or cannot be read, or the map cannot be used.
+        BadInput: The folder is not empty or cannot be made, or the map cannot be used.
     """
-    path = (out or untaken(RUNS / f"{scenario.name}-{now:%Y%m%d-%H%M%S}")).absolute()
     if scenario.terrain.map is not None:
-        # Loaded here so that an error names the map itself, not its copy.
+        # Loaded here so that an error names the map itself, not its copy, and leaves no folder behind.
         load_terrain(scenario.terrain, scenario.point, scenario.base)
-    try:
-        if path.is_dir() and any(path.iterdir()):
-            raise BadInput(f"{_shown(path, out)}: is not empty; choose a folder that is, or that does not exist yet")
-    except OSError as error:
-        raise _unusable(path, out, error) from None
-    return RunFolder(path, made=not path.exists())
+    while True:
+        path = (out or untaken(RUNS / f"{scenario.name}-{now:%Y%m%d-%H%M%S}")).absolute()
+        try:
+            path.mkdir(parents=True)
+        except FileExistsError as error:
+            if out is None:
+                continue  # another run has taken the name meanwhile
+            if not path.is_dir():
+                raise _unusable(path, out, error) from None
+            if not _is_empty(path, out):
+                raise BadInput(
+                    f"--out {out}: is not empty; choose a folder that is, or that does not exist yet"
+                ) from None
+            return RunFolder(path)
+        except OSError as error:
+            raise _unusable(path, out, error) from None
+        return RunFolder(path, made=True)
 
 
 def fill(folder: RunFolder, scenario: Scenario, out: Path | None) -> None:
-    """Make a folder that was chosen, and copy the scenario with its map into it.
+    """Copy the scenario, with all files that it names, into the folder of a new run.
 
     Args:
         folder: The folder.
@@ -176,21 +187,24 @@ def fill(folder: RunFolder, scenario: Scenario, out: Path | None) -> None:
         out: The folder that was asked for, as errors name it.
 
     Raises:
-        BadInput: The folder cannot be written to.
+        BadInput: The folder cannot be written to, or a file that the scenario names cannot be used.
     """
     try:
-        folder.path.mkdir(parents=True, exist_ok=True)
         keep_scenario(scenario, folder.path)
     except OSError as error:
         raise _unusable(folder.path, out, error) from None
 
 
-def _shown(path: Path, out: Path | None) -> str:
-    return f"--out {out}" if out else str(path)
+def _is_empty(path: Path, out: Path | None) -> bool:
+    try:
+        return not any(path.iterdir())
+    except OSError as error:
+        raise _unusable(path, out, error) from None
 
 
 def _unusable(path: Path, out: Path | None, error: OSError) -> BadInput:
-    return BadInput(f"{_shown(path, out)}: cannot be written ({error.strerror}); choose another folder")
+    shown = f"--out {out}" if out else path
+    return BadInput(f"{shown}: cannot be used ({error.strerror}); choose another folder")
 
 
 def untaken(first: Path) -> Path:

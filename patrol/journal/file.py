@@ -53,8 +53,7 @@ class JournalWriter:
     def __init__(self, path: Path, header: Header) -> None:
         self._longest = longest_record(len(header.robots))
         self._file = io.FileIO(path, "xb")
-        self._put(MAGIC)
-        self.write(header)
+        self._put(MAGIC + self._framed(pack(header)))  # at once: a journal without its header cannot be read
 
     def write(self, record: Record) -> None:
         """Append one record; when this returns the operating system has it.
@@ -77,9 +76,7 @@ class JournalWriter:
             OSError: When the file cannot be written.
             ValueError: For a record longer than a reader takes (`patrol.journal.decode.longest_record`).
         """
-        if len(payload) > self._longest:
-            raise ValueError(f"a record of {len(payload)} bytes is longer than {self._longest}")
-        self._put(_FRAME.pack(len(payload), zlib.crc32(payload)) + payload)
+        self._put(self._framed(payload))
 
     def close(self) -> None:
         """Close the file; closing twice is fine."""
@@ -92,6 +89,11 @@ class JournalWriter:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+    def _framed(self, payload: bytes) -> bytes:
+        if len(payload) > self._longest:
+            raise ValueError(f"a record of {len(payload)} bytes is longer than {self._longest}")
+        return _FRAME.pack(len(payload), zlib.crc32(payload)) + payload
 
     def _put(self, data: bytes) -> None:
         rest = memoryview(data)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from itertools import count, islice
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -232,20 +233,24 @@ class ZenohRos2Link:
             limit_s: How long to wait.
 
         Returns:
-            False when closing takes longer than the limit, after which only ending the process helps.
+            False when closing takes longer than the limit or than Zenoh allows, after which only ending the process
+            helps.
         """
         if self._session.is_closed():
             return True
-        closing = threading.Thread(target=self._close, daemon=True)
+        closed = threading.Event()
+        closing = threading.Thread(target=self._close, args=(closed,), daemon=True)
         closing.start()
-        closing.join(limit_s)
-        return not closing.is_alive()
+        closing.join(limit_s)  # Zenoh aborts a process that ends while a thread is leaving it
+        return closed.is_set()
 
-    def _close(self) -> None:
-        for declared in reversed(self._declared):
-            declared.undeclare()
-        self._declared.clear()
-        self._session.close()  # type: ignore[no-untyped-call]
+    def _close(self, closed: threading.Event) -> None:
+        with suppress(zenoh.ZError):  # Zenoh gives up by itself when the other side does not answer
+            for declared in reversed(self._declared):
+                declared.undeclare()
+            self._declared.clear()
+            self._session.close()  # type: ignore[no-untyped-call]
+            closed.set()
 
     def _entity(self, kind: Kind, full: str, type_name: str, qos: Qos) -> Entity:
         type_hash = self._format.hash_of(type_name)

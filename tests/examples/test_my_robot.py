@@ -55,9 +55,10 @@ def test_a_robot_of_ones_own_patrols_with_two_simulated_ones(fleet: Hand) -> Non
 
 def test_a_guest_that_hears_nobody_says_so(fleet: Hand) -> None:
     fleet.start_router()
-    start_guest(fleet, "--wait", "1")
+    fleet.until(lambda: "router ready" in fleet.said("router"))
+    start_guest(fleet, "--wait", "5")
     assert fleet.code("guest") == 2
-    assert "no position was heard within 1 s" in fleet.said("guest")
+    assert "no position was heard within 5 s" in fleet.said("guest")
 
 
 def test_a_guest_of_no_roster_says_so(fleet: Hand) -> None:

@@ -43,14 +43,15 @@ class Run:
         for entry in Path("/proc").glob("[0-9]*"):
             try:
                 words = (entry / "cmdline").read_bytes().decode().split("\0")
-                if "Z" in (entry / "stat").read_text().rpartition(")")[2].split()[0]:
-                    continue
+                state, parent, *_ = (entry / "stat").read_text().rpartition(")")[2].split()
             except OSError:
+                continue
+            if state == "Z":
                 continue
             ours = any(word.startswith(f"{self.folder}/") for word in words)
             if "-m" not in words or not (ours or "fogwatch.router" in words):
                 continue
-            if "fogwatch.router" in words and self._parent(entry) != self.process.pid:
+            if "fogwatch.router" in words and int(parent) != self.process.pid:
                 continue
             name = words[words.index("--robot") + 1] if "--robot" in words else words[words.index("-m") + 1]
             found[name] = int(entry.name)
@@ -61,12 +62,10 @@ class Run:
         for entry in Path("/proc").glob("[0-9]*"):
             with suppress(OSError):
                 words = (entry / "cmdline").read_bytes().decode().split("\0")
-                if "agent.fork_server" in words and self._parent(entry) == self.process.pid:
+                parent = int((entry / "stat").read_text().rpartition(")")[2].split()[1])
+                if "agent.fork_server" in words and parent == self.process.pid:
                     return int(entry.name)
         pytest.fail("there is no fork server")
-
-    def _parent(self, entry: Path) -> int:
-        return int((entry / "stat").read_text().rpartition(")")[2].split()[1])
 
     def ticks(self) -> int:
         """Ticks done so far."""
@@ -108,7 +107,8 @@ def start(tmp_path: Path) -> Iterator[Callable[..., Run]]:
     yield begin
     for run in runs:
         for pid in [*run.children().values(), *([run.process.pid] if run.process.poll() is None else [])]:
-            os.kill(pid, signal.SIGKILL)
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
         run.process.communicate(timeout=PATIENCE_S)
 
 

@@ -36,7 +36,7 @@ pytestmark = pytest.mark.processes
 LEAP = 10**6
 ALONE: dict[str, str] = {}
 """Trace hashes of scenarios, run in this process."""
-CALM: dict[str, Any] = {"duration": 40, "robots": 3 * [{"model": "holonomic"}]}
+CALM: dict[str, Any] = {"duration": 400, "robots": 3 * [{"model": "holonomic"}]}
 
 
 def same_as_without(target: Target, scenario: dict[str, Any], folder: Path) -> None:
@@ -141,7 +141,7 @@ def test_a_stranger_does_not_take_the_seat_of_a_robot_that_lives(attack: Callabl
 
 def test_commands_that_a_robot_has_not_sent_fail_the_verdict(attack: Callable[..., Target]) -> None:
     """Its process stands still meanwhile, so that the stranger is always first."""
-    target = attack({**CALM, "duration": 30})
+    target = attack(CALM)
     first = target.step(20)
     r1 = target.run.children()["r1"]
     os.kill(r1, signal.SIGSTOP)
@@ -179,7 +179,7 @@ def test_commands_that_a_robot_has_not_sent_fail_the_verdict(attack: Callable[..
 
 def test_what_a_robot_hears_that_the_world_has_not_sent_fails_the_verdict(attack: Callable[..., Target]) -> None:
     """Another robot stands still, so that the world has not begun phase B."""
-    target = attack({**CALM, "duration": 30})
+    target = attack(CALM)
     first = target.step(20)
     r2 = target.run.children()["r2"]
     os.kill(r2, signal.SIGSTOP)

@@ -138,7 +138,7 @@ def test_an_agent_that_is_paused_too_long_is_left_out_and_leaves(hand: Hand) -> 
 
 
 def test_garbage_and_floods_on_every_key_change_nothing(hand: Hand, tmp_path: Path) -> None:
-    scenario = {**SCENARIO, "duration": 300}
+    scenario = {**SCENARIO, "duration": 900}  # the run must not end before all of it has come
     hand.write(scenario)
     hand.start_router()
     hand.start_world()

@@ -14,6 +14,7 @@ from patrol.net.security.control_auth import Admitted, ControlGate, Refused
 from patrol.scenario import dump_scenario
 from patrol.scenario.controls import read_control
 from patrol.scenario.copying import MAP
+from patrol.whole_file import write_whole
 from worldsim.controls.operator import ControlRequest
 
 if TYPE_CHECKING:
@@ -118,6 +119,4 @@ def keep_timeline(folder: Path, scenario: Scenario) -> None:
         if (folder / copy).is_file():
             terrain = scenario.terrain.model_copy(update={"map": str(copy)})
             scenario = scenario.model_copy(update={"terrain": terrain})
-    part = folder / f"{TIMELINE}.part"
-    part.write_text(dump_scenario(scenario), encoding="utf-8")
-    part.replace(folder / TIMELINE)
+    write_whole(folder / TIMELINE, dump_scenario(scenario))

@@ -171,7 +171,7 @@ def claimed(state, row0, col0, cell, cols, lists, start, rivals, lead, limit):
 
     All paths grow at once, and a point's cell holds the shortest: twice its length if it begins at the start; if it
     begins at a rival, twice its length with the lead, and 1 more, so that a tie is the start's. What lies on a shortest
-    path to such a point is itself such a point. So it is over when the start's paths have been cut off on every side.
+    path to a claimed point is itself claimed. So it is over when the start's paths have been cut off on every side.
 
     Args:
         state: As of `spread`.

@@ -370,5 +370,9 @@ def replace_private(file: Path, text: str) -> None:
     """
     part = file.with_name(f".{file.name}.part")
     part.unlink(missing_ok=True)
-    write_private(part, text)
-    part.replace(file)
+    try:
+        write_private(part, text)
+        part.replace(file)
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise

@@ -6,7 +6,9 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from fogwatch.launch.runfolder import RunFolder, choose, fill
+import fogwatch
+from fogwatch.launch import runfolder
+from fogwatch.launch.runfolder import RunFolder, fill, make_folder
 from patrol.errors import BadInput
 from patrol.scenario import Scenario, load_scenario, scenario_hash
 
@@ -14,7 +16,7 @@ NOW = datetime(2026, 3, 4, 5, 6, 7, tzinfo=UTC)
 
 
 def create(scenario: Scenario, out: Path | None, now: datetime) -> RunFolder:
-    folder = choose(scenario, out, now)
+    folder = make_folder(scenario, out, now)
     fill(folder, scenario, out)
     return folder
 
@@ -53,10 +55,31 @@ def test_a_folder_that_is_not_empty_is_refused(tmp_path: Path) -> None:
     scenario = load_scenario({"terrain": {"builtin": "open"}})
     with pytest.raises(BadInput, match="is not empty"):
         create(scenario, tmp_path, NOW)
-    with pytest.raises(BadInput, match="cannot be written"):
+    with pytest.raises(BadInput, match="cannot be used"):
         create(scenario, tmp_path / "file", NOW)
-    with pytest.raises(BadInput, match="cannot be written"):
+    with pytest.raises(BadInput, match="cannot be used"):
         create(scenario, tmp_path / "file" / "below", NOW)
+
+
+def test_runs_that_begin_at_once_have_folders_of_their_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    scenario = load_scenario({"name": "five", "terrain": {"builtin": "open"}})
+    real, others = runfolder.untaken, iter([True, True, False])
+
+    def overtaken(first: Path) -> Path:
+        path = real(first)
+        if next(others):
+            path.mkdir(parents=True)
+        return path
+
+    monkeypatch.setattr(runfolder, "untaken", overtaken)
+    assert create(scenario, None, NOW).path.name == "five-20260304-050607-3"
+    given = tmp_path / "given"
+    given.mkdir()
+    (given / "mine").touch()
+    with pytest.raises(BadInput, match=r"--out .*given: is not empty"):
+        fogwatch.run(scenario, out=given)
+    assert [path.name for path in given.iterdir()] == ["mine"]
 
 
 def test_what_could_not_begin_leaves_nothing_of_ours(tmp_path: Path) -> None:

@@ -116,8 +116,8 @@ def test_a_planned_death_is_told_as_planned(start: Callable[..., Run]) -> None:
 
 
 def test_another_death_beside_a_planned_one_is_not(start: Callable[..., Run]) -> None:
-    faults = [{"kind": "kill", "who": "r1", "at": 3}, {"kind": "restart", "who": "r2", "at": 300}]
-    run = start({**COARSE, "duration": 310, "robots": 3 * [{}], "faults": faults})
+    faults = [{"kind": "kill", "who": "r1", "at": 3}, {"kind": "restart", "who": "r2", "at": 800}]
+    run = start({**COARSE, "duration": 810, "robots": 3 * [{}], "faults": faults})
     run.until(lambda: run.ticks() > 20)
     os.kill(run.children()["r2"], signal.SIGKILL)
     assert run.end() == 1, run.errors
@@ -145,7 +145,7 @@ def test_an_interrupted_run_lets_the_paused_go(pace: str | float, start: Callabl
 
 def test_a_run_can_be_interrupted_while_a_robot_is_started(start: Callable[..., Run]) -> None:
     run = start(
-        {**COARSE, "duration": 100_000, "robots": 2 * [{}], "faults": [{"kind": "restart", "who": "r1", "at": 5}]}
+        {**COARSE, "duration": 100_000, "robots": 2 * [{}], "faults": [{"kind": "restart", "who": "r1", "at": 120}]}
     )
     run.until(lambda: "r1" in run.children())
     first = run.children()["r1"]
@@ -170,8 +170,8 @@ def test_a_killed_launcher_leaves_no_paused_process_behind(start: Callable[..., 
 
 @pytest.mark.skipif(not can_fork(), reason="this system has no fork server")
 def test_without_the_fork_server_a_run_goes_on_and_robots_are_still_started(start: Callable[..., Run]) -> None:
-    faults = [{"kind": "restart", "who": "r2", "at": 300}]
-    run = start({**COARSE, "duration": 310, "robots": 2 * [{}], "faults": faults})
+    faults = [{"kind": "restart", "who": "r2", "at": 800}]
+    run = start({**COARSE, "duration": 810, "robots": 2 * [{}], "faults": faults})
     run.until(lambda: run.ticks() > 20)
     os.kill(run.fork_server(), signal.SIGKILL)
     assert run.end() == 0, run.errors

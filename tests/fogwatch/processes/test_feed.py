@@ -32,6 +32,7 @@ from patrol.radio.fleet_key import new_key
 from patrol.radio.message import Position, encode
 from patrol.scenario import load_scenario
 from tests.fleets import COARSE
+from tests.routers import reach_patiently
 
 if TYPE_CHECKING:
     from tests.fogwatch.conftest import Run
@@ -182,7 +183,8 @@ def test_robots_without_a_world_are_heard(router: str) -> None:
     source.close()
 
 
-def test_a_fleet_that_is_not_there_is_said_so(router: str) -> None:
+def test_a_fleet_that_is_not_there_is_said_so(router: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    reach_patiently(monkeypatch)
     with pytest.raises(BadInput, match="no world of this fleet"):
         open_fleet(Ending(), router=router, fleet="nobody-1", wait_s=0.3)
     with pytest.raises(BadInput, match="no fleet named"):

@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.processes
 
+LONG_S = 600
+"""How long a run lasts that must not end before something was done to it, s simulated."""
+
 COARSE = {"point": 0.5, "patrol": {"dilatation": 0.0}}
 OPEN: dict[str, Any] = {
     "name": "small",
@@ -102,7 +105,7 @@ def unread(pid: int) -> int:
 
 def test_a_paused_agent_changes_nothing(start: Callable[..., Run], tmp_path: Path) -> None:
     once = len(encode(PhaseA(1, 2**62, 20, 2**62, Sensed(20, Pose(1.0, 2.0, 3.0)), bytes(PROOF))))
-    run = start({**OPEN, "duration": 150})
+    run = start({**OPEN, "duration": LONG_S})
     run.until(lambda: run.ticks() > 20)
     agent = run.children()["r2"]
     os.kill(agent, signal.SIGSTOP)
@@ -112,32 +115,32 @@ def test_a_paused_agent_changes_nothing(start: Callable[..., Run], tmp_path: Pat
     assert run.ticks() <= before + 2
     os.kill(agent, signal.SIGCONT)
     assert run.end() == 0, run.errors
-    assert run.summary()["trace_hash"] == in_process({**OPEN, "duration": 150}, tmp_path / "one")
+    assert run.summary()["trace_hash"] == in_process({**OPEN, "duration": LONG_S}, tmp_path / "one")
 
 
 def test_a_router_that_dies_is_started_again_and_nothing_changes(start: Callable[..., Run], tmp_path: Path) -> None:
-    run = start({**OPEN, "duration": 150})
+    run = start({**OPEN, "duration": LONG_S})
     run.until(lambda: run.ticks() > 20)
     os.kill(run.children()["fogwatch.router"], signal.SIGKILL)
     assert run.end() == 0, run.errors
     assert "router was killed by SIGKILL" in run.errors
-    assert run.summary()["trace_hash"] == in_process({**OPEN, "duration": 150}, tmp_path / "one")
+    assert run.summary()["trace_hash"] == in_process({**OPEN, "duration": LONG_S}, tmp_path / "one")
 
 
 def test_a_killed_agent_is_named_and_the_others_go_on(start: Callable[..., Run]) -> None:
-    run = start({**OPEN, "duration": 200})
+    run = start({**OPEN, "duration": LONG_S})
     run.until(lambda: run.ticks() > 20)
     os.kill(run.children()["r2"], signal.SIGKILL)
     assert run.end() == 1, run.errors
     summary = run.summary()
-    assert summary["ticks"] == 400
+    assert summary["ticks"] == 2 * LONG_S
     assert summary["ended"] == "completed"
     assert not summary["verdict"]["valid"]
     failed = [check for check in summary["verdict"]["checks"] if not check["ok"]]
     assert [check["name"] for check in failed] == ["nobody lost"]
     assert "r2" in failed[0]["detail"]
     assert summary["robots"]["r2"]["status"] == "lost"
-    assert summary["robots"]["r1"]["decisions"] == 400
+    assert summary["robots"]["r1"]["decisions"] == 2 * LONG_S
     statuses = [tick.robots[1].status for tick in read_journal(run.folder / "journal").ticks]
     assert statuses[0] is Status.ALIVE
     assert statuses[-1] is Status.LOST
@@ -171,8 +174,12 @@ def test_a_robot_may_have_any_name(start: Callable[..., Run]) -> None:
 
 def test_an_agent_that_dies_before_the_run_begins_ends_it_with_a_reason(start: Callable[..., Run]) -> None:
     run = start({**OPEN, "duration": 100_000})
+    run.until(lambda: "worldsim" in run.children())
+    world = run.children()["worldsim"]
+    os.kill(world, signal.SIGSTOP)  # so that it cannot begin
     run.until(lambda: "r1" in run.children())
     os.kill(run.children()["r1"], signal.SIGKILL)
+    os.kill(world, signal.SIGCONT)
     assert run.end() == 3, run.errors
     assert "the run could not begin: r1 was killed by SIGKILL\n" in run.errors  # and left nothing in its log
     assert not run.children()

@@ -36,7 +36,7 @@ def stall(run: Run) -> None:
 
 
 def test_in_lockstep_nothing_changes(start: Callable[..., Run], tmp_path: Path) -> None:
-    scenario = {**OPEN, "duration": 150}
+    scenario = {**OPEN, "duration": 600}
     run = start(scenario)
     stall(run)
     assert run.end() == 0, run.errors

@@ -10,7 +10,7 @@ from patrol.errors import BadInput
 from patrol.net.security.access import FILE
 from patrol.process.lifeline import Ending
 from patrol.radio.fleet_key import new_key
-from tests.routers import PATIENCE_S, free_endpoint, routed, world_seen, write_access
+from tests.routers import PATIENCE_S, free_endpoint, reach_patiently, routed, world_seen, write_access
 
 
 @pytest.fixture
@@ -63,6 +63,7 @@ def test_the_key_that_a_run_s_scenario_names_is_opened_only_when_asked_for(
     run, key = folder(endpoint), tmp_path / "fleet.key"
     new_key(key)
     (run / "scenario.yaml").write_text(f"terrain: {{builtin: open}}\nradio: {{key: {key}}}\n", encoding="utf-8")
+    reach_patiently(monkeypatch)
     opened: list[Path] = []
 
     def read(path: Path, _kind: object) -> bytes:

@@ -65,6 +65,9 @@ ROAM_S = 45.0
 ROAM_REACH = 5.0
 """Radius of that circle, in radii and strides of the robot."""
 
+TWICE = 2.001
+"""Radii of a circle than which no two places in it are farther apart, with room for rounding."""
+
 HAND_OVER = 2.0
 """A robot claims a point if no other robot's way there is shorter by more than so many strides."""
 
@@ -223,7 +226,9 @@ class Commitment:
             known = view.tick < self._stretched_until
             if known or self._measure_nearby(view, start, rivals):
                 asked = self._question(view, rivals)
-                nearby = self._nearby.find(asked, start, whole=not known) or self._nearby.find_far(asked, start)
+                nearby, sure = self._nearby.find(asked, start, whole=not known)
+                if nearby is None and sure:
+                    nearby = self._nearby.find_far(asked, start)
                 if nearby is not None:
                     return self._target_near(view, start, nearby)
         if home is None and self._widens:
@@ -370,6 +375,9 @@ class Commitment:
     def _home(self) -> Spot | None:
         """The centre, x and y in m, of the circle in which the robot has stayed for too long; None if it has not."""
         if len(self._been) < (self._been.maxlen or 0):
+            return None
+        newest = self._been[-1]
+        if any(math.dist(newest, self._been[index]) > TWICE * self._roam for index in (0, len(self._been) // 2)):
             return None
         xs, ys = zip(*self._been, strict=True)
         centre = 0.5 * (min(xs) + max(xs)), 0.5 * (min(ys) + max(ys))

@@ -37,8 +37,8 @@ TOP = 8
 ROUNDING = 1e-9
 """By how much a strip may pull less than a point and still be looked at, relative to the logarithm of the force."""
 
-EVERY, FINER = 1000, 100
-"""Steps in which a limit is looked for, and then looked for again, in hundredths of a point."""
+EVERY = 1000
+"""Steps in which a limit is looked for, in hundredths of a point."""
 
 NOBODY = np.zeros((0, 2), dtype=np.int64)
 
@@ -65,10 +65,10 @@ class Found(NamedTuple):
 
 
 class Searched(NamedTuple):
-    """What came of a search over the whole terrain.
+    """What came of a search.
 
     Attributes:
-        best: What pulls hardest; None for nothing within reach.
+        best: What pulls hardest; None if nothing was found.
         sure: False if something pulls, but nothing bounds how far away something could pull harder.
     """
 
@@ -138,7 +138,7 @@ class Nearby:
         self._first = max(0, min(math.ceil(100.0 * BEYOND_SIGHT * sight), near - self._decided))
         self._layer = Layer()
 
-    def find(self, asked: Question, start: Element, *, whole: bool = False) -> Found | None:
+    def find(self, asked: Question, start: Element, *, whole: bool = False) -> Searched:
         """The point that pulls hardest, unless a rival's way there is shorter by more than is handed over.
 
         Args:
@@ -147,7 +147,7 @@ class Nearby:
             whole: Whether to choose as if nothing but the whole terrain were looked at.
 
         Returns:
-            None where nothing within the small window pulls, or nothing bounds how far away something could.
+            What was found; nothing, for sure, where nothing within the small window pulls.
         """
         best, limit, known = None, self._near, LONGEST if whole else self._near
         for limit in (self._first, self._near) if self._first >= EVERY else (self._near,):
@@ -155,44 +155,41 @@ class Nearby:
             if best is not None:
                 break
         if best is None or best.force > asked.beyond(limit):
-            return best
+            return Searched(best)
         needed = self._needed(asked, best.force, limit)
         if needed is None:
-            return None
+            return Searched(None, sure=False)
         own, least = self._survey(asked, start, needed), best.force
-        if whole:
-            return self._hardest(asked, own, needed, known, least)
-        if needed <= self._near:
-            return self._hardest(asked, own, needed, self._near, least)
+        if whole or needed <= self._near:
+            return Searched(self._hardest(asked, own, needed, known, least))
         # Only what pulls harder than anything outside of the small window counts as found in it.
         outside = asked.beyond(self._near)
         best = self._hardest(asked, own, self._near, self._near, max(least, outside))
         if best is not None and best.force > outside:
-            return best
-        return self._hardest(asked, own, needed, LONGEST, least)
+            return Searched(best)
+        return Searched(self._hardest(asked, own, needed, LONGEST, least))
 
     def find_far(self, asked: Question, start: Element) -> Found | None:
-        """The point that pulls hardest, as if nothing but the whole terrain were looked at.
+        """The point that pulls hardest of the whole terrain, for when the small window holds none.
 
-        For when the small window holds nothing. What rivals have the shorter way to counts only where nothing else
-        does.
+        What rivals have the shorter way to counts only where nothing else pulls.
 
         Args:
             asked: In this tick.
             start: The element of the ground on which the robot stands.
 
         Returns:
-            None where that takes a look at all paths.
+            None where that takes a look at all paths, and while something is closed.
         """
         reach = self._reach(asked.view, start, asked.others, asked.hand_over)
         if reach is None:
             return None
         begin = min(max(self._near, reach), 2 * self._near)
-        own = self._nearest_first(asked, start, begin, reach)
-        if own.best is not None or not own.sure:
+        own = self._search_outward(asked, start, begin, reach)
+        if own.best is not None or not own.sure or self._width == 0.0:
             return own.best
         handed_over = asked._replace(hand_over=FAR)
-        return self._nearest_first(handed_over, start, self._near, 100 * sum(asked.view.ground.terrain.shape)).best
+        return self._search_outward(handed_over, start, self._near, 100 * sum(asked.view.ground.terrain.shape)).best
 
     def claimed(self, view: View, start: Element, others: NDArray[np.int64]) -> int | None:
         """How far the robot's claimed ground reaches.
@@ -226,25 +223,30 @@ class Nearby:
         rivals = others if self._width > 0.0 else NOBODY
         return self._layer.claimed(view.ground, (start[0] - 1, start[1] - 1), rivals, min(lead, LONGEST), LONGEST)
 
-    def _nearest_first(self, asked: Question, start: Element, begin: int, reach: int) -> Searched:
-        """The point that pulls hardest, as if nothing but the whole terrain were looked at.
+    def _search_outward(self, asked: Question, start: Element, begin: int, reach: int) -> Searched:
+        """Look farther and farther away until something pulls, and then as far as something could pull harder.
 
         Args:
             asked: In this tick.
             start: The element of the ground on which the robot stands.
-            begin: How far to look at first, in hundredths of a point.
+            begin: How far to look at first, in hundredths of a point; no less than the small window reaches.
             reach: How far to look at most for the first point that pulls, likewise.
+
+        Returns:
+            What pulls hardest of the whole terrain, if anything within reach pulls.
         """
         limit = begin
         best = self._hardest(asked, self._survey(asked, start, limit), limit, LONGEST)
         while best is None and limit < reach:
             limit = min(2 * limit, reach)
             best = self._hardest(asked, self._survey(asked, start, limit), limit, LONGEST)
-        if best is None or best.force > asked.beyond(limit):
-            return Searched(best)
-        needed = self._needed(asked, best.force, limit)
+        if best is None:
+            return Searched(None)
+        needed = self._needed(asked, best.force, self._near)
         if needed is None:
             return Searched(None, sure=False)
+        if needed <= limit:
+            return Searched(best)
         return Searched(self._hardest(asked, self._survey(asked, start, needed), needed, LONGEST, best.force))
 
     def _needed(self, asked: Question, force: float, least: int) -> int | None:
@@ -252,11 +254,7 @@ class Nearby:
         weaker = force - ROUNDING * (1.0 + abs(force)) - asked.pull[-1]
         decay = asked.decay.from_on(least, 100 * sum(asked.view.ground.terrain.shape), EVERY)
         first = int((decay < weaker).argmax()) if decay.size else 0
-        if not decay.size or decay[first] >= weaker:
-            return None
-        end = least + first * EVERY
-        begin = max(least, end - EVERY)
-        return begin + FINER * int(np.count_nonzero(asked.decay.table(end)[begin:end:FINER] >= weaker))
+        return least + first * EVERY if decay.size and decay[first] < weaker else None
 
     def _hardest(
         self, asked: Question, own: Surveyed, limit: int, known: int, least: float = -math.inf

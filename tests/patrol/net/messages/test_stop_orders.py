@@ -25,8 +25,10 @@ SHORT_S = 1.0
 STOPPED = Outcome(True, "stopped by an operator")
 
 
-def asked(link: Link, keys: FleetKeys, robots: list[str], order: Order) -> list[tuple[str, Outcome]]:
-    return sorted(ask_robots(link, keys, robots, order, SHORT_S), key=lambda one: one[0])
+def asked(
+    link: Link, keys: FleetKeys, robots: list[str], order: Order, wait_s: float = PATIENCE_S
+) -> list[tuple[str, Outcome]]:
+    return sorted(ask_robots(link, keys, robots, order, wait_s), key=lambda one: one[0])
 
 
 def test_robots_obey_operators_and_nobody_else() -> None:
@@ -53,7 +55,7 @@ def test_robots_obey_operators_and_nobody_else() -> None:
         obeyed.clear()
         assert asked(operator, fleet.keys, ["r2"], Order.RELEASE) == [("r2", STOPPED)]
         for other in ("viewer", "robot-r1"):
-            assert asked(links[other], fleet.keys, ["r2"], Order.STOP) == []
+            assert asked(links[other], fleet.keys, ["r2"], Order.STOP, SHORT_S) == []
         operator.ask(fleet.keys.stop("r1"), b"jump", SHORT_S)
         operator.ask(fleet.keys.stop("r1"), bytes(1000), SHORT_S)
         assert asked(operator, fleet.keys, ["r1"], Order.STOP) == [("r1", STOPPED)]

@@ -6,6 +6,7 @@ import re
 import shutil
 import stat
 import sys
+import time
 from argparse import Namespace
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -111,7 +112,7 @@ def test_what_the_system_clears_while_a_run_goes_on_comes_back(secrets: Secrets,
         assert read_credentials(secrets.of_robot("r1"), "test") == before
         assert not secrets.path.is_relative_to(roots)
         assert read_access(run, "test").token == secrets.token
-        assert not [part for part in secrets.path.parent.iterdir() if part.name.startswith("part-")]
+        assert not (secrets.path.parent / f"part-{secrets.name}").exists()
     finally:
         secrets.remove()
 
@@ -162,6 +163,17 @@ def test_a_link_in_place_of_the_private_folder_is_not_followed(secrets: Secrets,
         read_access(run, "test")
     secrets.path.unlink()
     moved.rename(secrets.path)
+
+
+def test_what_a_launcher_left_that_was_killed_at_once_goes_when_it_is_old(roots: Path) -> None:
+    Secrets("f", ["r1"]).remove()
+    for name in ("part-old", "part-new"):
+        (roots / name).mkdir(mode=0o700)
+    long_ago = time.time() - 7200.0
+    os.utime(roots / "part-old", (long_ago, long_ago))
+    secrets = Secrets("f", ["r1"])
+    assert {path.name for path in roots.iterdir()} == {"part-new", secrets.name}
+    secrets.remove()
 
 
 def test_who_waits_for_a_run_s_file_finds_all_of_it(secrets: Secrets, tmp_path: Path) -> None:

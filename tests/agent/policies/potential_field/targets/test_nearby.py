@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from agent.policies.potential_field.kernels.hardest import hardest
 from agent.policies.potential_field.kernels.stands import nearest_stand
 from agent.policies.potential_field.targets.cells import Layer, around, cells_of
-from agent.policies.potential_field.targets.nearby import Found, Nearby, Question
+from agent.policies.potential_field.targets.nearby import Nearby, Question, Searched
 from agent.policies.potential_field.targets.search import NO_RIVALS, Decay
 from agent.routes.ground import Ground
 from agent.routes.path_window import FAR
@@ -98,16 +98,17 @@ def test_it_is_the_point_that_pulls_hardest_of_all(
     limits: list[int] = []
     found, real = [], Nearby.find
 
-    def checked(self: Nearby, asked: Question, start: tuple[int, int], *, whole: bool = False) -> Found | None:
-        result = real(self, asked, start, whole=whole)
-        other = real(self, asked, start, whole=not whole)
+    def checked(self: Nearby, asked: Question, start: tuple[int, int], *, whole: bool = False) -> Searched:
+        searched = real(self, asked, start, whole=whole)
+        result = searched.best
+        other = real(self, asked, start, whole=not whole).best
         assert other is None or (other.point, other.close) == by_all_paths(self, asked, start, not whole)
         wanted = by_all_paths(self, asked, start, whole)
         assert result is None or (result.point, result.close) == wanted
         found.append(result is not None)
         if result is not None:
             limits.append(result.cells.limit)
-        return result
+        return searched
 
     monkeypatch.setattr(Nearby, "find", checked)
     for _ in range(80):
@@ -129,13 +130,12 @@ def test_farther_away_too_it_is_the_point_that_pulls_hardest_of_the_whole_terrai
     found: Counter[str] = Counter()
     real = Nearby.find
 
-    def checked(self: Nearby, asked: Question, start: tuple[int, int], *, whole: bool = False) -> Found | None:
-        if asked.hand_over < FAR:
-            result = self.find_far(asked, start)
-            own = by_all_paths(self, asked, start, whole=True)
-            wanted = own or by_all_paths(self, asked._replace(hand_over=FAR), start, whole=True)
-            assert result is None or (result.point, result.close) == wanted
-            found["unknown" if result is None else "own" if own else "of a rival"] += 1
+    def checked(self: Nearby, asked: Question, start: tuple[int, int], *, whole: bool = False) -> Searched:
+        result = self.find_far(asked, start)
+        own = by_all_paths(self, asked, start, whole=True)
+        wanted = own or by_all_paths(self, asked._replace(hand_over=FAR), start, whole=True)
+        assert result is None or (result.point, result.close) == wanted
+        found["unknown" if result is None else "own" if own else "of a rival"] += 1
         return real(self, asked, start, whole=whole)
 
     monkeypatch.setattr(Nearby, "find", checked)
