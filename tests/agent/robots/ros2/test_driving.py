@@ -165,7 +165,7 @@ def test_an_operator_is_told_that_a_robot_stands_only_when_nav2_has_heard_of_it(
                 cancel(asked)
 
         goals._cancel = lossy  # type: ignore[method-assign]
-        assert control(Path(endpoint), "stop", None, fleet="patrol", wait=PATIENCE_S) == 0
+        made.until(lambda: control(Path(endpoint), "stop", None, fleet="patrol", wait=PATIENCE_S) == 0)
         assert made.robot.stands
         assert len(lost) == 3
         losing = 10_000
