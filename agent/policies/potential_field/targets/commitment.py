@@ -13,7 +13,6 @@ no other robot has a shorter way to. With claims, a robot leaves other points al
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -28,6 +27,7 @@ from agent.policies.potential_field.targets.search import NO_RIVALS, Decay, Laid
 from agent.policies.potential_field.targets.shunned import Shunned
 from agent.policies.potential_field.targets.stands import nearest_in_sight
 from agent.policies.potential_field.targets.target import Target
+from agent.policies.potential_field.targets.whereabouts import Whereabouts
 from agent.ports import Bearing, Intent, Place
 from agent.routes.path_window import DIAGONAL, FAR
 from agent.routes.wave import LONGEST
@@ -58,15 +58,6 @@ TRIES = 3
 
 NEARER = 0.1
 """Least share of a stride by which a way must get shorter to count as progress."""
-
-ROAM_S = 45.0
-"""A robot that has stayed within a circle of `ROAM_REACH` for so long looks for a target outside and goes there, s."""
-
-ROAM_REACH = 5.0
-"""Radius of that circle, in radii and strides of the robot."""
-
-TWICE = 2.001
-"""Radii of a circle than which no two places in it are farther apart, with room for rounding."""
 
 HAND_OVER = 2.0
 """A robot claims a point if no other robot's way there is shorter by more than so many strides."""
@@ -111,9 +102,7 @@ class Commitment:
         self._sight = sight if sensor.angle >= 360.0 and not sight.leaves_age else None
         # A car ends up near the place that it heads for, and not exactly on it.
         self._slack = math.ceil(stride / self._point) if spec.model == "car" else 0
-        self._roam = ROAM_REACH * (spec.radius + stride)
-        self._often = max(1, round(1.0 / setup.step))
-        self._been: deque[Spot] = deque(maxlen=math.ceil(ROAM_S / (self._often * setup.step)))
+        self._whereabouts = Whereabouts(spec.radius, stride, setup.step)
         self._hand_over = round(100.0 * HAND_OVER * stride / self._point)
         self._reach = law_reach(setup.patrol, self._point, 4 * sum(terrain.shape))
         self._target: Target | None = None
@@ -144,8 +133,7 @@ class Commitment:
         Returns:
             None where nothing pulls.
         """
-        if view.tick % self._often == 0:
-            self._been.append((view.pose.x, view.pose.y))
+        self._whereabouts.note(view.tick, (view.pose.x, view.pose.y))
         way = self._way(view, start)
         if way is None:
             way = self._choose(view, start, rivals)
@@ -167,7 +155,7 @@ class Commitment:
             return None
         age = self._age(view, target.point)
         seen = age < STILL_STALE * target.age
-        if seen and not (target.away and self._home() is not None):
+        if seen and not (target.away and self._whereabouts.home() is not None):
             self._shunned.forgive(target.close)
             return None
         way = self._way_to(view, start, target.stand)
@@ -203,7 +191,7 @@ class Commitment:
         self._shunned.forget(tick)
         if view.mfow == 0:
             return None
-        home, others = self._home(), rivals(view)
+        home, others = self._whereabouts.home(), rivals(view)
         for _ in range(TRIES):
             target = self._best(view, start, others, home)
             if target is None:
@@ -372,17 +360,6 @@ class Commitment:
         self._expected = int(paths.length[stand[0] - paths.row0, stand[1] - paths.col0]) + 200
         return Target(point, stand, close, self._age(view, point), away)
 
-    def _home(self) -> Spot | None:
-        """The centre, x and y in m, of the circle in which the robot has stayed for too long; None if it has not."""
-        if len(self._been) < (self._been.maxlen or 0):
-            return None
-        newest = self._been[-1]
-        if any(math.dist(newest, self._been[index]) > TWICE * self._roam for index in (0, len(self._been) // 2)):
-            return None
-        xs, ys = zip(*self._been, strict=True)
-        centre = 0.5 * (min(xs) + max(xs)), 0.5 * (min(ys) + max(ys))
-        return centre if all(math.dist(centre, place) <= self._roam for place in self._been) else None
-
     def _hardest(
         self,
         view: View,
@@ -410,7 +387,11 @@ class Commitment:
         grids = (paths.state, paths.length, paths.row0, paths.col0, *laid.part, fog.last_seen, fog.looked)
         posts = self._posts.between(paths.row0 + laid.part[0], paths.row0 + laid.part[1] - 1)
         left_out = self._shunned.now(view.tick)
-        circle = (0, 0, -1) if home is None else (*view.point_of(home), math.ceil((self._roam / self._point) ** 2))
+        circle = (
+            (0, 0, -1)
+            if home is None
+            else (*view.point_of(home), math.ceil((self._whereabouts.reach / self._point) ** 2))
+        )
         stale = self._stale(view)
         rounds = ((self._hand_over, stale), (FAR, stale), (FAR, 1))
         for hand_over, least in rounds[:2] if decides else rounds:

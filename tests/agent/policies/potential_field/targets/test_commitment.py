@@ -302,8 +302,8 @@ def test_who_has_stayed_in_a_circle_for_long_leaves_it() -> None:
     robots = Robots(alone(two_rooms(), Pose(4.0, 4.0, 0.0)))
     commitment = commitment_of(robots)
     robots.tick()
-    for _ in range(commitment._been.maxlen or 0):
-        commitment._been.append((4.0, 4.0))
+    for tick in range(200):
+        commitment._whereabouts.note(tick, (4.0, 4.0))
     commitment._target = None
     robots.tick()
     target = target_of(robots)
@@ -311,11 +311,11 @@ def test_who_has_stayed_in_a_circle_for_long_leaves_it() -> None:
     assert target.away
     assert target.stand == target.close
     x, y = robots.terrain.centre(*target.stand)
-    assert math.dist((x, y), (4.0, 4.0)) > commitment._roam
+    assert math.dist((x, y), (4.0, 4.0)) > commitment._whereabouts.reach
     # It goes there although the point comes into sight before.
     while robots.apart((x, y)) > 1.0:
         assert robots.k < 40
-        assert commitment._home() is None or target_of(robots) == target
+        assert commitment._whereabouts.home() is None or target_of(robots) == target
         robots.tick()
 
 
