@@ -16,5 +16,9 @@ def write_whole(file: Path, text: str) -> None:
         OSError: It cannot be written.
     """
     part = file.with_name(f".{file.name}.part")
-    part.write_text(text, encoding="utf-8")
-    part.replace(file)
+    try:
+        part.write_text(text, encoding="utf-8")
+        part.replace(file)
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise
