@@ -164,7 +164,7 @@ def make_folder(scenario: Scenario, out: Path | None, now: datetime) -> RunFolde
         try:
             path.mkdir(parents=True)
         except FileExistsError as error:
-            if out is None:
+            if out is None and path.exists():
                 continue  # another run has taken the name meanwhile
             if not path.is_dir():
                 raise _unusable(path, out, error) from None

@@ -82,6 +82,18 @@ def test_runs_that_begin_at_once_have_folders_of_their_own(tmp_path: Path, monke
     assert [path.name for path in given.iterdir()] == ["mine"]
 
 
+def test_where_runs_leads_nowhere_it_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    scenario = load_scenario({"name": "five", "terrain": {"builtin": "open"}})
+    (tmp_path / "runs").symlink_to(tmp_path / "nowhere")
+    with pytest.raises(BadInput, match="runs/five-20260304-050607: cannot be used"):
+        make_folder(scenario, None, NOW)
+    (tmp_path / "runs").unlink()
+    (tmp_path / "runs").touch()
+    with pytest.raises(BadInput, match="runs/five-20260304-050607: cannot be used"):
+        make_folder(scenario, None, NOW)
+
+
 def test_what_could_not_begin_leaves_nothing_of_ours(tmp_path: Path) -> None:
     scenario = load_scenario({"terrain": {"builtin": "open"}})
     given = tmp_path / "given"

@@ -387,11 +387,8 @@ class Commitment:
         grids = (paths.state, paths.length, paths.row0, paths.col0, *laid.part, fog.last_seen, fog.looked)
         posts = self._posts.between(paths.row0 + laid.part[0], paths.row0 + laid.part[1] - 1)
         left_out = self._shunned.now(view.tick)
-        circle = (
-            (0, 0, -1)
-            if home is None
-            else (*view.point_of(home), math.ceil((self._whereabouts.reach / self._point) ** 2))
-        )
+        squared = math.ceil((self._whereabouts.reach / self._point) ** 2)
+        circle = (0, 0, -1) if home is None else (*view.point_of(home), squared)
         stale = self._stale(view)
         rounds = ((self._hand_over, stale), (FAR, stale), (FAR, 1))
         for hand_over, least in rounds[:2] if decides else rounds:
