@@ -17,6 +17,9 @@ from typing import IO, Protocol, Self
 from experiments.sweeps.worker import Answer, Task, answer
 from patrol.errors import BadInput
 
+LOOK_UP_S = 0.5
+"""How often to look up while no worker answers, s: a signal that comes just before the wait does not end it."""
+
 GRACE_S = 2.0
 """How long a worker that has closed its output may take to end by itself."""
 
@@ -96,7 +99,7 @@ class LocalWorkers:
             for _ in range(min(self.size, len(waiting))):
                 self._start_worker(selector, waiting.popleft())
             while self._workers:
-                for ready, _ in selector.select():
+                for ready, _ in selector.select(LOOK_UP_S):
                     assert not isinstance(ready.fileobj, int)
                     yield self._take(selector, ready.fileobj, waiting)  # type: ignore[arg-type]
 

@@ -204,7 +204,7 @@ def _is_empty(path: Path, out: Path | None) -> bool:
 
 def _unusable(path: Path, out: Path | None, error: OSError) -> BadInput:
     shown = f"--out {out}" if out else path
-    return BadInput(f"{shown}: cannot be used ({error.strerror}); choose another folder")
+    return BadInput(f"{shown}: cannot be written ({error.strerror}); choose another folder")
 
 
 def untaken(first: Path) -> Path:

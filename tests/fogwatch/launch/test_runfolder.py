@@ -55,9 +55,9 @@ def test_a_folder_that_is_not_empty_is_refused(tmp_path: Path) -> None:
     scenario = load_scenario({"terrain": {"builtin": "open"}})
     with pytest.raises(BadInput, match="is not empty"):
         create(scenario, tmp_path, NOW)
-    with pytest.raises(BadInput, match="cannot be used"):
+    with pytest.raises(BadInput, match="cannot be written"):
         create(scenario, tmp_path / "file", NOW)
-    with pytest.raises(BadInput, match="cannot be used"):
+    with pytest.raises(BadInput, match="cannot be written"):
         create(scenario, tmp_path / "file" / "below", NOW)
 
 
@@ -86,11 +86,11 @@ def test_where_runs_leads_nowhere_it_says_so(tmp_path: Path, monkeypatch: pytest
     monkeypatch.chdir(tmp_path)
     scenario = load_scenario({"name": "five", "terrain": {"builtin": "open"}})
     (tmp_path / "runs").symlink_to(tmp_path / "nowhere")
-    with pytest.raises(BadInput, match="runs/five-20260304-050607: cannot be used"):
+    with pytest.raises(BadInput, match="runs/five-20260304-050607: cannot be written"):
         make_folder(scenario, None, NOW)
     (tmp_path / "runs").unlink()
     (tmp_path / "runs").touch()
-    with pytest.raises(BadInput, match="runs/five-20260304-050607: cannot be used"):
+    with pytest.raises(BadInput, match="runs/five-20260304-050607: cannot be written"):
         make_folder(scenario, None, NOW)
 
 
