@@ -2,7 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+
+
+@contextmanager
+def replacing(file: Path) -> Iterator[Path]:
+    """A file beside another one, which takes the other's place in the end; after an error nothing of it stays.
+
+    Args:
+        file: The other file, which may be there already.
+
+    Yields:
+        The file to write, which is not there yet.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    part = file.with_name(f".{file.name}.part")
+    part.unlink(missing_ok=True)
+    try:
+        yield part
+        part.replace(file)
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise
 
 
 def write_whole(file: Path, text: str) -> None:
@@ -15,10 +40,5 @@ def write_whole(file: Path, text: str) -> None:
     Raises:
         OSError: It cannot be written.
     """
-    part = file.with_name(f".{file.name}.part")
-    try:
+    with replacing(file) as part:
         part.write_text(text, encoding="utf-8")
-        part.replace(file)
-    except BaseException:
-        part.unlink(missing_ok=True)
-        raise

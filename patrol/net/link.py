@@ -267,21 +267,36 @@ class Link:
             False when closing takes longer than the limit or than Zenoh allows, after which only ending the process
             helps.
         """
-        if self._session.is_closed():
-            return True
-        closed = threading.Event()
-        closing = threading.Thread(target=self._close, args=(closed,), daemon=True)
-        closing.start()
-        closing.join(limit_s)  # Zenoh aborts a process that ends while a thread is leaving it
-        return closed.is_set()
+        return close_session(self._session, self._declared, limit_s)
 
-    def _close(self, closed: threading.Event) -> None:
+
+def close_session(session: zenoh.Session, declared: list[Any], limit_s: float) -> bool:
+    """Close a session; one that is closed already stays so.
+
+    Args:
+        session: The session.
+        declared: What was declared on it, in order; undeclared and emptied.
+        limit_s: How long to wait.
+
+    Returns:
+        False when closing takes longer than the limit or than Zenoh allows, after which only ending the process helps.
+    """
+    closed = threading.Event()
+
+    def close() -> None:
         with suppress(zenoh.ZError):  # Zenoh gives up by itself when the other side does not answer
-            for declared in reversed(self._declared):
-                declared.undeclare()
-            self._declared.clear()
-            self._session.close()  # type: ignore[no-untyped-call]
+            for one in reversed(declared):
+                one.undeclare()
+            declared.clear()
+            session.close()  # type: ignore[no-untyped-call]
             closed.set()
+
+    if session.is_closed():
+        return True
+    closing = threading.Thread(target=close, daemon=True)
+    closing.start()
+    closing.join(limit_s)  # Zenoh aborts a process that ends while a thread is leaving it
+    return closed.is_set()
 
 
 def _answers(query: zenoh.Query, key: str) -> Post:

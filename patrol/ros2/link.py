@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from itertools import count, islice
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -17,7 +16,7 @@ from zenoh.ext import (
     declare_advanced_subscriber,
 )
 
-from patrol.net.link import CLOSE_S, open_session
+from patrol.net.link import CLOSE_S, close_session, open_session
 from patrol.net.settings import client_settings
 from patrol.printable import printable
 from patrol.ros2.codec import CODINGS, decode, encode
@@ -236,21 +235,7 @@ class ZenohRos2Link:
             False when closing takes longer than the limit or than Zenoh allows, after which only ending the process
             helps.
         """
-        if self._session.is_closed():
-            return True
-        closed = threading.Event()
-        closing = threading.Thread(target=self._close, args=(closed,), daemon=True)
-        closing.start()
-        closing.join(limit_s)  # Zenoh aborts a process that ends while a thread is leaving it
-        return closed.is_set()
-
-    def _close(self, closed: threading.Event) -> None:
-        with suppress(zenoh.ZError):  # Zenoh gives up by itself when the other side does not answer
-            for declared in reversed(self._declared):
-                declared.undeclare()
-            self._declared.clear()
-            self._session.close()  # type: ignore[no-untyped-call]
-            closed.set()
+        return close_session(self._session, self._declared, limit_s)
 
     def _entity(self, kind: Kind, full: str, type_name: str, qos: Qos) -> Entity:
         type_hash = self._format.hash_of(type_name)

@@ -21,6 +21,7 @@ from patrol.errors import BadInput
 from patrol.net.keys import FleetKeys, check_locator, fleet_keys, is_local
 from patrol.net.security.roles import COMMON_NAMES, USERNAMES, Kind, Role, access_control, robot_role, role_of
 from patrol.untrusted import ACCESS, open_untrusted
+from patrol.whole_file import replacing
 
 MEMBER = "member.json"
 """A member's credentials, in a folder of their own."""
@@ -368,11 +369,5 @@ def replace_private(file: Path, text: str) -> None:
     Raises:
         OSError: It cannot be written.
     """
-    part = file.with_name(f".{file.name}.part")
-    part.unlink(missing_ok=True)
-    try:
+    with replacing(file) as part:
         write_private(part, text)
-        part.replace(file)
-    except BaseException:
-        part.unlink(missing_ok=True)
-        raise
