@@ -43,7 +43,7 @@ class Run:
         for entry in Path("/proc").glob("[0-9]*"):
             try:
                 words = (entry / "cmdline").read_bytes().decode().split("\0")
-                state, parent, *_ = (entry / "stat").read_text().rpartition(")")[2].split()
+                state, parent = self._state_and_parent(entry)
             except OSError:
                 continue
             if state == "Z":
@@ -51,7 +51,7 @@ class Run:
             ours = any(word.startswith(f"{self.folder}/") for word in words)
             if "-m" not in words or not (ours or "fogwatch.router" in words):
                 continue
-            if "fogwatch.router" in words and int(parent) != self.process.pid:
+            if "fogwatch.router" in words and parent != self.process.pid:
                 continue
             name = words[words.index("--robot") + 1] if "--robot" in words else words[words.index("-m") + 1]
             found[name] = int(entry.name)
@@ -62,10 +62,14 @@ class Run:
         for entry in Path("/proc").glob("[0-9]*"):
             with suppress(OSError):
                 words = (entry / "cmdline").read_bytes().decode().split("\0")
-                parent = int((entry / "stat").read_text().rpartition(")")[2].split()[1])
-                if "agent.fork_server" in words and parent == self.process.pid:
+                if "agent.fork_server" in words and self._state_and_parent(entry)[1] == self.process.pid:
                     return int(entry.name)
         pytest.fail("there is no fork server")
+
+    def _state_and_parent(self, entry: Path) -> tuple[str, int]:
+        """A process's state and its parent's id, by proc(5). Raises OSError when it has gone."""
+        state, parent, *_ = (entry / "stat").read_text().rpartition(")")[2].split()
+        return state, int(parent)
 
     def ticks(self) -> int:
         """Ticks done so far."""

@@ -26,6 +26,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from patrol.errors import BadInput
+from patrol.whole_file import write_whole
 
 KERNELS = "kernels"
 COMPILING = "compiling the kernels, once on this machine: about half a minute ..."
@@ -56,7 +57,8 @@ def warm(packages: Sequence[str], say: Callable[[str], None]) -> None:
             say(COMPILING)
         for package in missing:
             indexes = _compile(list(files[package]))
-            _write(stamps[package], {"sources": _digest(files[package].values()), "indexes": indexes})
+            says = {"sources": _digest(files[package].values()), "indexes": indexes}
+            write_whole(stamps[package], json.dumps(says))
 
 
 def numba_alone() -> None:
@@ -134,12 +136,6 @@ def _is_warm(stamp: Path, sources: str) -> bool:
         return says["sources"] == sources and all(Path(index).exists() for index in says["indexes"])
     except (OSError, ValueError, LookupError, TypeError):
         return False
-
-
-def _write(stamp: Path, says: dict[str, object]) -> None:
-    part = stamp.with_suffix(".part")
-    part.write_text(json.dumps(says), encoding="utf-8")
-    part.replace(stamp)
 
 
 @contextmanager
