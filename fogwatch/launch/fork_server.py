@@ -183,8 +183,8 @@ class ForkServer:
 
     def _give_up(self) -> None:
         """Use it no more, and end it: one that stands still must not do later what was asked of it."""
-        self._hang_up()
         self._children.by_name[FORK_SERVER].process.kill()
+        self._hang_up()
 
     def _hang_up(self) -> None:
         if self._control is not None:
