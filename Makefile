@@ -41,10 +41,25 @@ pictures: install ## make the README's pictures of the page again (needs Chromiu
 # Several processes share the tests: two more than there are processors (`tests/conftest.py`), up to four.
 # On a developer's machine nothing is installed unasked: without a Chromium pytest skips the tests of the page and says so.
 # The tests start hundreds of processes, each of which would compile all sources anew where PYTHONDONTWRITEBYTECODE is set.
-.PHONY: test
+PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist worksteal
+
+.PHONY: test test-rest test-all
 test: export PYTHONDONTWRITEBYTECODE :=
-test: install $(if $(CI),browser) ## check style, types and layers, and run every quick test
-	$(BIN)/python -m pytest -n auto --maxprocesses 4
+test: install $(if $(CI),browser) ## check style, types and layers, run the quick tests and one real fleet of each kind
+	$(PYTEST) --suite quick
+
+test-rest: export PYTHONDONTWRITEBYTECODE :=
+test-rest: install $(if $(CI),browser)
+	$(PYTEST) --suite rest
+
+.PHONY: times
+times: export PYTHONDONTWRITEBYTECODE :=
+times: install ## measure the processor time of every test, which decides what is quick, into tests/times.tsv
+	rm -f build/times.tsv; mkdir -p build
+	$(PYTEST) --suite all --times $(CURDIR)/build/times.tsv
+	awk -F '\t' '$$1 >= 1.0' build/times.tsv | LC_ALL=C sort -t "$$(printf '\t')" -k 2 >tests/times.tsv
+
+test-all: test test-rest test-bounds-quick ## everything that is quick enough for CI: about twenty minutes
 
 # Tests of code that runs kernels, and those that call the kernels themselves, without whole patrols and large maps: these
 # take about a minute, compiling included.

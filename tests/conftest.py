@@ -6,9 +6,10 @@ import os
 import signal
 import time
 import uuid
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
+from resource import RUSAGE_CHILDREN, RUSAGE_SELF, getrusage
 
 import pytest
 from hypothesis import settings
@@ -23,6 +24,18 @@ settings.load_profile("ci" if os.environ.get("CI") else "local")
 
 SELDOM = ("accept", "network")
 """Markers of tests that run only where ``-m`` names them."""
+
+SLOW = ("processes", "browser")
+"""Markers of tests that `make test` leaves to `make test-all`, unless they are also marked ``kind``."""
+
+TIMES = Path(__file__).with_name("times.tsv")
+"""Processor time of each test that takes long, as ``--times`` measured it: seconds, a tab, the test's name."""
+
+QUICK_S = 2.0
+"""Processor time up to which a test is quick (s)."""
+
+KINDS = ("closed fleet", "direct radio", "lockstep", "page", "paced", "ros2")
+"""Kinds of real fleets; the quick suite runs one test of each, the one marked ``kind``."""
 
 PACKAGES = ("patrol", "agent", "worldsim", "monitor")
 """Packages that have kernels."""
@@ -46,13 +59,58 @@ def pytest_configure(config: pytest.Config) -> None:
             raise pytest.UsageError(str(error)) from None
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add ``--suite``."""
+    parser.addoption(
+        "--suite",
+        choices=("quick", "rest", "all"),
+        default="all",
+        help="quick: what `make test` runs; rest: what `make test-all` adds to it; all: both (the default)",
+    )
+    parser.addoption("--times", metavar="FILE", help="append each test's processor time, its children's included, to FILE")
+
+
+def processor_time_s() -> float:
+    """Return the processor time of this process and of its children that have ended, s."""
+    return sum(time_s for who in (RUSAGE_SELF, RUSAGE_CHILDREN) for time_s in getrusage(who)[:2])
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    """Measure a test for ``--times``."""
+    begin_s = processor_time_s()
+    result = yield
+    if item.config.option.times:
+        with Path(item.config.option.times).open("a", encoding="utf-8") as file:
+            file.write(f"{processor_time_s() - begin_s:.1f}\t{item.nodeid}\n")
+    return result
+
+
+def read_times() -> dict[str, float]:
+    """Return the processor times listed in `TIMES` by test, s."""
+    rows = (line.split("\t", 1) for line in TIMES.read_text(encoding="utf-8").splitlines())
+    return {name: float(time_s) for time_s, name in rows}
+
+
+def is_quick(item: pytest.Item, times_s: Mapping[str, float]) -> bool:
+    """Return whether `make test` runs a test: one of each kind of fleet, and what takes little time in one process."""
+    if item.get_closest_marker("kind") is not None:
+        return True
+    return not any(item.get_closest_marker(name) for name in SLOW) and times_s.get(item.nodeid, 0.0) <= QUICK_S
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave out what runs seldom, whatever else ``-m`` selects."""
+    """Drop tests that belong to the other suite, and those that run only where ``-m`` names their marker."""
     unnamed = [name for name in SELDOM if name not in config.option.markexpr]
-    left_out = [item for item in items if any(item.get_closest_marker(name) for name in unnamed)]
-    if left_out:
-        config.hook.pytest_deselected(items=left_out)
-        items[:] = [item for item in items if item not in left_out]
+    suite, times_s = config.option.suite, read_times()
+    kept, dropped = [], []
+    for item in items:
+        seldom = any(item.get_closest_marker(name) for name in unnamed)
+        other_suite = suite != "all" and is_quick(item, times_s) != (suite == "quick")
+        (dropped if seldom or other_suite else kept).append(item)
+    if dropped:
+        config.hook.pytest_deselected(items=dropped)
+        items[:] = kept
 
 
 def marked_processes(mark: str) -> dict[int, str]:

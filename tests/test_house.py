@@ -17,6 +17,8 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
+from tests.conftest import KINDS
+
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("patrol", "agent", "worldsim", "monitor", "experiments", "fogwatch")
 LONGEST_FILE = 420
@@ -60,6 +62,15 @@ def test_the_checkers_find_nothing(name: str) -> None:
     command = [str(Path(sys.executable).with_name(program)), *arguments]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, f"{done.stdout}\n{done.stderr}"
+
+
+def test_the_quick_suite_has_one_real_fleet_of_each_kind() -> None:
+    marked = [
+        name
+        for path in (ROOT / "tests").rglob("test_*.py")
+        for name in re.findall(r'mark\.kind\("([^"]+)"\)', path.read_text(encoding="utf-8"))
+    ]
+    assert sorted(marked) == sorted(KINDS)
 
 
 def test_files_are_short() -> None:

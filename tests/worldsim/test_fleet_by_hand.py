@@ -93,6 +93,7 @@ def test_a_fleet_started_by_hand_in_any_order(hand: Hand, tmp_path: Path) -> Non
     assert hand.code("router") == 0
 
 
+@pytest.mark.kind("direct radio")
 def test_robots_that_hear_each_other_by_a_router_of_their_own(hand: Hand) -> None:
     hand.write({**SCENARIO, "duration": 15, "pace": 3, "radio": {"via": "direct"}})
     radio = free_endpoint()

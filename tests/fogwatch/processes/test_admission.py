@@ -126,6 +126,7 @@ def site(tmp_path: Path) -> Iterator[Site]:
 
 
 @needs_openssl
+@pytest.mark.kind("closed fleet")
 def test_the_recipe_for_several_machines(site: Site, tmp_path: Path) -> None:
     site.scenario.write_text(json.dumps({**SMALL, "duration": 100_000, "pace": 10}), encoding="utf-8")
     made = site.command("fleet", "init", str(site.fleet), "--robots", "anna,bert", "--port", site.port)

@@ -120,6 +120,7 @@ def places_an_intruder_by_keys(look: Look) -> None:
     assert abs((y - y0) - 5.0 * (x - x0)) < 0.5
 
 
+@pytest.mark.kind("page")
 def test_buttons_break_a_fleet_and_the_journal_knows_who_did_it(chromium: Any, start: Callable[..., Run]) -> None:
     run = start(FLEET, "--page")
     with Look(chromium, address_of(run)) as look:

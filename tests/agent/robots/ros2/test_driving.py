@@ -57,7 +57,7 @@ def unwatched(endpoint: str, tmp_path: Path) -> Iterator[Bench]:
 @pytest.mark.parametrize(
     ("form", "habits", "options", "number"),
     [
-        ("rmw_zenoh", Habits(delay_s=0.1), [], signal.SIGINT),
+        pytest.param("rmw_zenoh", Habits(delay_s=0.1), [], signal.SIGINT, marks=pytest.mark.kind("ros2")),
         ("rmw_zenoh-humble", Habits("twist"), ["--drive", "twist", "--localisation", "pose"], signal.SIGQUIT),
         ("bridge", Habits(), ["--localisation", "odometry", "--start", "1.5,1.5,0.3"], signal.SIGTERM),
         ("rmw_zenoh", Habits(has_nav2=True), ["--drive", "nav2"], signal.SIGINT),
