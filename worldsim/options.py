@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from patrol.process.deadline import ANSWER_S
 from patrol.process.options import TOGETHER, fleet_parser
 from patrol.process.reporting.supervision import Supervision, take_supervision
 
@@ -73,7 +74,13 @@ def parse_options(arguments: Sequence[str] | None) -> WorldOptions:
     parser = fleet_parser("worldsim", "The world of a simulated fleet, as a process.", _EPILOG, "router and robots")
     add = parser.add_argument
     add("--out", required=True, type=Path, metavar="DIR", help="folder for the journal and ticks.csv")
-    add("--deadline", type=float, default=10.0, metavar="S", help="lockstep: wall time for an answer (%(default)g s)")
+    add(
+        "--deadline",
+        type=float,
+        default=ANSWER_S,
+        metavar="S",
+        help="lockstep: wall time for an answer (%(default)g s)",
+    )
     add(
         "--control",
         type=Path,

@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
@@ -36,7 +36,7 @@ from worldsim.faults.timeline import Timeline
 from worldsim.fleet.connection import FleetConnection, RunIdentity
 from worldsim.fleet.lockstep import LockstepFleet
 from worldsim.fleet.paced import PacedFleet
-from worldsim.fleet.process_control import ControlFailed, LauncherControl
+from worldsim.fleet.process_control import ControlFailed, LauncherControl, has_ended
 from worldsim.fleet.router_watch import RouterWatch
 from worldsim.fleet.sessions import Interrupted, Sessions
 from worldsim.output.feed_publisher import MOST_ASKING, Feed
@@ -132,7 +132,10 @@ class Wiring:
             )
         lockstep = self.scenario.factor is None  # it sends again what got lost; at a pace the world waits for nobody
         posts = {number: link.post(keys.tick(name), waits=lockstep, together=True) for number, name in names.items()}
-        connection = FleetConnection(keys, names, posts, mailbox, self.router.settled, time.monotonic, self.leaving)
+        ended = None if self._ask_launcher is None else partial(has_ended, self._ask_launcher)
+        connection = FleetConnection(
+            keys, names, posts, mailbox, self.router.settled, time.monotonic, self.leaving, ended
+        )
         absent = Timeline(self.scenario).starts_absent
         sessions = Sessions(connection, self._identity(token, names), absent)
         link.subscribe(keys.reply("*"), mailbox)
@@ -177,10 +180,15 @@ class Wiring:
 
     def process_control(self, sessions: Sessions) -> LauncherControl | None:
         """What kills, pauses and starts robots' processes; None without a launcher."""
-        if self.options.process_control is None:
+        if self._ask_launcher is None:
             return None
-        ask = _asking(self.options.process_control, self.ending)
-        return LauncherControl(ask, sessions, waits=self.scenario.factor is None)
+        return LauncherControl(self._ask_launcher, sessions, waits=self.scenario.factor is None)
+
+    @cached_property
+    def _ask_launcher(self) -> Callable[[bytes], bytes] | None:
+        """Asks the launcher for process control; None without one."""
+        descriptor = self.options.process_control
+        return None if descriptor is None else _asking(descriptor, self.ending)
 
     def operator(self, world: World, fleet: LockstepFleet | PacedFleet, token: str | None) -> Operator | None:
         """What does what operators ask for, and keeps the scenario as they change it; None without a token."""

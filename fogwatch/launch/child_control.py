@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Protocol
 
-from worldsim.fleet.process_control import Request, answer_line
+from worldsim.fleet.process_control import ENDED, Request, answer_line
 
 
 class ProcessController(Protocol):
@@ -30,6 +30,10 @@ class ProcessController(Protocol):
 
     def state(self, robot: int) -> str:
         """A process's state by proc(5), empty where the system does not report it."""
+        ...
+
+    def has_ended(self, robot: int) -> bool:
+        """Return whether a process has ended."""
         ...
 
     def resume(self, robot: int) -> None:
@@ -88,6 +92,8 @@ class ProcessControlServer:
         """Do what a line asks for; the answer. The state of a process is read when its pause begins and ends."""
         try:
             request = Request.read(line)
+            if request.do == "look":
+                return answer_line(state=ENDED if self._controller.has_ended(request.robot) else "")
             before = self._controller.state(request.robot) if request.do == "resume" else ""
             self._actions[request.do](request)
             return answer_line(state=self._controller.state(request.robot) if request.do == "pause" else before)

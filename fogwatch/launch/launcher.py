@@ -223,6 +223,10 @@ class Launch:
             return ""
         return stat.rpartition(")")[2].split()[0]
 
+    def has_ended(self, robot: int) -> bool:
+        """Return whether a robot's process has ended."""
+        return self._child(robot).poll() is not None
+
     def resume(self, robot: int) -> None:
         """Send SIGCONT to a robot's process."""
         self._child(robot).process.send_signal(signal.SIGCONT)

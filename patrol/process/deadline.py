@@ -8,6 +8,10 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+ANSWER_S = 60.0
+"""How long the world waits in lockstep for a robot's answer, s of wall time: longer than on any machine that is only
+busy, and than in the first tick, in which robots may still load what they need."""
+
 DECISION_LIMIT_S = 8.0
 """Wall time, s, that a policy of one's own may take to decide. Generous, and less than the world waits in lockstep."""
 

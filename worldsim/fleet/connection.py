@@ -24,6 +24,7 @@ class FleetConnection:
         connected: Whether the router answers now.
         now: Seconds of a clock that never goes back.
         ending: Whether the world should end.
+        has_ended: Asks the launcher whether a robot's process has ended, by number; None where there is no launcher.
     """
 
     keys: FleetKeys
@@ -33,6 +34,7 @@ class FleetConnection:
     connected: Callable[[], bool]
     now: Callable[[], float]
     ending: Callable[[], bool]
+    has_ended: Callable[[int], bool] | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,13 +8,11 @@ from typing import Any, TypeVar
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Status
 from patrol.net.messages.phases import PhaseA, PhaseB, ReplyA, ReplyB, ToRobot
+from patrol.process.deadline import ANSWER_S
 from worldsim.fleet.connection import Addressee
 from worldsim.fleet.router_watch import RouterWatch
 from worldsim.fleet.sessions import POLL_S, Sessions
 
-DEADLINE_S = 10.0
-FIRST_DEADLINE_S = 60.0
-"""The deadline of the first tick, in which robots may still load what they need."""
 RESEND_S = 1.0
 QUIET_S = 0.5
 """How long no answer may come before it is asked whether the router is at work, s."""
@@ -38,12 +36,12 @@ class LockstepFleet:
         aside: Called once a tick, when all robots have begun to decide, for work that nobody waits for.
     """
 
-    def __init__(self, sessions: Sessions, deadline_s: float = DEADLINE_S, router: RouterWatch | None = None) -> None:
+    def __init__(self, sessions: Sessions, deadline_s: float = ANSWER_S, router: RouterWatch | None = None) -> None:
         """Drive the robots that have sessions.
 
         Args:
             sessions: Of the robots.
-            deadline_s: Wall time for an answer, s; in the first tick at least `FIRST_DEADLINE_S`.
+            deadline_s: Wall time for an answer, s; in the first tick at least `ANSWER_S`.
             router: Says whether the router answers; None where there is none between world and robots.
         """
         self._sessions = sessions
@@ -113,7 +111,7 @@ class LockstepFleet:
         sent = {number: sessions.send(number, make) for number, make in messages.items()}
         aside()
         answers: dict[int, T] = {}
-        deadline_s = self._deadline_s if k else max(self._deadline_s, FIRST_DEADLINE_S)
+        deadline_s = self._deadline_s if k else max(self._deadline_s, ANSWER_S)
         waited_s = 0.0
         began = before = sessions.now
         resend = before + RESEND_S

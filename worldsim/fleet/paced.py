@@ -39,8 +39,6 @@ WAKING_S = 0.002
 """How late the world is woken in the usual course of things, s; what is later counts as held up."""
 LOOK_S = 0.005
 """How long the world waits for a message at a time, s; as much of what holds it up may pass unnoticed."""
-CUT_OFF_S = 2.0
-"""A robot that has said nothing for so long, and for two ticks, is cut off."""
 
 
 class PacedFleet:
@@ -125,13 +123,12 @@ class PacedFleet:
         """The robots whose process is gone or whose mind has failed.
 
         One that is only slow or paused is not lost: its watchdog has stopped it. Nor is one that was cut off and comes
-        back: nobody waits for it, so it may take its time. While the router does not answer, the ticks go on, every
+        back (`Sessions.gone`). While the router does not answer, the ticks go on, every
         robot misses its deadlines, and none is lost.
         """
         if self._router is not None:
             self._router.answers()
-        cut_off_s = max(CUT_OFF_S, 2.0 * self._tick_s)
-        gone = dict.fromkeys(self._sessions.gone(self._living, cut_off_s), "its process was gone")
+        gone = dict.fromkeys(self._sessions.gone(self._living), "its process was gone")
         gone |= self._sessions.failed(self._living)
         for number, reason in gone.items():
             self._sessions.dismiss(number, f"left out: {reason}", orderly=False)

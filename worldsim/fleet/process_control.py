@@ -17,8 +17,11 @@ from typing import Protocol
 from worldsim.faults.lifecycle import STOPPED, UNSEEN
 from worldsim.fleet.sessions import Interrupted, Sessions
 
-START_S = 60.0
-"""How long a process that was started may take to open its session, s of wall time."""
+START_S = 600.0
+"""How long a process that was started and lives may take to open its session, s of wall time: longer than on any
+machine that is only busy."""
+_LOOK_S = 0.5
+"""How often the launcher is asked whether a process that was started still lives, s."""
 
 
 class ProcessControl(Protocol):
@@ -79,7 +82,7 @@ class Request:
     """What the world asks of the launcher.
 
     Attributes:
-        do: "kill", "pause", "resume", "leave" or "start".
+        do: "kill", "pause", "resume", "leave", "start", or "look" for whether the process has ended.
         robot: The robot's number.
         incarnation: Of the process to start; 0 otherwise.
     """
@@ -99,13 +102,17 @@ class Request:
         return cls(str(says["do"]), int(says["robot"]), int(says["incarnation"]))
 
 
+ENDED = "ended"
+"""The state of a process that has ended, in the answer to "look"."""
+
+
 def answer_line(problem: str = "", state: str = "") -> bytes:
     """Build the launcher's answer to a request.
 
     Args:
         problem: Why it could not be done; empty when it was.
         state: Of a process that was just paused, or is just about to go on, as the system reports it (proc(5)): "T" for
-            one that is stopped; empty where the system does not report it.
+            one that is stopped; empty where the system does not report it. In answer to "look" `ENDED`, or empty.
 
     Returns:
         The answer as a line of JSON.
@@ -129,6 +136,7 @@ class LauncherControl:
         self._sessions = sessions
         self._waits = waits
         self._until: dict[int, float] = {}
+        self._look_at: dict[int, float] = {}
 
     def kill(self, number: int) -> None:
         """Have SIGKILL sent and the end waited for."""
@@ -141,9 +149,7 @@ class LauncherControl:
 
     def resume(self, number: int) -> str:
         """Have the state of the process read and SIGCONT sent."""
-        seen = _seen(self._do("resume", number))
-        self._sessions.allow_recovery(number)
-        return seen
+        return _seen(self._do("resume", number))
 
     def leave(self, number: int) -> None:
         """Tell the process to leave, and have its end waited for."""
@@ -153,25 +159,36 @@ class LauncherControl:
         self._sessions.end(number)
 
     def start(self, number: int, incarnation: int) -> None:
-        """Have a new process started; in lockstep wait up to `START_S` for its session."""
+        """Have a new process started; in lockstep wait up to `START_S` for its session, or until it has ended."""
         self._sessions.expect(number, incarnation)
         self._do("start", number, incarnation)
         self._until[number] = self._sessions.now + START_S
-        while self._waits and not self._sessions.is_open(number) and self._sessions.now < self._until[number]:
+        self._look_at[number] = self._sessions.now + _LOOK_S
+        while self._waits and not self._sessions.is_open(number) and not self._why_given_up(number):
             self._sessions.await_session(number)
 
     def arrived(self, number: int) -> bool:
-        """Whether its process has opened its session.
+        """Return whether its process has opened its session.
 
         Raises:
-            NotStarted: It has not within `START_S`.
+            NotStarted: It has ended, or has not come within `START_S`.
         """
         if self._sessions.is_open(number):
             return True
-        if self._sessions.now >= self._until[number]:
+        if why := self._why_given_up(number):
             self._sessions.end(number)
-            raise NotStarted(f"its new process did not come within {START_S:g} s")
+            raise NotStarted(why)
         return False
+
+    def _why_given_up(self, number: int) -> str:
+        """Return why a process that was started is not waited for any longer; empty while it is."""
+        now = self._sessions.now
+        if now >= self._until[number]:
+            return f"its new process did not come within {START_S:g} s"
+        if now < self._look_at[number]:
+            return ""
+        self._look_at[number] = now + _LOOK_S
+        return "its new process has ended" if self._do("look", number) == ENDED else ""
 
     def release(self, paused: Iterable[int]) -> None:
         """Have SIGCONT sent to each of them, unless the launcher is gone."""
@@ -183,10 +200,27 @@ class LauncherControl:
 
     def _do(self, what: str, number: int, incarnation: int = 0) -> str:
         """Have something done; the state of the process, where the launcher reports it."""
-        answer = json.loads(self._ask(Request(what, number, incarnation).line()))
-        if answer["problem"]:
-            raise ControlFailed(f"{what} robot {number}: {answer['problem']}")
-        return str(answer["state"])
+        return _have_done(self._ask, Request(what, number, incarnation))
+
+
+def has_ended(ask: Callable[[bytes], bytes], number: int) -> bool:
+    """Return whether a robot's process has ended, which its launcher knows.
+
+    Args:
+        ask: Sends a line to the launcher and returns its answer.
+        number: The robot's number.
+
+    Raises:
+        ControlFailed: The launcher cannot say.
+    """
+    return _have_done(ask, Request("look", number)) == ENDED
+
+
+def _have_done(ask: Callable[[bytes], bytes], request: Request) -> str:
+    answer = json.loads(ask(request.line()))
+    if answer["problem"]:
+        raise ControlFailed(f"{request.do} robot {request.robot}: {answer['problem']}")
+    return str(answer["state"])
 
 
 def _seen(state: str) -> str:

@@ -4,15 +4,18 @@ A process opens a session by answering the world's hello. From then on only that
 and instance, speaks for the robot, and another one that asks for the seat is turned away and counted. Where a launcher
 has started the processes, the world knows their instances beforehand (`patrol.net.security.seats`).
 
-A robot's liveliness token goes when its process or its link dies, and with all others when the router does. So absence
-counts only while the router answers, and after an outage only once clients have had time to reconnect.
+A robot's liveliness token goes when its process ends, when its connection does, and with all others when the router
+does. A router closes the connection of a client that has too much to read and does not read for a second, as on a busy
+machine, and the client connects again. So a token that has gone is only a reason to look closer. Where a launcher has
+started the processes, it says which have ended. Elsewhere a robot is gone that has said farewell, or does not come back
+in time. All that counts only while the router answers, and after an outage only once clients have had time to
+reconnect.
 
 Time is what `now` says, and messages come from a mailbox, so that all of this can be tested without a network.
 """
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import NoReturn
@@ -53,10 +56,10 @@ from worldsim.fleet.session import Session
 POLL_S = 0.1
 HELLO_S = 1.0
 GRACE_S = 0.3
-"""How long a token must have been gone, the router answering, before its robot counts as gone."""
+"""How long a token must have been gone, the router answering, before its robot can count as gone."""
 RETURN_S = 12.0
-"""The same for one that was cut off before, whose connection breaks when the network is back: 10 s may be left of an
-attempt to connect that was under way then, and the next begins half a second later."""
+"""The same for a robot that nobody has started here and that has not said farewell. One that was cut off may have 10 s
+left of an attempt to connect when the network is back, and the next begins half a second later."""
 RECOVERY_S = 5.0
 """How long clients may take to reconnect to a router that has returned."""
 DISMISSAL_S = 2.0
@@ -88,8 +91,7 @@ class Sessions:
         self._sessions: dict[int, Session] = {}
         self._expected: dict[int, int | None] = {number: None for number in connection.names if number not in absent}
         self._present: set[int] = set()
-        self._absent: dict[int, tuple[float, float]] = {}  # since when a token is gone, until when that is allowed
-        self._heard: dict[int, float] = {}
+        self._absent: dict[int, float] = {}  # since when a token is gone
         self._dismissed: dict[int, str] = {}
         self._failed: dict[int, str] = {}
         self._transcripts: dict[int, dict[tuple[int, int], WorldTranscript]] = {n: {} for n in connection.names}
@@ -204,7 +206,6 @@ class Sessions:
         if isinstance(message, ReplyA | ReplyB | Failed) and not self._has_session(number, message):
             self.refused["stranger"] += 1
         elif isinstance(message, ReplyA | ReplyB):
-            self._heard[number] = self.now
             if self._begun - MAX_TICKS <= message.k < self._begun:
                 return number, message
             self.refused["ahead" if message.k >= self._begun else "late"] += 1
@@ -218,13 +219,11 @@ class Sessions:
             self._note_presence(number, present=message.present)
         return None
 
-    def gone(self, numbers: Iterable[int], cut_off_s: float = math.inf) -> list[int]:
-        """Those of the robots whose process is gone.
+    def gone(self, numbers: Iterable[int]) -> list[int]:
+        """Return those of the robots whose process is gone.
 
         Args:
             numbers: The robots.
-            cut_off_s: A robot that had said nothing for longer than this, in s, before its token went was cut off
-                rather than killed, and has `RETURN_S` to come back.
         """
         now = self.now
         absent = [number for number in numbers if number in self._absent]
@@ -234,13 +233,16 @@ class Sessions:
             self._trusted_from = now + RECOVERY_S
         if now < self._trusted_from:
             return []
-        return [number for number in absent if now >= self._gone_from(number, cut_off_s)]
+        return [number for number in absent if self._is_gone(number, now - self._absent[number])]
 
-    def _gone_from(self, number: int, cut_off_s: float) -> float:
-        """From when a robot whose token has gone counts as gone."""
-        since, allowed_until = self._absent[number]
-        was_cut_off = since - self._heard.get(number, since) > cut_off_s
-        return max(since + (RETURN_S if was_cut_off else GRACE_S), allowed_until)
+    def _is_gone(self, number: int, absent_s: float) -> bool:
+        """Return whether a robot is gone whose token has been gone for so long, s."""
+        if absent_s < GRACE_S:
+            return False
+        if self._connection.has_ended is not None:
+            return self._connection.has_ended(number)
+        session = self._sessions.get(number)
+        return absent_s >= RETURN_S or (session is not None and session.transcript.closed)
 
     def failed(self, numbers: Iterable[int]) -> dict[int, str]:
         """Those of the numbers whose mind cannot go on, and why."""
@@ -264,7 +266,6 @@ class Sessions:
         self._expected.pop(number, None)
         self._dismissed.pop(number, None)
         self._failed.pop(number, None)
-        self._heard.pop(number, None)
 
     def expect(self, number: int, incarnation: int) -> None:
         """Expect a robot's new process, of that incarnation and no other."""
@@ -282,11 +283,6 @@ class Sessions:
         until = self.now + HELLO_S
         while not self.is_open(number) and self.now < until:
             self.take(POLL_S)
-
-    def allow_recovery(self, number: int) -> None:
-        """Allow a robot's process, which was paused on purpose, at least `RECOVERY_S` until its token must show."""
-        if number in self._absent:
-            self._absent[number] = (self._absent[number][0], self.now + RECOVERY_S)
 
     def close(self, k: int, reason: str) -> None:
         """Dismiss all robots and wait up to `DISMISSAL_S` until they are gone.
@@ -334,7 +330,7 @@ class Sessions:
                 self._greet(number)
         else:
             self._present.discard(number)
-            self._absent.setdefault(number, (self.now, self.now))
+            self._absent.setdefault(number, self.now)
 
     def _has_session(self, number: int, message: ToWorld) -> bool:
         session = self._sessions.get(number)

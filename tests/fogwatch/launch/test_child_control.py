@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import socket
 import subprocess
@@ -17,7 +18,7 @@ from fogwatch.launch.children import Child
 from fogwatch.launch.launcher import Launch
 from fogwatch.launch.live_table import SilentDisplay
 from fogwatch.launch.runfolder import RunFolder
-from worldsim.fleet.process_control import Request
+from worldsim.fleet.process_control import ENDED, Request
 
 pytestmark = pytest.mark.processes
 
@@ -90,6 +91,15 @@ def test_a_killed_process_is_gone_when_that_is_answered(office: Office, paused: 
     assert office.ask("pause") == ""
     assert office.ask("resume") == ""
     assert office.launch.children.by_name["r1"].killed_by_fault
+
+
+def test_a_process_is_said_to_have_ended_when_it_has_however_long_it_was_stopped(office: Office) -> None:
+    assert office.answer("look") == {"problem": "", "state": ""}
+    office.ask("pause")
+    assert office.answer("look")["state"] == ""
+    office.process.kill()
+    os.waitid(os.P_PID, office.process.pid, os.WEXITED | os.WNOWAIT)
+    assert office.answer("look") == {"problem": "", "state": ENDED}
 
 
 def test_what_cannot_be_done_is_answered_too(office: Office) -> None:

@@ -36,7 +36,7 @@ POSES = {number: Pose(float(number), 0.0, 0.0) for number in NAMES}
 class Net:
     """Robots that answer at once unless told otherwise, and time that passes only while somebody waits."""
 
-    def __init__(self, seat: Callable[[int, int], int] | None = None) -> None:
+    def __init__(self, seat: Callable[[int, int], int] | None = None, *, launched: bool = False) -> None:
         self.time = 1000.0
         self.refused: Counter[str] = Counter()
         self.letters: deque[tuple[float, str, Any]] = deque()
@@ -45,6 +45,8 @@ class Net:
         self.mute: set[int] = set()
         self.connected = True
         self.ending = False
+        self.ended: set[int] = set()
+        """Robots whose processes have ended, which only a launcher knows."""
         self.stands_still: deque[tuple[float, float]] = deque()
         """When the whole machine stands still, and for how long, s."""
         self.wire = FleetConnection(
@@ -55,6 +57,7 @@ class Net:
             lambda: self.connected,
             lambda: self.time,
             lambda: self.ending,
+            self.ended.__contains__ if launched else None,
         )
         identity = RunIdentity(RUN, HASH, CHAIN, seat)
         self.sessions = Sessions(self.wire, identity)

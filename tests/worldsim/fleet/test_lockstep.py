@@ -21,9 +21,12 @@ from patrol.net.messages.phases import (
     PhaseB,
     ReplyA,
     ReplyB,
+    Report,
     Stop,
 )
+from patrol.net.security.transcripts import LAST
 from patrol.pose import Pose, Velocity
+from patrol.process.deadline import ANSWER_S
 from tests.worldsim.fleet.net import CHAIN, HASH, NAMES, RUN, Net, fleet_of, heard, sensed
 from worldsim.fleet.paced import PacedFleet
 from worldsim.fleet.sessions import GRACE_S, RECOVERY_S, RETURN_S, Interrupted, Missing
@@ -199,15 +202,31 @@ def test_a_pause_of_the_world_itself_is_nobodys_death() -> None:
     assert fleet.phase_a(3, sensed(3))[2] == (b"here",)
 
 
-def test_a_token_that_goes_ends_the_wait_early() -> None:
-    net = Net()
-    fleet = fleet_of(net)
+@pytest.mark.parametrize(("how", "after_s"), [("ended", GRACE_S), ("said farewell", GRACE_S), ("unknown", RETURN_S)])
+def test_a_process_that_is_gone_ends_the_wait_early(how: str, after_s: float) -> None:
+    net = Net(launched=how == "ended")
+    fleet = fleet_of(net, ANSWER_S)
     net.mute = {2}
-    net.presence(2, False, 0.2)
+    net.ended |= {2}
+    if how == "said farewell":
+        net.deliver(2, Report(1, 72, LAST, RUN, 0, ()))
+    net.presence(2, False)
     began = net.time
     assert list(fleet.phase_a(3, sensed(3))) == [1, 3]
-    assert GRACE_S <= net.time - began < 1.5
+    assert after_s <= net.time - began < after_s + 1.0
     assert fleet.lost() == [(2, Status.LOST, "its process was gone in phase A of tick 3")]
+
+
+@pytest.mark.parametrize(("launched", "away_s"), [(True, ANSWER_S - 1.0), (False, RETURN_S - 1.0)])
+def test_a_process_that_lost_its_connection_may_come_back(launched: bool, away_s: float) -> None:
+    net = Net(launched=launched)
+    fleet = fleet_of(net, ANSWER_S)
+    net.mute = {2}
+    net.presence(2, False)
+    net.presence(2, True, away_s)
+    net.deliver(2, ReplyA(1, 72, 3, RUN, (b"back",)), away_s)
+    assert fleet.phase_a(3, sensed(3))[2] == (b"back",)
+    assert fleet.lost() == []
 
 
 def test_tokens_that_go_with_the_router_come_back() -> None:
@@ -320,10 +339,10 @@ def test_a_world_that_falls_behind_gives_up_on_catching_up() -> None:
     assert fleet.slipped_s == pytest.approx(5.0)
 
 
-@pytest.mark.parametrize("silent_s", [0.0, 60.0])
+@pytest.mark.parametrize("launched", [False, True])
 @pytest.mark.parametrize("away_s", [RETURN_S - 1.0, RETURN_S + 1.0])
-def test_at_a_pace_a_robot_that_was_cut_off_may_take_longer_to_connect_again(silent_s: float, away_s: float) -> None:
-    net = Net()
+def test_at_a_pace_a_robot_that_was_cut_off_may_take_longer_to_connect_again(launched: bool, away_s: float) -> None:
+    net = Net(launched=launched)
     net.gather()
     fleet = PacedFleet(net.sessions, 0.5)
     ticks = itertools.count()
@@ -337,10 +356,9 @@ def test_at_a_pace_a_robot_that_was_cut_off_may_take_longer_to_connect_again(sil
         return lost
 
     assert patrol(2.0) == []
-    net.mute = {2} if silent_s else set()
-    assert patrol(silent_s) == []
+    net.mute = {2}
     net.presence(2, False)
-    returns = away_s < RETURN_S and silent_s > 0.0
+    returns = away_s < RETURN_S or launched
     assert (2 in patrol(away_s)) is not returns
     net.mute = set()
     net.presence(2, True)

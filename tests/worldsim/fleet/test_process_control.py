@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter, deque
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import pytest
@@ -26,9 +27,17 @@ from patrol.pose import Pose
 from worldsim.faults.lifecycle import STOPPED, UNSEEN, process_name
 from worldsim.fleet.connection import FleetConnection, RunIdentity
 from worldsim.fleet.lockstep import tell
-from worldsim.fleet.paced import CUT_OFF_S
-from worldsim.fleet.process_control import START_S, ControlFailed, LauncherControl, NotStarted, Request, answer_line
-from worldsim.fleet.sessions import GRACE_S, RECOVERY_S, Interrupted, Sessions
+from worldsim.fleet.process_control import (
+    ENDED,
+    START_S,
+    ControlFailed,
+    LauncherControl,
+    NotStarted,
+    Request,
+    answer_line,
+    has_ended,
+)
+from worldsim.fleet.sessions import Interrupted, Sessions
 
 KEYS = FleetKeys("f")
 NAMES = {1: "r1", 2: "r2"}
@@ -38,7 +47,8 @@ RUN, HASH = 9, "c" * 64
 class Stage:
     """Two robots whose processes come and go as the launcher is asked, and a clock that only waiting moves.
 
-    slow: seconds until a started process says hello, None for never. problem, state: what the launcher answers.
+    slow: seconds until a started process says hello, None for never. problem, state: what the launcher answers. ended:
+    robots whose processes have ended.
     """
 
     def __init__(self, *, waits: bool = True, absent: tuple[int, ...] = ()) -> None:
@@ -52,8 +62,10 @@ class Stage:
         self.problem = ""
         self.state = ""
         self.ending = False
+        self.ended: set[int] = set()
         posts = {number: self.post_of(number) for number in NAMES}
-        wire = FleetConnection(KEYS, NAMES, posts, self, lambda: True, lambda: self.time, lambda: self.ending)
+        ended = partial(has_ended, self.ask)
+        wire = FleetConnection(KEYS, NAMES, posts, self, lambda: True, lambda: self.time, lambda: self.ending, ended)
         self.sessions = Sessions(wire, RunIdentity(RUN, HASH, TickChain(b"secret", 100)), absent)
         self.control = LauncherControl(self.ask, self.sessions, waits=waits)
         for number in self.incarnation:
@@ -75,6 +87,8 @@ class Stage:
 
     def ask(self, line: bytes) -> bytes:
         request = Request.read(line)
+        if request.do == "look":
+            return answer_line(state=ENDED if request.robot in self.ended else "")
         self.asked.append((request.do, request.robot, request.incarnation))
         if request.do == "start" and self.slow is not None:
             self.incarnation[request.robot] = request.incarnation
@@ -182,8 +196,21 @@ def test_a_process_that_never_comes_is_given_up(waits: bool) -> None:
     while stage.time < began + START_S:
         assert not stage.control.arrived(2)
         stage.sessions.take(1.0)
-    with pytest.raises(NotStarted, match="did not come within 60 s"):
+    with pytest.raises(NotStarted, match="did not come within 600 s"):
         stage.control.arrived(2)
+
+
+@pytest.mark.parametrize("waits", [True, False])
+def test_a_process_that_ends_before_it_has_come_is_waited_for_no_longer(waits: bool) -> None:
+    stage = Stage(waits=waits)
+    stage.slow = None
+    stage.control.kill(2)
+    stage.ended = {2}
+    stage.control.start(2, 2)
+    stage.time += 1.0
+    with pytest.raises(NotStarted, match="its new process has ended"):
+        stage.control.arrived(2)
+    assert stage.time < 110.0
 
 
 def test_who_leaves_is_let_go_told_and_waited_for() -> None:
@@ -195,34 +222,17 @@ def test_who_leaves_is_let_go_told_and_waited_for() -> None:
     assert not stage.sessions.is_open(2)
 
 
-def test_a_token_that_went_during_a_pause_has_time_to_come_back() -> None:
+def test_a_token_that_went_during_a_pause_costs_no_robot_its_life() -> None:
     stage = Stage()
     stage.control.pause(2)
     stage.presence(2, False)
     stage.sessions.take(0.1)
     stage.time += 100.0
-    assert stage.sessions.gone([2]) == [2]
     stage.control.resume(2)
-    assert stage.sessions.gone([2]) == []
-    stage.time += RECOVERY_S + GRACE_S + 0.1
-    assert stage.sessions.gone([2]) == [2]
-
-
-def test_who_said_nothing_during_its_pause_was_not_cut_off_and_has_no_more_time_than_others() -> None:
-    stage = Stage(waits=False)
-    stage.reach(2)
-    stage.deliver(2, ReplyA(*stage.me(2)[:2], 5, RUN, (b"frame",)))
-    assert stage.sessions.take(0.1) is not None
-    stage.control.pause(2)
-    stage.time += 10.0  # the router's lease
-    stage.presence(2, False)
-    stage.sessions.take(0.1)
     stage.time += 100.0
-    stage.control.resume(2)
-    stage.time += RECOVERY_S - 0.1
-    assert stage.sessions.gone([2], CUT_OFF_S) == []
-    stage.time += 0.2
-    assert stage.sessions.gone([2], CUT_OFF_S) == [2]
+    assert stage.sessions.gone([2]) == []
+    stage.ended = {2}
+    assert stage.sessions.gone([2]) == [2]
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from tests.worldsim.fleet.net import NAMES, RUN, Net, heard, sensed
 from worldsim.fleet.lockstep import LockstepFleet
 from worldsim.fleet.paced import PacedFleet
 from worldsim.fleet.router_watch import EVERY_S, SETTLING_S, SILENT_S, RouterWatch
-from worldsim.fleet.sessions import GRACE_S
+from worldsim.fleet.sessions import RETURN_S
 
 
 class Router:
@@ -119,4 +119,4 @@ def test_a_token_that_goes_with_the_router_loses_nobody() -> None:
         gone = [number for number, _, _ in fleet.lost()]
         k += 1
     assert gone == [1]
-    assert net.time < began + 20.0 + GRACE_S + 3.0
+    assert net.time < began + 20.0 + RETURN_S + 3.0
