@@ -14,15 +14,16 @@ from agent.fork_server import _load
 _load()
 loaded = set(sys.modules)
 from experiments.inprocess import run_in_process
+from patrol.best_tour import best_tour
 from patrol.prepare import prepare
 from patrol.scenario import load_scenario
 robots = {"count": 3, "model": sys.argv[1]}
 scenario = load_scenario({"duration": 10, "terrain": {"builtin": "yards"}, "point": 0.5, "robots": robots})
-prepare(scenario)
-prepared = set(sys.modules)  # agents find prepared fields in files
+best_tour(prepare(scenario))
+before = set(sys.modules)  # agents find prepared fields in files, and the tour is the judge's business
 run_in_process(scenario)
 print("kernels:", *sorted(name for name in loaded if ".kernels." in name))
-print("later:", *sorted(name for name in set(sys.modules) - prepared if ".kernels." in name))
+print("later:", *sorted(name for name in set(sys.modules) - before if ".kernels." in name))
 """
 
 
