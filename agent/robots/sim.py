@@ -151,10 +151,7 @@ class SimRobot:
         while self._next is None:
             if not self._receive():
                 return None
-        for _ in range(_BACKLOG):
-            if (arrived := self._mailbox.get()) is None:
-                break
-            self._take(arrived[1])
+        self._take_waiting()
         phase, self._next = self._next, None
         self._transcript.note(phase.k, PHASE_A, phase.digest)
         self._answered, self._k = self._k, phase.k
@@ -252,8 +249,16 @@ class SimRobot:
             if arrived is not None:
                 self._take(arrived[1])
                 return not self.farewell
+        self._take_waiting()  # a farewell that has come before the signal counts
         self._leave(self._ending.reason, orderly=False)
         return False
+
+    def _take_waiting(self) -> None:
+        """Process the messages that have come, without waiting for more."""
+        for _ in range(_BACKLOG):
+            if (arrived := self._mailbox.get()) is None:
+                return
+            self._take(arrived[1])
 
     def _take(self, message: ToRobot | Presence) -> None:
         if isinstance(message, Presence):

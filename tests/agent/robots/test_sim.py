@@ -206,6 +206,15 @@ def test_it_leaves_when_told_to(orderly: bool) -> None:
     assert (scene.robot.farewell, scene.robot.orderly) == ("because", orderly)
 
 
+def test_a_farewell_that_came_before_the_signal_counts() -> None:
+    scene = Scene()
+    scene.tick(0)
+    scene.tell(Stop(1, 77, 1, RUN, orderly=True, reason="the run is over"))
+    scene.ending.ask("told to by SIGTERM")
+    assert scene.robot.sense() is None
+    assert (scene.robot.farewell, scene.robot.orderly) == ("the run is over", True)
+
+
 def test_it_leaves_when_its_process_should() -> None:
     scene = Scene()
     scene.ending.ask("told to by SIGTERM")
