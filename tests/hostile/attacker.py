@@ -104,15 +104,17 @@ class Attacker:
 
         self._thread(read)
 
-    def repeat(self, messages: Sequence[tuple[str, bytes]], every_s: float = 0.002) -> None:
-        """Publish messages over and over until the end."""
+    def repeat(self, messages: Sequence[tuple[str, bytes]], every_s: float = 0.002) -> Callable[[], None]:
+        """Publish messages over and over, until the end or until what this returns is called."""
+        enough = threading.Event()
 
         def send() -> None:
-            while not self._over.wait(every_s):
+            while not self._over.is_set() and not enough.wait(every_s):
                 for key, payload in messages:
                     self.send(key, payload)
 
         self._thread(send)
+        return enough.set
 
     def answer_everything(self, answers: Sequence[bytes]) -> None:
         """Answer every question to the fleet with all of these."""
@@ -138,7 +140,17 @@ class Attacker:
         session = self._sessions[robot_role(robot)]
         self._declared.append(session.liveliness().declare_token(self.keys.alive(robot)))
 
+    def sees(self, robot: str) -> bool:
+        """Whether the router knows a robot's liveliness token."""
+        replies = self._sessions[WORLD_ROLE].liveliness().get(self.keys.alive(robot), timeout=PATIENCE_S)
+        return any(reply.ok is not None for reply in replies)
+
     # --- what was read along -----------------------------------------------------------------------------------------
+
+    def phases_a(self, robot: str, k: int) -> int:
+        """How often phase A of a tick was sent to a robot."""
+        sent = [decode_to_robot(payload) for key, payload in list(self.heard) if key == self.keys.tick(robot)]
+        return sum(isinstance(message, PhaseA) and message.k == k for message in sent)
 
     def newest_phase_a(self, robot: str) -> PhaseA:
         """The newest phase A of a robot, awaited."""

@@ -36,7 +36,7 @@ pytestmark = pytest.mark.processes
 LEAP = 10**6
 ALONE: dict[str, str] = {}
 """Trace hashes of scenarios, run in this process."""
-CALM: dict[str, Any] = {"duration": 400, "robots": 3 * [{"model": "holonomic"}]}
+CALM: dict[str, Any] = {"duration": 60, "robots": 3 * [{"model": "holonomic"}]}
 
 
 def same_as_without(target: Target, scenario: dict[str, Any], folder: Path) -> None:
@@ -67,6 +67,24 @@ def test_ticks_far_ahead_change_nothing_in_lockstep(attack: Callable[..., Target
     same_as_without(target, CALM, tmp_path)
     assert target.run.summary()["robots"]["r1"]["rejected"] >= 9
     assert target.check("transcripts")["ok"]
+
+
+def test_a_robot_that_the_router_cuts_off_because_it_does_not_read_is_not_lost(
+    attack: Callable[..., Target], tmp_path: Path
+) -> None:
+    target = attack(CALM)
+    k = target.step(5)
+    r2 = target.run.children()["r2"]
+    flood = leaps(target, "r2")
+    os.kill(r2, signal.SIGSTOP)
+    enough = target.attacker.repeat(flood)
+    target.run.until(lambda: not target.attacker.sees("r2"))
+    enough()
+    target.begin(1)
+    target.run.until(lambda: target.attacker.phases_a("r2", k) >= 3)  # the world has waited, and asked again twice
+    os.kill(r2, signal.SIGCONT)
+    target.go()
+    same_as_without(target, CALM, tmp_path)
 
 
 def test_ticks_far_ahead_deafen_nobody_at_a_pace(attack: Callable[..., Target]) -> None:
