@@ -63,7 +63,7 @@ def adds_robots(look: Look, run: Run) -> None:
         assert "absent" in look.evaluate(row)
         assert name not in run.children()
         look.page.click("#join")
-        look.until(f"{row}.includes('patrolling')")
+        look.until(f"/patrolling|surrounding/.test({row})")  # there is an intruder, of which it may have heard by now
         assert look.evaluate(listed)
         assert name in run.children()
     look.page.click("#join")
