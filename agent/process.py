@@ -138,7 +138,9 @@ def _patrol(mind: Mind, scenario: Scenario, met: Meeting, on_air: str | None, pr
 
     blind_s = math.inf if scenario.factor is None else scenario.watchdog / scenario.factor
     alive = Notifier(os.environ).alive
-    robot = join(link, keys, identity, len(scenario.roster), ending, options.wait, waiting, blind_s, spec.model, alive)
+    # A launcher ends its agents when the world is gone; until then the world may be slow, or the router stand still.
+    patience_s = options.wait if options.lifeline is None else math.inf
+    robot = join(link, keys, identity, len(scenario.roster), ending, patience_s, waiting, blind_s, spec.model, alive)
     telemetry = TelemetrySender(link.publisher(keys.telemetry(spec.name)))
     radio: SimRobot | DirectRadio = robot
     if scenario.radio.via == "direct":

@@ -15,6 +15,9 @@ busy, and than in the first tick, in which robots may still load what they need.
 DECISION_LIMIT_S = 8.0
 """Wall time, s, that a policy of one's own may take to decide. Generous, and less than the world waits in lockstep."""
 
+_SLICES = 32
+"""Slices of a limit, of which each counts once: a process that stands still for long uses up one or two."""
+
 
 class Late(BaseException):
     """The time is over. No `Exception`, so that code that catches all of these does not go on."""
@@ -25,7 +28,8 @@ def deadline(limit_s: float | None) -> Iterator[None]:
     """Raise in the middle of a block that takes too long.
 
     It works in the main thread of a process, and on code that comes back to Python now and then. Elsewhere there is no
-    limit. A timer that was running goes on afterwards.
+    limit. A timer that was running goes on afterwards. Time in which the whole process stands still, because it is
+    stopped or the machine is suspended, does not count.
 
     Args:
         limit_s: Wall time, s; None for no limit.
@@ -37,11 +41,17 @@ def deadline(limit_s: float | None) -> Iterator[None]:
         yield
         return
 
+    slices = 0
+
     def ring(_signal: int, _frame: object) -> None:
-        raise Late(f"took longer than {limit_s:g} s to decide")
+        nonlocal slices
+        slices += 1
+        if slices == _SLICES:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+            raise Late(f"took longer than {limit_s:g} s to decide")
 
     handler = signal.signal(signal.SIGALRM, ring)
-    left_s, interval_s = signal.setitimer(signal.ITIMER_REAL, limit_s)
+    left_s, interval_s = signal.setitimer(signal.ITIMER_REAL, limit_s / _SLICES, limit_s / _SLICES)
     begun = time.monotonic()
     try:
         yield

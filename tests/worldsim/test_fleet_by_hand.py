@@ -122,7 +122,7 @@ def test_a_radio_that_nobody_asked_for_is_bad_input(hand: Hand) -> None:
 def test_an_agent_that_is_paused_too_long_is_left_out_and_leaves(hand: Hand) -> None:
     hand.write({**SCENARIO, "duration": 400})
     hand.start_router()
-    hand.start_world("--deadline", "6")
+    hand.start_world("--deadline", "20")
     for robot in ("anna", "bert"):
         hand.start_agent(robot)
     hand.until(lambda: hand.ticks() > 20)

@@ -62,7 +62,10 @@ RETURN_S = 12.0
 left of an attempt to connect when the network is back, and the next begins half a second later."""
 RECOVERY_S = 5.0
 """How long clients may take to reconnect to a router that has returned."""
-DISMISSAL_S = 2.0
+DISMISSAL_S = 10.0
+"""How long robots that are told to leave may take until their tokens go; one that was paused has much to read first."""
+REPORT_S = 2.0
+"""How long their last reports may then take to come."""
 
 
 class Interrupted(Exception):
@@ -285,14 +288,14 @@ class Sessions:
             self.take(POLL_S)
 
     def close(self, k: int, reason: str) -> None:
-        """Dismiss all robots and wait up to `DISMISSAL_S` until they are gone.
+        """Dismiss all robots; wait up to `DISMISSAL_S` until they are gone, then up to `REPORT_S` for reports.
 
         Args:
             k: The tick that would be next.
             reason: For the processes to report.
         """
         self._k, staying = k, [number for number in self._sessions if number not in self._dismissed]
-        until = self.now + (DISMISSAL_S / 4 if self._connection.ending() else DISMISSAL_S)
+        until = self.now + DISMISSAL_S
         sent = -HELLO_S
         while self.now < until:
             left = [number for number in staying if number in self._present]
@@ -303,7 +306,7 @@ class Sessions:
                 for number in left:
                     self.dismiss(number, reason, orderly=True)
             if not left:
-                until = min(until, self.now + GRACE_S)
+                until = min(until, self.now + REPORT_S)
             self._take_farewell()
 
     # --- what arrives ------------------------------------------------------------------------------------------------

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Callable
-from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -287,7 +286,7 @@ def test_a_paced_run_waits_for_nobody_and_counts(start: Callable[..., Run]) -> N
 def test_at_a_pace_a_paused_agent_silences_nobody_else(start: Callable[..., Run]) -> None:
     """Its queues fill up after some hundreds of ticks; whoever waits for room in them then serves nobody.
 
-    tests/accept/test_pace.py measures that more closely, on a quiet machine.
+    tests/accept/test_pace.py measures for how long the others decide nothing, on a quiet machine.
     """
     run = start({**OPEN, "duration": 100_000, "pace": 100, "robots": {"count": 3, "model": "holonomic"}})
     run.until(lambda: run.ticks() > 50)
@@ -301,9 +300,7 @@ def test_at_a_pace_a_paused_agent_silences_nobody_else(start: Callable[..., Run]
     os.kill(paused, signal.SIGCONT)
     run.process.send_signal(signal.SIGINT)
     assert run.end() == 130, run.errors
-    for number in (2, 3):
-        gaps = [len(list(gap)) for decided, gap in groupby(decisions(run, number, stopped)) if not decided]
-        assert max(gaps, default=0) < 600, "3 s of wall time; with queues that are waited for it was 5 s"
+    assert set(run.summary()["exit_codes"].values()) == {0}
 
 
 def decisions(run: Run, number: int, first: int) -> list[bool]:

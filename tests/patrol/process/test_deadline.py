@@ -41,6 +41,12 @@ def test_what_takes_too_long_is_ended_in_the_middle() -> None:
     assert time.monotonic() - begun < LONG_S / 2.0
 
 
+def test_a_process_that_stood_still_has_time_left() -> None:
+    """However long it was stopped, one signal waits for it."""
+    with deadline(LONG_S):
+        signal.raise_signal(signal.SIGALRM)
+
+
 def test_who_sleeps_is_ended_too() -> None:
     begun = time.monotonic()
     with pytest.raises(Late), deadline(SHORT_S):

@@ -12,7 +12,7 @@ from patrol.net.security.transcripts import LAST, MAX_TICKS, Line, digest_of
 from patrol.pose import Velocity
 from tests.worldsim.fleet.net import HASH, NAMES, RUN, Net, fleet_of, heard, sensed
 from worldsim.fleet.paced import PacedFleet
-from worldsim.fleet.sessions import DISMISSAL_S, GRACE_S, Missing
+from worldsim.fleet.sessions import REPORT_S, Missing
 
 COMMAND = Reply(Velocity(9.0, 9.0), "patrolling", None, 1.0, 0)
 OTHERS = [
@@ -184,4 +184,4 @@ def test_the_world_waits_a_little_for_the_last_reports_and_no_longer() -> None:
     fleet = fleet_of(net)
     began = net.time
     fleet.finish(1)
-    assert GRACE_S <= net.time - began < DISMISSAL_S
+    assert REPORT_S <= net.time - began < REPORT_S + 1.0
