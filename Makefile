@@ -61,6 +61,14 @@ times: install ## measure the processor time of every test, which decides what i
 
 test-all: test test-rest test-bounds-quick ## everything that is quick enough for CI: about twenty minutes
 
+# Each round in another order, beside busy loops and processes that are stopped for a moment: make test-hard N=5 SEED=1
+# TESTS="tests/worldsim -m processes" (arguments for pytest).
+N ?= 1
+.PHONY: test-hard
+test-hard: export PYTHONDONTWRITEBYTECODE :=
+test-hard: install ## hunt for tests that depend on speed, order or neighbours (hours; N=5 rounds, TESTS="tests/agent")
+	$(BIN)/python -m tests.hunt --times $(N) $(if $(SEED),--seed $(SEED)) -- -n auto --maxprocesses 4 $(TESTS)
+
 # Tests of code that runs kernels, and those that call the kernels themselves, without whole patrols and large maps: these
 # take about a minute, compiling included.
 KERNEL_TESTS := tests/patrol/ground tests/patrol/regions tests/agent tests/worldsim tests/monitor tests/experiments

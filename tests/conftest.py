@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import signal
 import time
@@ -60,14 +61,15 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add ``--suite``."""
+    """Add the options of `make test`, `make times` and `make test-hard`."""
     parser.addoption(
         "--suite",
         choices=("quick", "rest", "all"),
         default="all",
         help="quick: what `make test` runs; rest: what `make test-all` adds to it; all: both (the default)",
     )
-    parser.addoption("--times", metavar="FILE", help="append each test's processor time, its children's included, to FILE")
+    parser.addoption("--times", metavar="FILE", help="append each test's processor time, with its children's, to FILE")
+    parser.addoption("--shuffle", metavar="SEED", help="run files, and the tests of each, in an order drawn from SEED")
 
 
 def processor_time_s() -> float:
@@ -100,7 +102,7 @@ def is_quick(item: pytest.Item, times_s: Mapping[str, float]) -> bool:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Drop tests that belong to the other suite, and those that run only where ``-m`` names their marker."""
+    """Drop tests of the other suite and those that run only where ``-m`` names their marker; shuffle on demand."""
     unnamed = [name for name in SELDOM if name not in config.option.markexpr]
     suite, times_s = config.option.suite, read_times()
     kept, dropped = [], []
@@ -111,6 +113,13 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if dropped:
         config.hook.pytest_deselected(items=dropped)
         items[:] = kept
+    if (seed := config.option.shuffle) is not None:
+        items.sort(key=lambda item: (_shuffled(seed, str(item.path)), _shuffled(seed, item.nodeid)))
+
+
+def _shuffled(seed: str, name: str) -> bytes:
+    """Return a sort key that has nothing to do with the order of names."""
+    return hashlib.sha256(f"{seed} {name}".encode()).digest()
 
 
 def marked_processes(mark: str) -> dict[int, str]:

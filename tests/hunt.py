@@ -1,0 +1,234 @@
+"""Hunt for tests that depend on speed, order or neighbours: `make test-hard`.
+
+Each round runs pytest in an order drawn from a seed, beside busy loops that take the processors, and beside this
+process, which stops one process of the tests after the other for a moment: a fleet's, a browser's, a worker of pytest.
+What failed stands in ``build/hard/failures.csv`` with its seed and its log, for all hunts so far.
+
+A process is stopped by ptrace(2) and not by SIGSTOP, for two reasons. Faults and tests send SIGSTOP and SIGCONT
+themselves, and a robot that the world has paused has to stay paused whatever is done here. And the kernel lets a traced
+process go on when its tracer ends, so nothing stays stopped, however this process ends.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import csv
+import ctypes
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+import uuid
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from patrol.random import draw
+
+ROOT = Path(__file__).resolve().parents[1]
+RESULTS = ROOT / "build" / "hard"
+COLUMNS = ("seed", "test", "log")
+
+MARK = "FOGWATCH_TEST_HUNT"
+"""Environment variable by which the processes of a hunt are found, whoever their parent is."""
+
+LONGEST_STOP_S = 1.5
+LONGEST_GAP_S = 1.0
+"""The longest time for which a process is stopped, and the longest until the next one is."""
+
+BUSY = "import os\nparent = os.getppid()\nwhile os.getppid() == parent: sum(range(100_000))"
+"""Program that takes a processor until its parent ends."""
+
+SEIZE, INTERRUPT, DETACH = 0x4206, 0x4207, 17
+WALL = 0x40000000
+"""Requests of ptrace(2), and the flag with which waitpid(2) waits for threads too."""
+
+_libc = ctypes.CDLL(None, use_errno=True)
+_libc.ptrace.argtypes = (ctypes.c_long, ctypes.c_long, ctypes.c_void_p, ctypes.c_void_p)
+_libc.ptrace.restype = ctypes.c_long
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """A test that failed in a round; an empty name stands for pytest itself."""
+
+    seed: int
+    test: str
+    log: str
+
+
+def trace(request: int, thread: int, data: int = 0) -> bool:
+    """Call ptrace(2); return False when the thread has ended or may not be traced."""
+    return bool(_libc.ptrace(request, thread, None, data) == 0)
+
+
+def threads_of(process: int) -> set[int]:
+    """Thread ids of a process, none when it has ended."""
+    with contextlib.suppress(OSError):
+        return {int(entry.name) for entry in Path(f"/proc/{process}/task").iterdir()}
+    return set()
+
+
+def await_stop(thread: int) -> int | None:
+    """Wait until a traced thread stands still.
+
+    Returns:
+        The signal that it was about to receive, which it gets when it goes on, 0 for none; None when it has ended.
+    """
+    try:
+        status = os.waitpid(thread, WALL)[1]
+    except ChildProcessError:
+        return None
+    if not os.WIFSTOPPED(status):
+        return None
+    return 0 if status >> 16 else os.WSTOPSIG(status)
+
+
+def let_go(thread: int, number: int) -> None:
+    """Trace a thread no more, so that it goes on with the signal that it was about to receive."""
+    if not trace(DETACH, thread, number) and (late := await_stop(thread)) is not None:
+        trace(DETACH, thread, late)
+
+
+@contextlib.contextmanager
+def stopped(process: int) -> Iterator[None]:
+    """Have every thread of a process stand still meanwhile, as far as it may be traced.
+
+    The main thread is the first to be stopped and the last to go on: its end is reported after that of all others.
+    """
+    seized: dict[int, int] = {}
+    ended: set[int] = set()
+    try:
+        while new := threads_of(process) - seized.keys() - ended:  # until no thread is left that could start others
+            for thread in sorted(new, key=lambda thread: thread != process):
+                if not trace(SEIZE, thread):
+                    ended.add(thread)
+                    continue
+                seized[thread] = 0
+                if trace(INTERRUPT, thread):
+                    seized[thread] = await_stop(thread) or 0
+        yield
+    finally:
+        for thread in sorted(seized, key=lambda thread: thread == process):
+            let_go(thread, seized[thread])
+
+
+def victims(mark: str) -> list[int]:
+    """Processes that inherited a mark and are not stopped already, oldest first."""
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):  # it ended meanwhile, or is somebody else's
+            state = (folder / "stat").read_text(errors="replace").rpartition(")")[2].split()[0]
+            if state not in "TtZX" and mark.encode() in (folder / "environ").read_bytes():
+                found.append(int(folder.name))
+    return sorted(found)
+
+
+def disturb(pytest: subprocess.Popen[bytes], mark: str, seed: int) -> None:
+    """Stop one process after the other until pytest ends; the seed decides which, when and for how long.
+
+    Not pytest's first process: its end is to be reported to `subprocess` alone, and its workers run the tests.
+    """
+    for turn in range(sys.maxsize):
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            pytest.wait(LONGEST_GAP_S * draw(seed, turn, 0))
+            return
+        if processes := [process for process in victims(mark) if process != pytest.pid]:
+            with stopped(processes[int(draw(seed, turn, 1) * len(processes))]):
+                time.sleep(LONGEST_STOP_S * draw(seed, turn, 2))
+
+
+@contextlib.contextmanager
+def busy_loops(count: int) -> Iterator[None]:
+    """Have as many processes as wanted take the processors meanwhile."""
+    loops = [subprocess.Popen([sys.executable, "-I", "-c", BUSY]) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for loop in loops:
+            loop.kill()
+            loop.wait()
+
+
+def hunt(seed: int, folder: Path, loops: int, arguments: list[str]) -> list[Failure]:
+    """Run pytest once.
+
+    Args:
+        seed: Of the order and of what is stopped when.
+        folder: Takes the log, and pytest's record of what failed.
+        loops: The number of busy loops beside it.
+        arguments: Further arguments for pytest.
+
+    Returns:
+        What failed.
+    """
+    log = folder / f"{seed}.log"
+    cache = folder / f"{seed}.cache"
+    number = uuid.uuid4().hex
+    command = [sys.executable, "-m", "pytest", f"--shuffle={seed}", f"--hypothesis-seed={seed}"]
+    command += ["-o", f"cache_dir={cache}", *arguments]
+    environment = {**os.environ, MARK: number}
+    with log.open("wb") as output, busy_loops(loops):
+        pytest = subprocess.Popen(command, cwd=ROOT, env=environment, stdout=output, stderr=subprocess.STDOUT)
+        try:
+            disturb(pytest, f"{MARK}={number}", seed)
+        finally:
+            if pytest.poll() is None:
+                pytest.send_signal(signal.SIGINT)  # it ends what its tests have started
+                pytest.wait()
+    lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
+    print(f"seed {seed}: exit code {pytest.returncode}, {lines[-1].strip('= ') if lines else 'no output'}", flush=True)
+    try:
+        tests = sorted(json.loads((cache / "v" / "cache" / "lastfailed").read_text(encoding="utf-8")))
+    except FileNotFoundError:
+        tests = []
+    if pytest.returncode and not tests:
+        tests = [""]
+    return [Failure(seed, test, str(log.relative_to(ROOT))) for test in tests]
+
+
+def keep(failures: list[Failure]) -> None:
+    """Add failures to the table of all hunts."""
+    table = RESULTS / "failures.csv"
+    new = not table.exists()
+    with table.open("a", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file)
+        if new:
+            writer.writerow(COLUMNS)
+        writer.writerows((failure.seed, failure.test, failure.log) for failure in failures)
+
+
+def main() -> int:
+    """Run the rounds; the exit code: 0 when all passed, 1 when something failed, 130 when interrupted."""
+    parser = argparse.ArgumentParser(
+        prog="tests.hunt", description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("--times", type=int, default=1, help="rounds, each with the next seed (default 1)")
+    parser.add_argument("--seed", type=int, help="of the first round (default: drawn from the clock)")
+    parser.add_argument("--loops", type=int, default=6, help="busy loops beside the tests (default 6)")
+    parser.add_argument("arguments", nargs="*", help="after --: arguments for pytest (default: all tests)")
+    given = parser.parse_args()
+    first = int(time.time()) if given.seed is None else given.seed
+    folder = RESULTS / time.strftime("%Y%m%d-%H%M%S")
+    folder.mkdir(parents=True)
+    found: list[Failure] = []
+    interrupted = False
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        for seed in range(first, first + given.times):
+            failures = hunt(seed, folder, given.loops, given.arguments)
+            keep(failures)
+            found += failures
+    except KeyboardInterrupt:
+        interrupted = True
+    for failure in found:
+        print(f"{failure.seed}  {failure.test or '(pytest ended without a verdict on a test)'}  {failure.log}")
+    print(f"{len(found)} failures; all hunts: {(RESULTS / 'failures.csv').relative_to(ROOT)}")
+    return 130 if interrupted else int(bool(found))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
