@@ -18,7 +18,7 @@ from patrol.ros2.mailbox import RosMailbox
 from patrol.ros2.messages import Odometry, Twist, TwistStamped
 from patrol.ros2.names import NodeName
 from patrol.ros2.ports import Sender
-from tests.routers import PATIENCE_S, free_endpoint
+from tests.routers import PATIENCE_S, free_port
 
 M = TypeVar("M")
 
@@ -36,7 +36,7 @@ class Site:
 
     def __init__(self, fleet: FleetFolder, form: Format) -> None:
         self.form, self.fleet = form, fleet
-        local, port = (int(free_endpoint().rpartition(":")[2]) for _ in range(2))
+        local, port = free_port(), free_port()
         folder = make_robot_router(fleet, "r1", form, "robot1", [], port, None, 1, local_port=local)
         self.router: zenoh.Session = zenoh.open(zenoh.Config.from_file(str(folder / FILE)))
         self.local, self.outside = f"tcp/127.0.0.1:{local}", f"tls/127.0.0.1:{port}"

@@ -6,9 +6,11 @@ import json
 import os
 import shutil
 import socket
+import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +19,7 @@ import pytest
 from fogwatch.fleet_folder import FleetFolder, make_fleet
 from fogwatch.launch.private import Secrets
 from patrol.net.keys import WORLD, FleetKeys, fleet_keys
-from patrol.net.link import open_link, open_router
+from patrol.net.link import Link, open_link, open_router
 from patrol.net.open_links import open_links
 from patrol.net.security.access import FILE
 from patrol.net.security.credentials import Credentials, read_credentials, read_router, write_private
@@ -36,11 +38,22 @@ def write_access(folder: Path, router: str, fleet: str = "fleet-1", token: str =
     write_private(folder / FILE, json.dumps({"fleet": fleet, "router": router, "token": token}))
 
 
+_PORTS = count(97 * os.getpid())
+"""Where each process of the tests looks for ports first, so that two of them do not find the same."""
+
+
+def free_port(kind: socket.SocketKind = socket.SOCK_STREAM) -> int:
+    """A port of 127.0.0.1 that nobody uses, and that the system gives to nobody who asks it for any."""
+    while True:
+        port = 10_000 + next(_PORTS) % 20_000  # below those that systems hand out
+        with socket.socket(type=kind) as probe, suppress(OSError):
+            probe.bind(("127.0.0.1", port))
+            return port
+
+
 def free_endpoint() -> str:
     """Where a router can be."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    return f"tcp/127.0.0.1:{free_port()}"
 
 
 @contextmanager
@@ -61,6 +74,13 @@ def reach_patiently(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("monitor.live.attach.open_links", patiently)
 
 
+def await_seen(link: Link, key: str) -> None:
+    """Wait until a link sees a token."""
+    end = time.monotonic() + PATIENCE_S
+    while not link.sees(key):
+        assert time.monotonic() < end, f"never seen: {key}"
+
+
 @contextmanager
 def world_seen(endpoint: str, fleet: str) -> Iterator[None]:
     """The token of a fleet's world at a router, which others see by now."""
@@ -68,7 +88,7 @@ def world_seen(endpoint: str, fleet: str) -> Iterator[None]:
     world, other = open_link(endpoint, PATIENCE_S), open_link(endpoint, PATIENCE_S)
     try:
         world.live(alive)
-        assert any(other.sees(alive) for _ in range(1000))
+        await_seen(other, alive)
         yield
     finally:
         assert other.close(PATIENCE_S)
@@ -119,4 +139,4 @@ def guarded_by_certificates(fleet: FleetFolder) -> Iterator[Guarded]:
 
 def make_local_fleet(folder: Path, robots: Sequence[str], days: int = 1) -> FleetFolder:
     """A fleet with certificates whose router is on this machine, on a free port."""
-    return make_fleet(folder, "f", robots, [], int(free_endpoint().rpartition(":")[2]), days)
+    return make_fleet(folder, "f", robots, [], free_port(), days)

@@ -265,12 +265,13 @@ def _clock(seen: Survey, form: Format) -> float | None:
 
 
 def _age_of_odometry(seen: Survey, form: Format) -> float | None:
-    """How old the newest odometry was by its stamp when it arrived, s; None where there is none that can be used."""
+    """Return the least age by its stamp at which recent odometry arrived, s; None where there is none to be used."""
     where = form.heard(full_name(seen.namespace, seen.wanted.topic("odom"))).removesuffix("/*/*")
     for key, heard in seen.heard.items():
-        if (key == where or key.startswith(f"{where}/")) and heard.newest is not None:
+        if (key == where or key.startswith(f"{where}/")) and heard.recent:
             try:
-                return (heard.last_ns - decode(ros.Odometry, heard.newest).stamp_ns) / 1e9
+                recent = list(heard.recent)  # at once: messages go on coming
+                return min(at_ns - decode(ros.Odometry, payload).stamp_ns for at_ns, payload in recent) / 1e9
             except BadMessage:
                 continue
     return None

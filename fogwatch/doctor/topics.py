@@ -97,7 +97,7 @@ def _look(name: str, type_name: str, heard: Overheard | None, wanted: Wanted) ->
         return (), ""
     frames: dict[str, None] = {}
     try:
-        for payload in [*heard.recent, heard.newest]:
+        for payload in [*(payload for _, payload in list(heard.recent)), heard.newest]:
             if payload is not None:
                 frames |= dict.fromkeys(_frames(decode(kind, payload)))
     except BadMessage as bad:

@@ -50,10 +50,11 @@ def deadline(limit_s: float | None) -> Iterator[None]:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
             raise Late(f"took longer than {limit_s:g} s to decide")
 
-    handler = signal.signal(signal.SIGALRM, ring)
-    left_s, interval_s = signal.setitimer(signal.ITIMER_REAL, limit_s / _SLICES, limit_s / _SLICES)
+    left_s, interval_s = signal.setitimer(signal.ITIMER_REAL, 0.0)  # before `ring` is there, which is for our own timer
     begun = time.monotonic()
+    handler = signal.signal(signal.SIGALRM, ring)
     try:
+        signal.setitimer(signal.ITIMER_REAL, limit_s / _SLICES, limit_s / _SLICES)
         yield
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)

@@ -21,25 +21,24 @@ class Overheard:
     Attributes:
         first_s: When the first message came, by `time.monotonic`, s.
         last_s: When the last one came.
-        last_ns: The same, ns since the epoch.
         messages: How many came.
         size: Bytes of the longest.
         age_ns: How old the message was that seemed youngest: our clock less that of its sender; None where senders do
             not say.
         senders: The different senders, at most 16; empty where senders do not say.
         newest: The newest payload; None if it is longer than 4 MiB.
-        recent: The last 32 payloads of at most 16 KiB, for topics that many publish.
+        recent: When the last 32 payloads of at most 16 KiB came, ns since the epoch, and these: many may publish a
+            topic, and one message may have been held up on its way.
     """
 
     first_s: float
     last_s: float = 0.0
-    last_ns: int = 0
     messages: int = 0
     size: int = 0
     age_ns: int | None = None
     senders: set[bytes] = field(default_factory=set)
     newest: bytes | None = None
-    recent: deque[bytes] = field(default_factory=lambda: deque(maxlen=_RECENT))
+    recent: deque[tuple[int, bytes]] = field(default_factory=lambda: deque(maxlen=_RECENT))
 
     @property
     def rate(self) -> float:
@@ -82,10 +81,10 @@ class Ear:
             known = self._heard[key] = Overheard(at_s)
         known.messages += 1
         known.size = max(known.size, len(payload))
-        known.last_s, known.last_ns = at_s, now_ns
+        known.last_s = at_s
         known.newest = payload.to_bytes() if len(payload) <= _LONGEST_KEPT else None
         if known.newest is not None and len(payload) <= _LONGEST_RECENT:
-            known.recent.append(known.newest)
+            known.recent.append((now_ns, known.newest))
         given = attachment_of(attached)
         if given is not None:
             age_ns = now_ns - given.sent_ns

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 import pytest
 
@@ -30,9 +32,9 @@ class Robot:
 
     def sends(self, topic: str, message: object, rate: float = 20.0, age_s: float = 0.001, senders: int = 1) -> Robot:
         payload = encode(message)
-        heard = Overheard(0.0, 1.0, NOW_NS, 1 + round(rate), len(payload))
+        heard = Overheard(0.0, 1.0, 1 + round(rate), len(payload))
         heard.newest = payload
-        heard.recent.append(payload)
+        heard.recent.append((NOW_NS, payload))
         if self.form.attaches:
             heard.age_ns = round(age_s * 1e9)
             heard.senders = {bytes([number]) * 16 for number in range(senders)}
@@ -187,6 +189,19 @@ def test_a_message_that_is_too_long_to_keep_is_left_out() -> None:
     assert robot.examined().fit
 
 
+def arrive(heard: Overheard, age_s: float) -> None:
+    """Have what is recent arrive so much later than its stamps say."""
+    at_ns = NOW_NS + round(age_s * 1e9)
+    heard.recent = deque((at_ns, payload) for _, payload in heard.recent)
+
+
+def test_odometry_that_was_held_up_once_is_not_old() -> None:
+    robot = Robot(RmwZenoh()).whole()
+    (heard,) = [heard for key, heard in robot.seen.heard.items() if "/odom/" in key]
+    heard.recent.append((NOW_NS + 2_000_000_000, heard.recent[0][1]))
+    assert robot.examined().fit
+
+
 @pytest.mark.parametrize("form", [RmwZenoh(), Bridge()], ids=str)
 @pytest.mark.parametrize(
     ("age_s", "words"),
@@ -199,7 +214,7 @@ def test_a_message_that_is_too_long_to_keep_is_left_out() -> None:
 def test_stamps_that_an_agent_would_not_take_are_missing(form: Format, age_s: float, words: str) -> None:
     robot = Robot(form).whole()
     for heard in robot.seen.heard.values():
-        heard.last_ns = NOW_NS + round(age_s * 1e9)
+        arrive(heard, age_s)
     assert words in says(robot.examined(), Level.MISSING)
     robot.seen.wanted = Wanted(sim_time=True)
     assert "no time comes on /clock; start the simulation" in says(robot.examined(), Level.MISSING)
@@ -223,7 +238,7 @@ def test_clocks_that_differ_are_said(age_s: float, words: str) -> None:
 
 def test_a_bridge_has_no_clock_but_in_its_stamps() -> None:
     robot = Robot(Bridge()).whole()
-    robot.seen.heard["robot1/odom"].last_ns = NOW_NS + 3_000_000_000
+    arrive(robot.seen.heard["robot1/odom"], 3.0)
     found = robot.examined()
     assert found.clock_s == 3.0
     assert "3.00 s behind ours" in says(found, Level.WARNING)

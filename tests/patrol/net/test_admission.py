@@ -23,6 +23,7 @@ from patrol.net.security.roles import robot_role
 from tests.routers import (
     PATIENCE_S,
     Guarded,
+    await_seen,
     guarded_by_certificates,
     guarded_by_passwords,
     make_local_fleet,
@@ -319,7 +320,7 @@ def test_a_viewer_sees_what_observers_may_see(members: Members) -> None:
     world = members["world"]
     world.live(keys.alive(WORLD))
     assert present.get(PATIENCE_S) == (keys.alive(WORLD), Presence(True))
-    assert any(viewer.sees(keys.alive(WORLD)) for _ in range(1000))
+    await_seen(viewer, keys.alive(WORLD))
     assert world.close(PATIENCE_S)
     while (arrived := present.get(PATIENCE_S)) != (keys.alive(WORLD), Presence(False)):
         assert arrived is not None, "nobody says that it has gone"

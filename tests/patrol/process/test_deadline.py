@@ -14,7 +14,8 @@ import pytest
 from patrol.process.deadline import Late, deadline
 
 SHORT_S = 0.05
-LONG_S = 60.0
+LONG_S = 300.0
+EVER_S = 10_000.0
 
 
 @pytest.fixture(autouse=True)
@@ -38,7 +39,7 @@ def test_what_takes_too_long_is_ended_in_the_middle() -> None:
     begun = time.monotonic()
     with pytest.raises(Late, match=r"^took longer than 0\.05 s to decide$"), deadline(SHORT_S):
         spin()
-    assert time.monotonic() - begun < LONG_S / 2.0
+    assert time.monotonic() - begun < LONG_S
 
 
 def test_a_process_that_stood_still_has_time_left() -> None:
@@ -51,7 +52,7 @@ def test_who_sleeps_is_ended_too() -> None:
     begun = time.monotonic()
     with pytest.raises(Late), deadline(SHORT_S):
         time.sleep(LONG_S)
-    assert time.monotonic() - begun < LONG_S / 2.0
+    assert time.monotonic() - begun < LONG_S
 
 
 def test_code_that_catches_every_exception_does_not_go_on() -> None:
@@ -94,24 +95,33 @@ def test_what_the_block_raises_comes_out_and_the_handler_is_put_back(late: bool)
 
 @pytest.mark.parametrize("late", [True, False])
 def test_a_timer_that_ran_before_goes_on_afterwards(late: bool) -> None:
-    signal.setitimer(signal.ITIMER_REAL, 100.0, 7.0)
     begun = time.monotonic()
+    signal.setitimer(signal.ITIMER_REAL, EVER_S, 7.0)
     with suppress(Late), deadline(SHORT_S if late else LONG_S):
         spin(LONG_S if late else 0.0)
     left_s, interval_s = signal.getitimer(signal.ITIMER_REAL)
     spent_s = time.monotonic() - begun
-    assert 100.0 - spent_s - 1.0 <= left_s <= 100.0 - (SHORT_S if late else 0.0)
+    assert EVER_S - spent_s - 1.0 <= left_s <= EVER_S - (SHORT_S if late else 0.0)
     assert interval_s == pytest.approx(7.0)
 
 
 def test_a_timer_that_was_due_meanwhile_rings_afterwards() -> None:
     rung: list[int] = []
     signal.signal(signal.SIGALRM, lambda number, _frame: rung.append(number))
-    signal.setitimer(signal.ITIMER_REAL, SHORT_S)
-    with deadline(LONG_S):
-        spin(4.0 * SHORT_S)
-        assert not rung
-    spin(2.0 * SHORT_S)
+    due_s = SHORT_S
+    while True:
+        signal.setitimer(signal.ITIMER_REAL, due_s)
+        with deadline(LONG_S):
+            early = len(rung)
+            spin(2.0 * due_s)
+            assert len(rung) == early
+        if not early:
+            break
+        rung.clear()  # it rang before the block began: once more, with more time
+        due_s *= 2.0
+    end = time.monotonic() + LONG_S
+    while not rung and time.monotonic() < end:
+        pass
     assert rung == [signal.SIGALRM]
 
 

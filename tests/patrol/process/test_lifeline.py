@@ -26,7 +26,7 @@ run_process(main)
 """
 
 
-def child(work: str = "ending.wait(60)", code: str = "0", lifeline: str = "-") -> subprocess.Popen[str]:
+def child(work: str = "ending.wait(600)", code: str = "0", lifeline: str = "-") -> subprocess.Popen[str]:
     program = CHILD.format(work=work, code=code)
     fds = [] if lifeline == "-" else [int(lifeline)]
     process = subprocess.Popen(
@@ -46,7 +46,7 @@ def child(work: str = "ending.wait(60)", code: str = "0", lifeline: str = "-") -
 def test_a_signal_asks_to_leave(number: signal.Signals) -> None:
     process = child(code="7")
     process.send_signal(number)
-    assert process.communicate(timeout=120)[0] == f"told to by {number.name} 1\n"
+    assert process.communicate(timeout=300)[0] == f"told to by {number.name} 1\n"
     assert process.returncode == 7
 
 
@@ -73,7 +73,7 @@ def test_the_end_of_the_lifeline_asks_to_leave() -> None:
     process = child(lifeline=str(reading))
     os.close(reading)
     os.close(writing)
-    assert process.communicate(timeout=120)[0] == "its launcher has died 1\n"
+    assert process.communicate(timeout=300)[0] == "its launcher has died 1\n"
     assert process.returncode == 0
 
 
@@ -83,14 +83,14 @@ def test_who_does_not_leave_in_time_is_made_to() -> None:
     process = child(work="threading.Event().wait()", lifeline=str(reading))
     os.close(reading)
     os.close(writing)
-    process.communicate(timeout=120)
+    process.communicate(timeout=300)
     assert process.returncode == INTERRUPTED
 
 
 @pytest.mark.processes
 def test_a_stopped_process_notices_too() -> None:
     """Its parent dies while it is stopped: the system continues it, and then it reads the lifeline's end."""
-    program = CHILD.format(work="ending.wait(60)", code="0")
+    program = CHILD.format(work="ending.wait(600)", code="0")
     parent = (
         "import os, subprocess, sys\n"
         "reading, writing = os.pipe()\n"
@@ -107,7 +107,7 @@ def test_a_stopped_process_notices_too() -> None:
     pid = int(next(line for line in lines if line != "ready"))
     os.kill(pid, signal.SIGSTOP)
     process.kill()
-    assert process.communicate(timeout=120)[0] == "its launcher has died 1\n"
+    assert process.communicate(timeout=300)[0] == "its launcher has died 1\n"
 
 
 @pytest.mark.processes
@@ -117,7 +117,7 @@ def test_who_is_paused_comes_to_rest_before_and_goes_on_after() -> None:
     from patrol.process.lifeline import rest_before_pause
     rest_before_pause({say.format("rests")}, {say.format("goes on")})
     print("may be paused", flush=True)
-    ending.wait(60)"""
+    ending.wait(600)"""
     process = child(work)
     assert process.stdout is not None
     assert process.stdout.readline() == "may be paused\n"
@@ -127,20 +127,20 @@ def test_who_is_paused_comes_to_rest_before_and_goes_on_after() -> None:
     process.send_signal(signal.SIGCONT)
     assert process.stdout.readline() == "goes on\n"
     process.send_signal(signal.SIGTERM)
-    assert process.communicate(timeout=120)[0] == "told to by SIGTERM 1\n"
+    assert process.communicate(timeout=300)[0] == "told to by SIGTERM 1\n"
 
 
 @pytest.mark.processes
 def test_a_crash_is_printed_and_has_a_code_of_its_own() -> None:
     process = child(work="raise RuntimeError('no')")
-    assert "RuntimeError: no" in process.communicate(timeout=120)[1]
+    assert "RuntimeError: no" in process.communicate(timeout=300)[1]
     assert process.returncode == CRASHED
 
 
 @pytest.mark.processes
 def test_threads_that_never_end_do_not_hold_up_the_end() -> None:
     process = child(work="threading.Thread(target=threading.Event().wait).start()", code="3")
-    process.communicate(timeout=120)
+    process.communicate(timeout=300)
     assert process.returncode == 3
 
 

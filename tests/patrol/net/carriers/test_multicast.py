@@ -8,14 +8,13 @@ import pytest
 
 from patrol.net.carriers.multicast import Group, GroupDown, open_group
 from patrol.net.mailbox import Mailbox
+from tests.routers import PATIENCE_S, free_port
 
 
 @pytest.fixture
 def members() -> Iterator[list[Group]]:
     """Two members of a group on this machine alone."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port(socket.SOCK_DGRAM)
     joined = [open_group(f"udp/239.255.77.1:{port}#iface=lo") for _ in range(2)]
     yield joined
     for member in joined:
@@ -28,7 +27,7 @@ def box(*keys: str) -> Mailbox[bytes]:
 
 
 def wait(mailbox: Mailbox[bytes], count: int) -> list[tuple[str, bytes]]:
-    until = time.monotonic() + 60.0
+    until = time.monotonic() + PATIENCE_S
     found: list[tuple[str, bytes]] = []
     while len(found) < count and time.monotonic() < until:
         if (arrived := mailbox.get(0.1)) is not None:

@@ -27,7 +27,7 @@ from tests.worldsim.test_fleet_by_hand import Hand
 
 A, B, C = "f/position/a", "f/position/b", "f/position/c"
 CALLERS = {1: A, 2: B, 3: C}
-PATIENCE_S = 60.0
+PATIENCE_S = 300.0
 
 
 @pytest.fixture

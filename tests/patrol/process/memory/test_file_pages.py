@@ -100,7 +100,7 @@ def test_what_is_mapped_read_only_goes_back_unless_it_was_changed() -> None:
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux says what a process has mapped")
 def test_pages_of_a_file_that_was_read_go_back_and_can_be_read_again(tmp_path: Path) -> None:
     command = [sys.executable, "-P", "-c", RESIDENT, str(tmp_path / "grid.npy")]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True)
     before, after, same = done.stdout.split()
     assert int(before) > 8000, "kB of the eight million bytes are there once they were read"
     assert int(after) < 1000

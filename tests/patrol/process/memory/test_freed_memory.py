@@ -30,7 +30,7 @@ print(faults() - before)
 def test_grids_that_are_freed_and_made_again_need_no_new_pages() -> None:
     environment = {**os.environ, "NUMPY_MADVISE_HUGEPAGE": "0"}  # a large page would hide many small ones
     done = subprocess.run(
-        [sys.executable, "-P", "-c", FAULTS], capture_output=True, text=True, timeout=120, check=True, env=environment
+        [sys.executable, "-P", "-c", FAULTS], capture_output=True, text=True, timeout=300, check=True, env=environment
     )
     pages = (1 << 20) // os.sysconf("SC_PAGE_SIZE")
     assert int(done.stdout) < pages, "six grids take fewer new pages than one of them has"

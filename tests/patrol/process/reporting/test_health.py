@@ -87,7 +87,7 @@ def test_lines_come_until_they_are_closed() -> None:
     log, vitals = Listening(2), Vitals()
     vitals.beat(4, {})
     health = HealthLines(vitals, log, 0.01)
-    assert log.there.wait(60.0)
+    assert log.there.wait(300.0)
     health.close()
     assert all(line.startswith("health: tick 4") for line in log.lines)
     told = len(log.lines)

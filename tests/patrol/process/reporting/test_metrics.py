@@ -15,7 +15,7 @@ from patrol.errors import BadInput
 from patrol.process.reporting.metrics import LONGEST_REQUEST, MOST_CONNECTIONS, MetricsServer, listen_at, render
 from patrol.process.reporting.vitals import MFOW, REFUSED, TICK, TICKS, VERSION, Figure, Value, Vitals
 
-PATIENCE_S = 60.0
+PATIENCE_S = 300.0
 BAD = (
     b"HTTP/1.1 400 Bad Request\r\nContent-Type: text/plain; version=0.0.4; charset=utf-8\r\nContent-Length: 12\r\n"
     b"Connection: close\r\n\r\nbad request\n"

@@ -48,7 +48,7 @@ def test_metrics_are_there_meanwhile_and_say_where(capsys: pytest.CaptureFixture
     with followed(Supervision(metrics="127.0.0.1:0"), Log("r1"), {"fleet": "yards-1"}) as vitals:
         vitals.beat(5, {})
         address = capsys.readouterr().err.removeprefix("r1: metrics at ").strip()
-        with urllib.request.urlopen(address, timeout=60.0) as answer:
+        with urllib.request.urlopen(address, timeout=300.0) as answer:
             assert f'{TICK.name}{{process="r1",fleet="yards-1"}} 5\n' in answer.read().decode()
     with pytest.raises(OSError, match="refused"):
-        urllib.request.urlopen(address, timeout=60.0)
+        urllib.request.urlopen(address, timeout=300.0)

@@ -29,6 +29,6 @@ print(said)
 
 def test_a_process_takes_in_orphans_until_the_last_of_its_runs_is_over() -> None:
     done = subprocess.run(
-        [sys.executable, "-P", "-c", ADOPTING], capture_output=True, text=True, timeout=120, check=True
+        [sys.executable, "-P", "-c", ADOPTING], capture_output=True, text=True, timeout=300, check=True
     )
     assert done.stdout == "[False, True, False, True, True]\n"
