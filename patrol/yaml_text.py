@@ -15,6 +15,7 @@ from typing import Any
 import yaml
 
 from patrol.errors import BadInput
+from patrol.half_characters import refuse_half_characters
 from patrol.untrusted import SCENARIO, Kind, read_untrusted
 
 MOST_NODES = 100_000
@@ -173,10 +174,10 @@ def parse_yaml(text: str, source: str) -> Any:
         Plain lists, mappings, texts and numbers.
 
     Raises:
-        BadInput: With the line, when the text is not well formed.
+        BadInput: With the line, when the text is not well formed; with the field, when a value is no whole text.
     """
     try:
-        return yaml.load(text, Loader=_Loader)  # a SafeLoader: builds plain values only
+        value = yaml.load(text, Loader=_Loader)  # a SafeLoader: builds plain values only
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = "" if mark is None else f" line {mark.line + 1}, column {mark.column + 1}:"
@@ -189,6 +190,8 @@ def parse_yaml(text: str, source: str) -> Any:
         raise BadInput(f"{source}: holds a value that its tag (!!) does not fit; drop the tag") from None
     except RecursionError:
         raise BadInput(f"{source}: nested too deeply; a scenario needs few levels") from None
+    refuse_half_characters(value, source)
+    return value
 
 
 def line_of(text: str, location: Sequence[int | str]) -> int | None:

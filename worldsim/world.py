@@ -180,10 +180,11 @@ class World:
         if absent := sorted(timeline.starts_absent ^ self.timeline.starts_absent):
             names = ", ".join(self.bodies[number].spec.name for number in absent)
             raise BadInput(f"control: {names} cannot join: only who is not there yet, or has left, can")
+        intruders = Intruders(scenario, self.truth.footprint)
         self.ether.follow(timeline)
         self.senses.timeline = timeline
         self.scenario, self.timeline = scenario, timeline
-        self._intruders = Intruders(scenario, self.truth.footprint)
+        self._intruders = intruders
 
     def stand_down(self, number: int, status: Status, reason: str, *, away: bool = False) -> Event:
         """Between ticks: a robot is no longer driven, for good or for now.

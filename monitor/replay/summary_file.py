@@ -10,6 +10,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from patrol.errors import BadInput, quoted
+from patrol.half_characters import refuse_half_characters
 from patrol.untrusted import SUMMARY, read_untrusted
 
 
@@ -97,6 +98,7 @@ def read_summary(path: Path) -> Mapping[str, Any] | None:
         return None
     if not isinstance(says, dict):
         raise BadInput(f"{path}: holds {quoted(says)}, which is no summary; remove or restore it")
+    refuse_half_characters(says, str(path))
     try:
         _Summary.model_validate(says)
     except ValidationError as error:

@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import Discriminator, Field, TypeAdapter, ValidationError
 
 from patrol.errors import BadInput, did_you_mean, quoted
+from patrol.half_characters import refuse_half_characters
 from patrol.journal.records import Event
 from patrol.scenario import Scenario, load_scenario
 from patrol.scenario.faults.kinds import Clock, Lasting, nothing
@@ -133,6 +134,7 @@ def read_control(says: object) -> Control:
     if not isinstance(do, str) or do not in CONTROLS:
         known = did_you_mean(do, CONTROLS) if isinstance(do, str) else f"known are {', '.join(CONTROLS)}"
         raise BadInput(f"control: do = {quoted(do)}: {known}")
+    refuse_half_characters(says, "control")
     try:
         return _CONTROL.validate_python(says)
     except ValidationError as error:

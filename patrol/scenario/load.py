@@ -22,6 +22,7 @@ from pydantic import ValidationError
 
 from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.ground.map_file import read_map_file
+from patrol.half_characters import refuse_half_characters
 from patrol.pose import TURNS_IN_ARCS
 from patrol.scenario.dump import dump_section
 from patrol.scenario.explain import one_line
@@ -258,6 +259,7 @@ def _resolve(
     for field, value in overrides.items():
         _override(raw, field, value)
     raw.setdefault("name", _default_name(raw, name))
+    refuse_half_characters(raw, source)
     try:
         scenario = written_out(Scenario.model_validate(raw, context={"base": base}))
         return _with_lengths(scenario)

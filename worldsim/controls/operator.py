@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from patrol.errors import BadInput
 from patrol.journal.records import Event
+from patrol.process.reporting.logs import crashed
 from patrol.scenario.controls import OPERATOR, Answer, Control, Go, Pace, Pause, Step, amended, as_detail
 from patrol.scenario.faults.kinds import PROCESS_KINDS
 
@@ -114,7 +115,7 @@ class Operator:
             requests: Where requests come in.
             now: Wall clock, s.
             controls_processes: Whether this run can kill, pause and start robots' processes.
-            amended: Called with each scenario that operators have changed.
+            amended: Called with each scenario that operators have changed; may raise OSError where it cannot be kept.
         """
         self._world = world
         self._fleet = fleet
@@ -186,15 +187,16 @@ class Operator:
         return max(0.0, self._due - self._now())
 
     def _do(self, request: ControlRequest, k: int) -> Iterator[Event]:
-        """Do what is asked for before tick k."""
+        """Do what is asked for before tick k; whatever that raises refuses the request and ends nothing else."""
         try:
             if isinstance(request.control, BadInput):
                 raise request.control
+            detail = as_detail(request.control)
             text = self._obey(request.control, k)
-        except (BadInput, RecursionError) as refused:
-            request.answer(Answer(False, str(refused)))
+        except Exception as error:  # noqa: BLE001 - no request ends a world
+            request.answer(Answer(False, str(refusal(error))))
             return
-        yield Event(k, OPERATOR, None, as_detail(request.control))
+        yield Event(k, OPERATOR, None, detail)
         request.answer(Answer(True, text))
 
     def _obey(self, control: Control, k: int) -> str:
@@ -217,7 +219,10 @@ class Operator:
         if not self._controls_processes and kinds & set(PROCESS_KINDS):
             raise BadInput(NO_PROCESS_CONTROL)
         self._world.amend(scenario)
-        self._amended(scenario)
+        try:
+            self._amended(scenario)
+        except OSError as error:  # it is done, and the journal has it
+            text = f"{text}; the changed scenario could not be written ({error.strerror})"
         return text
 
     def _hurry(self, factor: float | None) -> str:
@@ -227,3 +232,17 @@ class Operator:
             self._fleet.set_step(self._world.step / factor)
         self._pace, self._due = factor, self._now()
         return "as fast as it goes" if factor is None else f"{factor:g} x real time"
+
+
+def refusal(error: Exception) -> BadInput:
+    """Turn what handling a request has raised into its refusal.
+
+    Args:
+        error: A refusal already, or a mistake of ours, which the log then names.
+    """
+    if isinstance(error, BadInput):
+        return error
+    if isinstance(error, RecursionError):
+        return BadInput("control: the request is nested too deeply; give it fewer levels")
+    crashed(error)
+    return BadInput(f"control: the request cannot be handled ({type(error).__name__}); the world's log says more")

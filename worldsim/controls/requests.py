@@ -9,13 +9,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from patrol.errors import BadInput
 from patrol.net.security.control_auth import Admitted, ControlGate, Refused
 from patrol.scenario import dump_scenario
 from patrol.scenario.controls import read_control
 from patrol.scenario.copying import MAP
 from patrol.whole_file import write_whole
-from worldsim.controls.operator import ControlRequest
+from worldsim.controls.operator import ControlRequest, refusal
 
 if TYPE_CHECKING:
     from collections import Counter
@@ -89,8 +88,8 @@ def _request(admitted: Admitted, question: Question) -> ControlRequest:
 
     try:
         return ControlRequest(read_control(admitted.control), answer)
-    except BadInput as bad:
-        return ControlRequest(bad, answer)
+    except Exception as error:  # noqa: BLE001 - no request ends a world
+        return ControlRequest(refusal(error), answer)
 
 
 def answer_challenge(gate: ControlGate, question: Question, refused: Counter[str]) -> None:

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from patrol.errors import BadInput
+from patrol.half_characters import refuse_half_characters
 from patrol.net.keys import FleetKeys, check_locator, fleet_keys, is_local
 from patrol.net.security.roles import COMMON_NAMES, USERNAMES, Kind, Role, access_control, robot_role, role_of
 from patrol.untrusted import ACCESS, open_untrusted
@@ -327,6 +328,7 @@ def read_object(file: Path, option: str, *, secret: bool = False) -> dict[str, A
         says = None
     if not isinstance(says, dict):
         raise BadInput(f"{option}: {file}: expected a JSON object")
+    refuse_half_characters(says, f"{option}: {file}")
     return says
 
 

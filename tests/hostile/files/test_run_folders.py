@@ -95,6 +95,14 @@ ROWS: dict[str, Callable[[Path], None]] = {
     "its age is NaN": lambda folder: rewrite_summary(folder, _put("stalest.worst.age_s", float("nan"))),
     "its faults are a list": lambda folder: rewrite_summary(folder, _put("faults", [1])),
     "its warnings are numbers": lambda folder: rewrite_summary(folder, _put("verdict.warnings", [1])),
+    "the summary holds half of a character": lambda folder: rewrite_summary(folder, _put("verdict.outcome", "\ud800")),
+    "a key of it is half of one": lambda folder: rewrite_summary(folder, _put("\ud800", 1)),
+    "an operator asks with half of one": lambda folder: add_event(
+        folder, kind="operator", detail='{"do":"fault","fault":{"kind":"\\ud800"}}'
+    ),
+    "the scenario holds half of one": lambda folder: _write(
+        folder / "scenario.yaml", 'terrain: {builtin: open}\nfaults: [{kind: "\\ud800"}]'
+    ),
     "the summary is deep": lambda folder: _write(folder / "summary.json", "[" * 200_000),
     "the scenario is another": lambda folder: _write(folder / "scenario.yaml", "terrain: {builtin: open}"),
     "the map is elsewhere": lambda folder: _map_elsewhere(folder, "map/hall.yaml", "../hall.yaml"),

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from patrol.errors import BadInput
 from patrol.journal.records import Status, TickRecord
 from patrol.net.messages.phases import FIRST_INCARNATION
 from patrol.prepare import Prepared, prepare
-from patrol.scenario import load_scenario, scenario_hash
+from patrol.scenario import Scenario, load_scenario, scenario_hash
 from patrol.scenario.controls import OPERATOR, Answer, amended, in_force, prepared_as_operated, read_control
 from patrol.scenario.copying import FILE, keep_scenario
 from worldsim.controls.operator import ControlRequest, Operator
@@ -92,6 +93,7 @@ def run(
     *,
     controls_processes: bool = True,
     ticks: int = 10**9,
+    amended: Callable[[Scenario], None] = lambda _scenario: None,
 ) -> tuple[MemoryJournal, Script, Rests, list[float]]:
     """Run a world to its end under these controls; also the time of each tick."""
     hour, rests = Hour(), Rests()
@@ -107,7 +109,7 @@ def run(
         recorder.tick(record)
         times.append(hour.s)
 
-    operator = Operator(world, rests, requests, hour, controls_processes=controls_processes)
+    operator = Operator(world, rests, requests, hour, controls_processes=controls_processes, amended=amended)
     stop = lambda: hour.s > 1000.0 or world.tick >= ticks  # noqa: E731
     recorder.end(run_ticks(world, fleet, on_tick, recorder.event, stop, fleet, operator))
     return journal, requests, rests, times
@@ -201,6 +203,8 @@ REFUSED: dict[str, dict[str, Any]] = {
     "did you mean loss": {"do": "fault", "fault": {"kind": "los", "rate": 1.0}},
     "did you mean pause": {"do": "pause_"},
     "expected [x, y]": {"do": "intruder", "place": "here"},
+    'fault.kind = "\\ud800": holds half of a character': {"do": "fault", "fault": {"kind": "\ud800"}},
+    'key "\\ud800" of fault: holds half': {"do": "fault", "fault": {"kind": "kill", "\ud800": 1}},
 }
 
 
@@ -213,6 +217,38 @@ def test_what_cannot_be_is_refused_and_leaves_no_trace(why: str) -> None:
     assert why in answer.text
     assert answer.text.startswith("control: ")
     assert not [event for event in journal.events if event.kind == OPERATOR]
+
+
+def test_whatever_a_request_brings_to_light_refuses_it_and_ends_nothing(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    prepared = prepare(load_scenario(SMALL))
+    untouched, *_ = run(prepared, {})
+
+    def mistaken(*_: object) -> None:
+        raise KeyError("a mistake")
+
+    monkeypatch.setattr("worldsim.controls.operator.amended", mistaken)
+    journal, requests, *_ = run(prepared, {1: [{"do": "fault", "fault": {"kind": "kill", "who": "r2"}}]})
+    ((_, answer),) = requests.answers
+    assert answer == Answer(False, "control: the request cannot be handled (KeyError); the world's log says more")
+    assert journal.end == untouched.end
+    assert "a mistake" in capfd.readouterr().err
+
+
+def test_a_changed_scenario_that_cannot_be_kept_is_in_force_all_the_same() -> None:
+    prepared = prepare(load_scenario(SMALL))
+
+    def full(_scenario: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    loss = {"do": "fault", "fault": {"kind": "loss", "rate": 0.9}}
+    journal, requests, *_ = run(prepared, {1: [loss]}, amended=full)
+    ((_, answer),) = requests.answers
+    assert answer.done
+    assert answer.text.endswith("the changed scenario could not be written (No space left on device)")
+    assert [event.kind for event in journal.events if event.kind == OPERATOR] == [OPERATOR]
+    assert judge(journal, {}, prepared).valid
 
 
 def test_robots_that_nobody_here_started_are_not_killed() -> None:

@@ -73,6 +73,13 @@ def test_what_cannot_be_done_is_refused_with_its_reason() -> None:
     assert "known are" in answer.text
 
 
+def test_text_that_is_no_text_is_refused_with_its_reason() -> None:
+    """Such text comes as JSON, which can spell it."""
+    answer = Door().ask(do="fault", fault={"kind": "\ud800"})
+    assert not answer.done
+    assert "holds half of a character" in answer.text
+
+
 def test_strangers_get_no_answer_and_are_counted() -> None:
     door = Door()
     with pytest.raises(Unanswered):
