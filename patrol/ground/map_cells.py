@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from typing import BinaryIO, cast
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
+from PIL.ImageFile import ImageFile
 
 from patrol.errors import BadInput
 from patrol.ground.map_file import MapFile
@@ -21,6 +24,12 @@ MAX_CELLS = 100_000_000
 
 QUANTA = 65535
 """The scale on which the map server adds a pixel's channels."""
+
+MOST_READS = 1 << 16
+"""Times that a decoder may read from an image, and once more for each `BYTES_A_READ` of the file. Decoders read
+comments and markers byte by byte, or a few bytes at a time, in Python: a megabyte of them takes seconds."""
+
+BYTES_A_READ = 256
 
 BLOCK = 256
 """Rows of an image that are judged at a time."""
@@ -195,7 +204,11 @@ def _image(says: MapFile) -> Iterator[Image.Image]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of sizes, which MAX_CELLS judges, and of oddities in what can be read
-            with open_untrusted(says.image, IMAGE) as file, Image.open(file, formats=FORMATS) as image:
+            with (
+                open_untrusted(says.image, IMAGE) as file,
+                Image.open(cast(BinaryIO, metered := _Metered(file)), formats=FORMATS) as image,
+            ):
+                metered.is_plain = isinstance(image, ImageFile) and image.tile[0][0] == "ppm_plain"
                 if image.width * image.height > MAX_CELLS:
                     raise BadInput(f"{where}: {image.width} x {image.height} pixels, more than {MAX_CELLS}; crop it")
                 yield image
@@ -203,6 +216,8 @@ def _image(says: MapFile) -> Iterator[Image.Image]:
         raise BadInput(f"{where}: no such file; correct 'image', which is relative to the YAML file") from None
     except UnidentifiedImageError:
         raise BadInput(f"{where}: is not a PGM, PNG, BMP or JPEG image; give one") from None
+    except _Laborious as error:
+        raise BadInput(f"{where}: {error}; save it as a PNG") from None
     except Image.DecompressionBombError:
         raise BadInput(f"{where}: more than {MAX_CELLS} pixels; crop it") from None
     except BadInput:
@@ -210,6 +225,39 @@ def _image(says: MapFile) -> Iterator[Image.Image]:
     except Exception as error:  # noqa: BLE001 - a broken file can make an image decoder raise anything
         reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
         raise BadInput(f"{where}: cannot be read ({reason}); give an undamaged PGM, PNG, BMP or JPEG image") from None
+
+
+class _Laborious(Exception):
+    """An image that takes far longer to read than others of its size; the text says why."""
+
+
+class _Metered:
+    """A file that a decoder reads, but not in more steps than an honest image takes.
+
+    Attributes:
+        is_plain: Whether its pixels follow as text. Comments between them take seconds for each MB, and no program
+            writes them.
+    """
+
+    def __init__(self, file: BinaryIO) -> None:
+        self.is_plain = False
+        self._file = file
+        self._left = MOST_READS + os.fstat(file.fileno()).st_size // BYTES_A_READ
+
+    def read(self, size: int = -1) -> bytes:
+        self._left -= 1
+        if self._left < 0:
+            raise _Laborious("has more comments or markers than an image needs")
+        content = self._file.read(size)
+        if self.is_plain and b"#" in content:
+            raise _Laborious("has comments between its pixels")
+        return content
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        return self._file.seek(offset, whence)
+
+    def tell(self) -> int:
+        return self._file.tell()
 
 
 def _channels(image: Image.Image, where: str) -> _Pixels:

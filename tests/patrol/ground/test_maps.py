@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import io
 import math
+import struct
+import zlib
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -301,6 +303,51 @@ def test_a_damaged_image_is_read_or_refused(
     path = write_map(tmp_path_factory.mktemp("damaged"), bytes(content[: len(content) - cut]))
     with suppress(BadInput):
         assert free_cells(read_map_file(path)).size > 0
+
+
+MEGABYTES = 4 << 20
+
+
+def png(*chunks: bytes) -> bytes:
+    """A PNG of 10 x 10 pixels with chunks before and after its pixels."""
+    whole = io.BytesIO()
+    Image.new("L", (10, 10)).save(whole, "PNG")
+    end = len(whole.getvalue()) - 12
+    head, body = whole.getvalue()[:33], whole.getvalue()[33:end]
+    return b"".join((head, *chunks[:1], body, *chunks[1:], whole.getvalue()[end:]))
+
+
+def jpeg(markers: bytes) -> bytes:
+    """A JPEG of 10 x 10 pixels that begins with markers."""
+    whole = io.BytesIO()
+    Image.new("L", (10, 10)).save(whole, "JPEG")
+    return whole.getvalue()[:2] + markers + whole.getvalue()[2:]
+
+
+EMPTY_CHUNK = struct.pack(">I4sI", 0, b"abCd", zlib.crc32(b"abCd"))
+LABORIOUS = {
+    "a long comment": b"P5\n#" + b"x" * MEGABYTES + b"\n10 10\n255\n" + bytes(100),
+    "a long gap": b"P5\n" + b"\n" * MEGABYTES + b"10 10\n255\n" + bytes(100),
+    "comments between pixels": b"P2\n10 10\n255\n" + b"#\n" * MEGABYTES + b"0 " * 100,
+    "chunks before the pixels": png(EMPTY_CHUNK * (MEGABYTES // 12)),
+    "chunks after the pixels": png(b"", EMPTY_CHUNK * (MEGABYTES // 12)),
+    "markers": jpeg(b"\xff\xfe\0\2" * (MEGABYTES // 4)),
+    "fill bytes": jpeg(b"\xff" * MEGABYTES),
+}
+
+
+@pytest.mark.parametrize("what", LABORIOUS)
+def test_an_image_that_takes_many_steps_to_read_is_refused(tmp_path: Path, what: str) -> None:
+    """Each took a second or more, and some many, for each MB of the file."""
+    path = write_map(tmp_path, LABORIOUS[what])
+    with pytest.raises(BadInput, match=r"plan.pgm: has (more )?comments .*; save it as a PNG"):
+        read_terrain(path, 0.1)
+
+
+def test_a_header_may_have_comments(tmp_path: Path) -> None:
+    header = b"# made by a mapper\n" * 500
+    assert free_of(tmp_path, b"P2\n" + header + b"2 1\n255\n254 0\n") == [[True, False]]
+    assert free_of(tmp_path, b"P5\n" + header + b"2 1\n255\n\xfe#") == [[True, False]]
 
 
 def test_a_missing_image_or_file_is_named(tmp_path: Path) -> None:
