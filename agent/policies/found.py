@@ -13,7 +13,7 @@ import inspect
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -57,9 +57,7 @@ def policy_of(scenario: Scenario) -> PolicyKind:
     patrol = scenario.patrol
     found = _paper() if patrol.policy == PAPER else _load(patrol)
     if not inspect.isclass(found) or not callable(getattr(found, "decide", None)):
-        raise BadInput(
-            f"patrol.policy = {patrol.policy}: is not a class with a method decide(view); name one that has it"
-        )
+        raise no_class(patrol.policy)
     make = cast(Callable[[PolicySetup], Policy], found)
     return PolicyKind(patrol.policy, make, _options(patrol, found), patrol.policy == PAPER)
 
@@ -81,41 +79,68 @@ def _load(patrol: PatrolSpec) -> Any:
     except BadInput:
         raise
     except ModuleNotFoundError as error:
-        raise BadInput(
-            f"patrol.policy = {patrol.policy}: {error}; install it, or give ./file.py:Class beside the scenario"
-        ) from None
+        raise absent_module(patrol.policy, str(error)) from None
     except (Exception, SystemExit) as error:
         raise BadInput(
             f"patrol.policy = {patrol.policy}: raises {type(error).__name__}: {error}; correct it"
         ) from error
     if not hasattr(module, name):
         classes = [one for one, value in vars(module).items() if inspect.isclass(value) and hasattr(value, "decide")]
-        raise BadInput(f"patrol.policy = {patrol.policy}: has no {name}; {_offer(name, classes)}")
+        raise absent_class(patrol.policy, name, classes)
     return getattr(module, name)
 
 
-def _entry_point(name: str) -> Any:
+def entry_point_of(name: str) -> EntryPoint:
+    """Find the entry point by which an installed package offers a policy; nothing of the package runs.
+
+    Args:
+        name: Of the policy.
+
+    Raises:
+        BadInput: There is none of that name.
+    """
     offered = {point.name: point for point in entry_points(group=GROUP)}
     if name not in offered:
         remedy = "or give package.module:Class or ./file.py:Class"
         raise BadInput(f"patrol.policy = {name}: no such policy; {_offer(name, [PAPER, *sorted(offered)])}, {remedy}")
+    return offered[name]
+
+
+def _entry_point(name: str) -> Any:
+    point = entry_point_of(name)
     try:
-        return offered[name].load()
+        return point.load()
     except (Exception, SystemExit) as error:
         raise BadInput(
-            f"patrol.policy = {name} ({offered[name].value}): raises {type(error).__name__}: {error}; correct it"
+            f"patrol.policy = {name} ({point.value}): raises {type(error).__name__}: {error}; correct it"
         ) from error
 
 
-def _module_of(path: Path, patrol: PatrolSpec) -> Any:
-    """A file as a module; loaded once in a process, as long as its bytes stay the same."""
+def check_digest(path: Path, patrol: PatrolSpec) -> str:
+    """Check that a policy's file is the one that its scenario was resolved with.
+
+    Args:
+        path: The file.
+        patrol: The scenario's section.
+
+    Returns:
+        The SHA-256 (hex) of the file.
+
+    Raises:
+        BadInput: It is another, or cannot be read.
+    """
     digest = policy_digest(path)
     if patrol.policy_sha256 is not None and digest != patrol.policy_sha256:
         raise BadInput(
             f"{path}: is not the file that this scenario was resolved with (SHA-256 {digest[:12]}, it says "
             f"{patrol.policy_sha256[:12]}); restore it, or drop patrol.policy_sha256 to run with this one"
         )
-    name = f"fogwatch_policy_{digest[:16]}"
+    return digest
+
+
+def _module_of(path: Path, patrol: PatrolSpec) -> Any:
+    """A file as a module; loaded once in a process, as long as its bytes stay the same."""
+    name = f"fogwatch_policy_{check_digest(path, patrol)[:16]}"
     if name in sys.modules:
         return sys.modules[name]
     spec = importlib.util.spec_from_file_location(name, path)
@@ -149,6 +174,21 @@ def _options(patrol: PatrolSpec, found: Any) -> Any:
         where = ".".join(str(part) for part in ("patrol", "options", *first["loc"]))
         value = first["input"]
         raise BadInput(f"{where} = {value!r}: {first['msg']}; {patrol.policy} has the options {known}") from None
+
+
+def no_class(policy: str) -> BadInput:
+    """The error for a name that stands for no policy."""
+    return BadInput(f"patrol.policy = {policy}: is not a class with a method decide(view); name one that has it")
+
+
+def absent_module(policy: str, what: str) -> BadInput:
+    """The error for a module that is not installed, or imports one that is not."""
+    return BadInput(f"patrol.policy = {policy}: {what}; install it, or give ./file.py:Class beside the scenario")
+
+
+def absent_class(policy: str, name: str, classes: list[str]) -> BadInput:
+    """The error for a class that a module does not hold; it offers those that it holds."""
+    return BadInput(f"patrol.policy = {policy}: has no {name}; {_offer(name, classes)}")
 
 
 def _offer(name: str, known: list[str]) -> str:

@@ -11,6 +11,7 @@ import typer
 
 from fogwatch.cli.command_help import command
 from patrol.errors import BadInput
+from patrol.printable import printable
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import Scenario, dump_scenario, open_scenario, parse_overrides, scenario_hash, scenario_schema
 from patrol.scenario.policy_file import PAPER
@@ -41,8 +42,8 @@ def print_scenario(what: What, settings: Settings = None) -> None:
 def check(what: What, settings: Settings = None) -> None:
     """Check whether a scenario can run, and list its faults.
 
-    The check covers the values, the terrain, the fleet's key, the policy and its options, and the room for all robots
-    at the start.
+    The check covers the values, the terrain, the fleet's key, and the room for all robots at the start. A policy of
+    one's own is looked for and not run, so its options are checked only when the scenario runs.
     """
     scenario = open_scenario(what, parse_overrides(settings or []))
     digest = scenario_hash(scenario)
@@ -50,14 +51,16 @@ def check(what: What, settings: Settings = None) -> None:
     from patrol.prepare import prepare  # here: needs libraries that `fogwatch scenario show` does without
 
     prepared = prepare(scenario)
-    if scenario.patrol.policy != PAPER:
-        from agent.policies.found import policy_of
+    if scenario.patrol.policy != PAPER or scenario.patrol.options:  # else it loads much and cannot fail
+        from agent.policies.static_check import check_without_running
 
-        policy_of(scenario)
+        check_without_running(scenario)
     area = float(prepared.patrolled.sum()) * scenario.point**2
     given = sum(spec.start is not None for spec in scenario.roster)
     typer.echo(f"{what}: can run")
     typer.echo(f"  {_starts(len(scenario.roster), given)}")
+    if scenario.patrol.policy != PAPER:
+        typer.echo(f"  policy {printable(scenario.patrol.policy)}, not run: a run checks its options")
     typer.echo(f"  {area:.0f} m² to patrol on {prepared.terrain.name}, points of {scenario.point:g} m")
     ticks = "1 tick" if scenario.ticks == 1 else f"{scenario.ticks} ticks"
     typer.echo(f"  {scenario.duration:g} s in {ticks} of {scenario.step:g} s")

@@ -113,3 +113,15 @@ def test_every_example_can_run(path: Path) -> None:
 
 def test_there_are_examples() -> None:
     assert len(EXAMPLES) >= 3
+
+
+def test_check_does_not_run_the_policy(tmp_path: Path) -> None:
+    guard = tmp_path / "guard.py"
+    guard.write_text(
+        "open(__file__ + '.ran', 'w').close()\nclass Guard:\n    def decide(self, view): ...\n", encoding="utf-8"
+    )
+    told = output("check", "open", "--set", "point=2", "--set", f"patrol.policy={guard}:Guard")
+    assert f"  policy {guard}:Guard, not run: a run checks its options" in told.splitlines()
+    assert list(tmp_path.iterdir()) == [guard]
+    with pytest.raises(BadInput, match="has no Gard; did you mean Guard"):
+        output("check", "open", "--set", "point=2", "--set", f"patrol.policy={guard}:Gard")
