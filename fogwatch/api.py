@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fogwatch.launch.limits import check_limits
 from fogwatch.launch.live_table import CallbackDisplay, RunDisplay, SilentDisplay
 from fogwatch.launch.runfolder import RunFolder, fill, make_folder
 from patrol.errors import BadInput
@@ -35,8 +36,6 @@ if TYPE_CHECKING:
 
 EAGER = 16
 """Fleets of up to this many robots are started before the check that they fit, which saves time."""
-PROCESS_GB = 0.15
-"""Memory of one agent's process, GB."""
 PACKAGES = ("patrol", "agent", "worldsim")
 
 
@@ -208,6 +207,7 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions)
     from patrol.prepare import prepare
     from worldsim.output.live_progress import LiveProgress
     from worldsim.output.ticks_table import TicksTable
+    from worldsim.run_record import Unwritten, recording
 
     prepared = prepare(scenario)
     _announce(scenario, folder, options)
@@ -233,16 +233,22 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions)
         def on_event(event: Event) -> None:
             options.display.notice(shown[0].event(event))
 
-        outcome = run_in_process(
-            prepared,
-            journal=folder.journal,
-            started=datetime.now(UTC).isoformat(timespec="seconds"),
-            watch=watch,
-            events=on_event,
-            stop=options.stop,
-            threads=min(len(scenario.roster), options.threads),
-            baseline_s=baseline_s,
-        )
+        try:
+            with recording(folder.path):
+                outcome = run_in_process(
+                    prepared,
+                    journal=folder.journal,
+                    started=datetime.now(UTC).isoformat(timespec="seconds"),
+                    watch=watch,
+                    events=on_event,
+                    stop=options.stop,
+                    threads=min(len(scenario.roster), options.threads),
+                    baseline_s=baseline_s,
+                )
+        except Unwritten as unwritten:
+            from fogwatch.launch.launcher import Failed
+
+            raise Failed(str(unwritten)) from None
     return _result(folder, prepared, outcome.journal, outcome.verdict, outcome.summary, options)
 
 
@@ -253,7 +259,7 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
     from worldsim.faults.timeline import Timeline
 
     names = [spec.name for spec in scenario.roster]
-    _check_memory(len(names) - len(scenario.spares))
+    check_limits(len(names), len(scenario.spares))
     prepared = prepare(scenario) if len(names) > EAGER else None
     fleet, alike = f"{scenario.name}-{os.urandom(4).hex()}", scenario.patrol.policy == PAPER
     absent = [names[number - 1] for number in Timeline(scenario).starts_absent]
@@ -275,7 +281,7 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
         launch.start()
         prepared = prepared or prepare(scenario)
         _announce(scenario, folder, options)
-        _write_static(prepared, _unfinished(folder.static))
+        _write_static(prepared, folder)
         _begin(options)
         _unfinished(folder.static).rename(folder.static)
         launch.watch()
@@ -328,17 +334,6 @@ def _baseline(prepared: Prepared, options: RunOptions) -> float | None:
     return fault_free_mfow(prepared, options.stop)
 
 
-def _check_memory(robots: int) -> None:
-    """Refuse a fleet of processes that would exhaust the machine's memory."""
-    needed_gb = robots * PROCESS_GB
-    there_gb = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 1e9
-    if needed_gb > there_gb:
-        raise BadInput(
-            f"{robots} robots as processes need about {needed_gb:.0f} GB of memory, and this machine has "
-            f"{there_gb:.0f} GB; use --in-process or fewer robots"
-        )
-
-
 def _finish(launch: Launch) -> Mapping[str, int | None]:
     """End all processes; an interruption meanwhile ends them by force."""
     try:
@@ -347,12 +342,17 @@ def _finish(launch: Launch) -> Mapping[str, int | None]:
         return launch.finish()
 
 
-def _write_static(prepared: Prepared, part: Path) -> None:
-    """Write the static fields for the processes, which wait until the folder is renamed."""
+def _write_static(prepared: Prepared, folder: RunFolder) -> None:
+    """Write the static fields for the processes, which wait until their folder is renamed."""
     from agent.psi import save_psi
 
-    prepared.save(part)
-    save_psi(prepared, part)
+    part = _unfinished(folder.static)
+    try:
+        prepared.save(part)
+        save_psi(prepared, part)
+    except OSError as error:  # without a number where numpy could write a part only
+        why = error.strerror or str(error)
+        raise BadInput(f"{folder.path}: the ground cannot be written for the processes ({why}); make room") from None
 
 
 def _unfinished(static: Path) -> Path:

@@ -21,5 +21,17 @@ def printable(text: str) -> str:
     return "".join(char if char.isprintable() else _escaped(char) for char in text)
 
 
+def printable_lines(text: str) -> str:
+    r"""Replace characters as `printable` does, but for line ends.
+
+    Args:
+        text: Lines, such as the end of a log, or one line that names a path.
+
+    Returns:
+        As many lines, all printable.
+    """
+    return "\n".join(map(printable, text.split("\n")))
+
+
 def _escaped(char: str) -> str:
     return char.encode("unicode_escape").decode("ascii")

@@ -21,6 +21,7 @@ from fogwatch.cli.grounds import map_commands, scenario
 from fogwatch.cli.runs import page, recording_commands, report_commands
 from patrol.errors import BadInput
 from patrol.pose import MODELS
+from patrol.printable import printable
 from patrol.process.exit_codes import INTERRUPTED, UNKNOWN
 from patrol.process.lifeline import heed
 from patrol.process.starting.warmup import numba_alone
@@ -262,7 +263,7 @@ def run(
         return UNKNOWN
     with _readers_may_leave():
         if quiet:
-            print(result.folder)
+            print(printable(str(result.folder)))
         else:
             print_summary(Console(), result.summary, result.folder)
     return INTERRUPTED if ending else result.verdict.exit_code

@@ -11,6 +11,8 @@ from typing import Any
 import typer
 
 from patrol.errors import BadInput
+from patrol.printable import printable_lines
+from patrol.process import exhausted
 from patrol.process.exit_codes import BAD_INPUT, INTERRUPTED, UNKNOWN
 from patrol.process.reporting.logs import crashed
 
@@ -28,8 +30,11 @@ def run_app(app: typer.Typer) -> int:
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
-        except BrokenPipeError:  # else the interpreter finds it while it ends and replaces any exit code by 120
+        except OSError as error:  # else the interpreter finds it while it ends and replaces any exit code by 120
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+            if stream is sys.stdout and not isinstance(error, BrokenPipeError):
+                complain(exhausted.told(error) or f"the output: {error.strerror}")
+                code = code or BAD_INPUT
     return code
 
 
@@ -44,30 +49,43 @@ def guarded(call: Callable[[], Any]) -> int:
     """
     try:
         code = call()
-    except BadInput as bad:
-        complain(str(bad))
-        return BAD_INPUT
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED
-    except BrokenPipeError:
-        return 0
+    except SystemExit as asked:
+        if not isinstance(asked.__context__, BrokenPipeError):  # typer and rich make that of it
+            raise
+        code = 0
     except Exception as error:  # noqa: BLE001 - a crash leaves the run unjudged, not invalid
-        if not hasattr(error, "format_message"):
-            crashed(error)
-            return UNKNOWN
-        if message := error.format_message():  # without one it has printed the help
-            complain(message)
-        return BAD_INPUT
+        return _code_of(error)
     if code == INTERRUPTED:  # typer may turn the signal into this code
         complain("interrupted")
     return code if isinstance(code, int) else 0
 
 
+def _code_of(error: Exception) -> int:
+    """Say what a command has raised; the exit code."""
+    if isinstance(error, BrokenPipeError):
+        return 0
+    line: str | None = None
+    if isinstance(error, BadInput):
+        line = str(error)
+    elif isinstance(error, OSError):
+        line = exhausted.told(error)
+    elif hasattr(error, "format_message"):
+        line = error.format_message()  # typer's; without one it has printed the help
+    if line is None:
+        crashed(error)
+        return UNKNOWN
+    if line:
+        complain(line)
+    return BAD_INPUT
+
+
 def complain(line: str) -> None:
-    """Print a line on the standard error, unless nobody reads it.
+    """Print a line on the standard error, unless nobody reads it or there is no room for it.
 
     Args:
         line: What is wrong.
     """
-    with suppress(BrokenPipeError):
-        print(f"fogwatch: {line}", file=sys.stderr, flush=True)
+    with suppress(OSError):
+        print(f"fogwatch: {printable_lines(line)}", file=sys.stderr, flush=True)

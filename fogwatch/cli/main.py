@@ -1,10 +1,27 @@
-"""The beginning of the command `fogwatch`: a robot's small computer loads its own command, and none of the others."""
+"""The beginning of the command `fogwatch`: a robot's small computer loads its own command, and none of the others.
+
+Loading takes half a second and more, in which the command can already be interrupted. So importing this module takes
+over Ctrl-C before anything else is loaded; no other module may import it.
+"""
 
 from __future__ import annotations
 
+import os
+import signal
 import sys
 
-from fogwatch.cli.ending import run_app
+
+def _leave(_number: int, _frame: object) -> None:
+    """End the process at once: there is nothing yet to put in order."""
+    os.write(2, b"fogwatch: interrupted\n")
+    os._exit(130)  # patrol.process.exit_codes.INTERRUPTED, which is not loaded yet
+
+
+_HEEDS_CTRL_C = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+"""Whether Ctrl-C is meant for this process; not so in the background of a shell."""
+
+if _HEEDS_CTRL_C:
+    signal.signal(signal.SIGINT, _leave)
 
 PROCESSES = ("agent", "robot-sim")
 """The commands of `fogwatch.cli.fleets.process_commands`, which stand on nothing that the other commands load."""
@@ -16,10 +33,41 @@ def main() -> int:
     Returns:
         The exit code.
     """
+    _settle_standard_streams()
+    from fogwatch.cli.ending import run_app
+
     if len(sys.argv) > 1 and sys.argv[1] in PROCESSES:
         from fogwatch.cli.fleets.process_commands import only_these
 
-        return run_app(only_these())
-    from fogwatch.cli.app import app
+        app = only_these()
+    else:
+        from fogwatch.cli.app import app
+    if _HEEDS_CTRL_C:
+        signal.signal(signal.SIGINT, _interrupt)
+    code = run_app(app)
+    if _HEEDS_CTRL_C:
+        signal.signal(signal.SIGINT, _leave)  # while the interpreter puts itself away
+    return code
 
-    return run_app(app)
+
+def _interrupt(_number: int, _frame: object) -> None:
+    from patrol.process.lifeline import Interrupted
+
+    raise Interrupted
+
+
+def _settle_standard_streams() -> None:
+    """Have a standard output and error that take every text, also where the caller has closed one of them.
+
+    A file that is opened later would otherwise take the place of a closed one, and get what is printed. Where the
+    locale has no UTF-8, characters that it lacks become escapes.
+    """
+    for number in (0, 1, 2):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free, which is this one
+    sys.stdout = sys.stdout or os.fdopen(1, "w", encoding="utf-8", closefd=False)
+    sys.stderr = sys.stderr or os.fdopen(2, "w", encoding="utf-8", errors="backslashreplace", closefd=False)
+    if hasattr(sys.stdout, "reconfigure"):
+        sys.stdout.reconfigure(errors="backslashreplace")

@@ -15,6 +15,7 @@ from rich.text import Text
 
 from patrol.journal import Status
 from patrol.net.messages.telemetry import FREE, TRAPPED, Metrics, Notice
+from patrol.printable import printable_lines
 
 PLAIN_S = 5.0
 """Wall time between two lines where there is no terminal."""
@@ -107,7 +108,7 @@ class PlainDisplay:
 
     def say(self, line: str) -> None:
         """Print a line."""
-        self._console.print(line, markup=False, highlight=False, soft_wrap=True)
+        self._console.print(printable_lines(line), markup=False, highlight=False, soft_wrap=True)
 
     def metrics(self, metrics: Metrics) -> None:
         """Print the measures, if the last such line is `PLAIN_S` old or the run is complete."""
@@ -134,7 +135,7 @@ class LiveTable:
 
     def say(self, line: str) -> None:
         """Print a line above the table."""
-        self._console.print(line, markup=False, highlight=False, soft_wrap=True)
+        self._console.print(printable_lines(line), markup=False, highlight=False, soft_wrap=True)
 
     def metrics(self, metrics: Metrics) -> None:
         """Update the table."""

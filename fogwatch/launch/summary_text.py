@@ -13,6 +13,7 @@ from rich.text import Text
 from fogwatch.launch.live_table import STATUS_STYLES, clock
 from patrol.best_tour import NO_BOUND
 from patrol.journal import Status
+from patrol.printable import printable
 
 _VERDICTS = {"valid": "bold green", "invalid": "bold red", "unknown": "bold yellow"}
 MOST_ROBOTS = 40
@@ -52,7 +53,7 @@ def print_summary(console: Console, summary: Mapping[str, Any], folder: Path) ->
             style = "yellow" if check["ok"] else "red"
             console.print(f"  {check['name']}: {check['detail']}", style=style, highlight=False, soft_wrap=True)
     files = ", ".join(sorted(path.name for path in folder.iterdir()))
-    console.print(f"files       {folder}: {files}", markup=False, highlight=False, soft_wrap=True)
+    console.print(printable(f"files       {folder}: {files}"), markup=False, highlight=False, soft_wrap=True)
 
 
 def measures(summary: Mapping[str, Any]) -> list[str]:

@@ -19,8 +19,10 @@ from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
-from patrol.process.exit_codes import CRASHED, INTERRUPTED
-from patrol.process.reporting.logs import crashed
+from patrol.errors import BadInput
+from patrol.process.exhausted import LEAST, allow_files, told
+from patrol.process.exit_codes import BAD_INPUT, CRASHED, INTERRUPTED
+from patrol.process.reporting.logs import Log, crashed
 
 GRACE_S = 1.5
 
@@ -141,15 +143,22 @@ def run_process(main: Callable[[], int]) -> NoReturn:
     """Run a process's main function and end the process with its exit code.
 
     Args:
-        main: Returns the exit code; what it raises is printed and ends the process with `CRASHED`.
+        main: Returns the exit code; what it raises is printed and ends the process with `CRASHED`, or with one line and
+            `BAD_INPUT` where a limit of the machine explains it.
     """
     try:
+        allow_files(LEAST, "this process")
         code = main()
     except SystemExit as asked:
         code = asked.code if isinstance(asked.code, int) else 0
     except BaseException as error:  # noqa: BLE001 - the process is over, and must not hang on threads of libraries
-        crashed(error)
-        code = CRASHED
+        limit = told(error) if isinstance(error, OSError) else str(error) if isinstance(error, BadInput) else None
+        if limit is not None:
+            Log("", "").error(limit)
+            code = BAD_INPUT
+        else:
+            crashed(error)
+            code = CRASHED
     leave(code)
 
 

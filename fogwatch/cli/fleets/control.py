@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from patrol.errors import BadInput
+from patrol.printable import printable
 
 EXAMPLES = [
     "fogwatch control RUN pause",
@@ -136,7 +137,7 @@ def _stop(run: Path, do: str, robot: str | None, fleet: str | None, wait: float)
         robots = robots_there(link, keys) if whom is None else [whom]
         silent = set(robots)
         for name, outcome in ask_robots(link, keys, robots, Order(do), min(wait, ROBOTS_S)):
-            typer.echo(f"{name}: {outcome.text}", err=not outcome.done)
+            typer.echo(printable(f"{name}: {outcome.text}"), err=not outcome.done)
             silent.discard(name)
             unsure = unsure or not outcome.done
     finally:

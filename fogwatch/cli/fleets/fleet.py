@@ -10,6 +10,7 @@ import typer
 
 from fogwatch.cli.command_help import command
 from patrol.errors import BadInput
+from patrol.printable import printable
 
 app = typer.Typer(help="Say who may join a fleet of several machines.", no_args_is_help=True)
 
@@ -53,7 +54,9 @@ def init(
     members = ", ".join(
         sorted(entry.name for entry in folder.iterdir() if entry.is_dir() and entry.name != "authority")
     )
-    typer.echo(f"{folder}: fleet {made.fleet}, router at {made.router}; copy each folder to its machine: {members}")
+    typer.echo(
+        printable(f"{folder}: fleet {made.fleet}, router at {made.router}; copy each folder to its machine: {members}")
+    )
 
 
 @command(app, examples=["fogwatch fleet add yards-1 r4"])
@@ -76,15 +79,19 @@ def add(
         if member == THE_ROUTER:
             before = fleet.router
             fleet.renew_router(days, host or [])
-            typer.echo(f"{folder / THE_ROUTER}: new certificate; {_RESTART.format(folder / THE_ROUTER)}")
+            typer.echo(printable(f"{folder / THE_ROUTER}: new certificate; {_RESTART.format(folder / THE_ROUTER)}"))
             if fleet.router != before:
                 typer.echo(f"the fleet meets at {fleet.router} from now on: copy all folders to their machines again")
                 for name in fleet.absent:
-                    typer.echo(f"{name}: its folder is not here; revoke and add it, for a folder with the new address")
+                    typer.echo(
+                        printable(
+                            f"{name}: its folder is not here; revoke and add it, for a folder with the new address"
+                        )
+                    )
             return
         role = member_role(member)
         fleet.add(role, days)
-    typer.echo(f"{folder / role.name}: copy it to its machine; {_RESTART.format(folder / THE_ROUTER)}")
+    typer.echo(printable(f"{folder / role.name}: copy it to its machine; {_RESTART.format(folder / THE_ROUTER)}"))
 
 
 @command(app, examples=["fogwatch fleet revoke yards-1 r2"])
@@ -108,10 +115,12 @@ def revoke(
     role = member_role(member)
     with fleet_to_change(folder) as fleet:
         other = fleet.revoke(role, DAYS)
-    typer.echo(f"{member}: revoked; {_RESTART.format(folder / THE_ROUTER)}")
+    typer.echo(printable(f"{member}: revoked; {_RESTART.format(folder / THE_ROUTER)}"))
     if other is not None:
         restart = ", and restart the world" if other.kind is Kind.WORLD else ""
-        typer.echo(f"there is a new token for operators: copy {folder / other.name} to its machine again{restart}")
+        typer.echo(
+            printable(f"there is a new token for operators: copy {folder / other.name} to its machine again{restart}")
+        )
 
 
 @command(
@@ -174,7 +183,7 @@ def check(folder: Folder) -> int:
     fine = True
     for name, well, says in open_fleet_folder(folder).check(time.time()):
         fine &= well
-        typer.echo(f"{name}: {says}")
+        typer.echo(printable(f"{name}: {says}"))
     return 0 if fine else WRONG
 
 

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from fogwatch.cli.command_help import command
+from patrol.printable import printable
 from patrol.radio.fleet_key import new_key
 
 app = typer.Typer(help="Make a key that authenticates a fleet's messages.", no_args_is_help=True)
@@ -25,4 +26,4 @@ def new(path: Annotated[Path, typer.Argument(metavar="FILE", help="File to write
     Give each robot a copy, and name the file in the scenario: radio: {key: FILE}.
     """
     new_key(path)
-    typer.echo(f"{path}: new key written; name the file in the scenario as radio.key")
+    typer.echo(printable(f"{path}: new key written; name the file in the scenario as radio.key"))

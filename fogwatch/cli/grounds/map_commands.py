@@ -17,6 +17,7 @@ from patrol.errors import BadInput, did_you_mean
 from patrol.ground.builtins import LAYOUTS, builtin_terrain
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
+from patrol.printable import printable
 from patrol.process.starting.warmup import warm
 
 if TYPE_CHECKING:
@@ -57,7 +58,7 @@ def check(
     terrain = _terrain(what, point)
     report = check_map(terrain, radius, sensor_range, line_of_sight, starts)
     if why := _suspicious(terrain):
-        typer.echo(f"{what}: is this what the map shows? {why}", err=True)
+        typer.echo(printable(f"{what}: is this what the map shows? {why}"), err=True)
     console = Console()
     if console.is_terminal:
         _print_tables(console, report)
@@ -68,7 +69,7 @@ def check(
         from fogwatch.pictures.run_end import map_picture  # here: its library is an extra
 
         map_picture(report, picture)
-        typer.echo(f"picture: {picture}")
+        typer.echo(printable(f"picture: {picture}"))
 
 
 command(app, examples=map_regions.EXAMPLES)(map_regions.regions)

@@ -14,6 +14,7 @@ import typer
 from patrol.errors import BadInput
 from patrol.ground.builtins import LAYOUTS
 from patrol.ground.terrain import Terrain
+from patrol.printable import printable
 from patrol.process.starting.warmup import warm
 from patrol.scenario import open_scenario
 
@@ -73,12 +74,12 @@ def regions(
         typer.echo(line)
     if polygons is not None:
         _write(polygons, split)
-        typer.echo(f"polygons: {polygons}")
+        typer.echo(printable(f"polygons: {polygons}"))
     if picture is not None:
         from fogwatch.pictures.region_map import region_picture  # here: its library is an extra
 
         region_picture(terrain, widest, split, picture)
-        typer.echo(f"picture: {picture}")
+        typer.echo(printable(f"picture: {picture}"))
 
 
 def plain_lines(terrain: Terrain, radius: float, split: RegionSplit, took: float, by_hand: bool) -> Iterator[str]:

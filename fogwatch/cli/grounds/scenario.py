@@ -57,7 +57,7 @@ def check(what: What, settings: Settings = None) -> None:
         check_without_running(scenario)
     area = float(prepared.patrolled.sum()) * scenario.point**2
     given = sum(spec.start is not None for spec in scenario.roster)
-    typer.echo(f"{what}: can run")
+    typer.echo(printable(f"{what}: can run"))
     typer.echo(f"  {_starts(len(scenario.roster), given)}")
     if scenario.patrol.policy != PAPER:
         typer.echo(f"  policy {printable(scenario.patrol.policy)}, not run: a run checks its options")

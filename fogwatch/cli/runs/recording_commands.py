@@ -100,7 +100,7 @@ def _record_fleet(
     what = "nothing was received"
     if last is not None:
         what = f"up to {last.time_s:g} s, {last.ended or ('its world is gone' if last.gone else 'the run goes on')}"
-    typer.echo(f"recording: {out}, {out.stat().st_size / 1e6:.1f} MB, {what}")
+    typer.echo(printable(f"recording: {out}, {out.stat().st_size / 1e6:.1f} MB, {what}"))
     return 0
 
 

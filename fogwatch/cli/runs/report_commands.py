@@ -9,6 +9,7 @@ import typer
 
 from fogwatch.cli.runs.open_run import KEY, RUN, open_folder, print_state
 from patrol.errors import BadInput
+from patrol.printable import printable
 
 if TYPE_CHECKING:
     from monitor.report.analysis import Analysis
@@ -41,9 +42,9 @@ def report(
 
     made = write_report(analyse(opened), file, going, figures)
     print_state(opened, going)
-    typer.echo(f"report: {file}")
+    typer.echo(printable(f"report: {file}"))
     if figures is not None:
-        typer.echo(f"figures: {figures}: {', '.join(drawing.name for drawing in made)}")
+        typer.echo(printable(f"figures: {figures}: {', '.join(drawing.name for drawing in made)}"))
 
 
 def compare(
@@ -78,7 +79,7 @@ def compare(
     for row in rows_of(opened):
         table.add_row(*(escape(cell) for cell in row))
     Console().print(table)
-    typer.echo(f"comparison: {out}")
+    typer.echo(printable(f"comparison: {out}"))
 
 
 def _analysed(folder: Path) -> Analysis:

@@ -14,9 +14,9 @@ from typing import Any
 import pytest
 from typer.main import get_command
 
-from fogwatch.api import PROCESS_GB
 from fogwatch.cli.app import app
 from fogwatch.cli.command_help import ORDER
+from fogwatch.launch.limits import PROCESS_GB
 
 SHORT = ["--point", "0.5", "--duration", "5", "--set", "patrol.dilatation=0"]
 PATIENCE_S = 300.0

@@ -1,0 +1,33 @@
+"""What a fleet of processes needs of the machine: memory, and files that are open at once."""
+
+from __future__ import annotations
+
+import os
+
+from patrol.errors import BadInput
+from patrol.process.exhausted import LEAST, allow_files
+
+PROCESS_GB = 0.15
+"""Memory of one agent's process, GB."""
+
+
+def check_limits(robots: int, spares: int) -> None:
+    """Refuse a fleet of processes that would exhaust the machine's memory or the account's limit of open files.
+
+    The router has most files open: a connection for each robot, and those of the world and of all who watch.
+
+    Args:
+        robots: How many robots the scenario names.
+        spares: How many of them are absent at first.
+
+    Raises:
+        BadInput: One line that says how much is needed.
+    """
+    needed_gb = (robots - spares) * PROCESS_GB
+    there_gb = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 1e9
+    if needed_gb > there_gb:
+        raise BadInput(
+            f"{robots - spares} robots as processes need about {needed_gb:.0f} GB of memory, and this machine has "
+            f"{there_gb:.0f} GB; use --in-process or fewer robots"
+        )
+    allow_files(LEAST + 2 * robots, f"a fleet of {robots} robots as processes")

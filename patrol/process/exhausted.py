@@ -1,0 +1,59 @@
+"""Limits of the machine and of the account: a full disk, too many open files. They are no mistakes of ours."""
+
+from __future__ import annotations
+
+import errno
+import resource
+
+from patrol.errors import BadInput
+
+LEAST = 40
+"""Files that one process of a fleet has open at once, sockets and pipes included, with room to spare."""
+
+_ROOM = "free some space, or write elsewhere"
+_REMEDIES = {
+    errno.ENOSPC: _ROOM,
+    errno.EDQUOT: _ROOM,
+    errno.EROFS: "write elsewhere",
+    errno.EFBIG: "raise the limit of a file's size (ulimit -f)",
+    errno.EMFILE: "raise the limit of open files (ulimit -n)",
+    errno.ENFILE: "end other programs, which have too many files open",
+    errno.ENOMEM: "free some memory",
+}
+
+
+def told(error: OSError) -> str | None:
+    """Say in one line which limit an error comes from, and what to do about it.
+
+    Args:
+        error: Any.
+
+    Returns:
+        For example ``run/journal: No space left on device; free some space, or write elsewhere``; None for an
+        error that no limit explains.
+    """
+    remedy = _REMEDIES.get(error.errno or 0)
+    if remedy is None:
+        return None
+    where = "the output, or a file" if error.filename is None else error.filename
+    return f"{where}: {error.strerror}; {remedy}"
+
+
+def allow_files(count: int, what: str) -> None:
+    """Have this process, and those that it starts, allowed to open so many files at once.
+
+    A process that may not can neither open a connection nor say so: libraries abort or wait for ever.
+
+    Args:
+        count: How many.
+        what: What needs them, for the error.
+
+    Raises:
+        BadInput: The account is not allowed that many.
+    """
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if soft == resource.RLIM_INFINITY or soft >= count:
+        return
+    if hard != resource.RLIM_INFINITY and hard < count:
+        raise BadInput(f"{what} needs {count} open files, and the limit is {hard}; raise it: ulimit -n {count}")
+    resource.setrlimit(resource.RLIMIT_NOFILE, (count, hard))

@@ -1,0 +1,167 @@
+"""The command where its surroundings are bad: no output, no room, few files, no UTF-8, a signal while it loads."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.fogwatch.conftest import PATIENCE_S
+
+pytestmark = pytest.mark.processes
+
+RUN = ("run", "open", "--set", "point=2", "--duration", "2", "--robots", "2", "--no-page", "--no-picture")
+QUICK = (*RUN, "--no-recording", "--no-report", "--out", "run")
+
+
+def shell(line: str, *arguments: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run the command, ``"$@"`` in a line for the shell."""
+    command = ["sh", "-c", line, "sh", sys.executable, "-P", "-m", "fogwatch", *arguments]
+    path = "/usr/bin:/bin"
+    return subprocess.run(
+        command,
+        cwd=folder,
+        env={"PATH": path, "HOME": str(folder), **environment} if environment else None,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize(
+    ("line", "words", "code"),
+    [
+        ('"$@" >&-', ["scenario", "show", "yards"], 0),
+        ('"$@" >&-', ["--help"], 0),
+        ('"$@" >&- 2>&- <&-', ["version"], 0),
+        ('"$@" 2>&-', ["scenario", "show", "nowhere"], 2),
+        ('"$@" >&- 2>&- <&-', ["scenario", "show", "nowhere"], 2),
+        ('"$@" 2>/dev/full', ["scenario", "show", "nowhere"], 2),
+    ],
+)
+def test_a_closed_output_changes_no_exit_code(line: str, words: list[str], code: int, tmp_path: Path) -> None:
+    done = shell(line, *words, folder=tmp_path)
+    assert (done.returncode, done.stderr) == (code, "")
+
+
+def test_a_run_with_closed_streams_writes_none_of_its_words_into_its_files(tmp_path: Path) -> None:
+    """The first file that is opened would take the place of the closed output."""
+    done = shell('"$@" >&- 2>&- <&-', *QUICK, "--in-process", folder=tmp_path)
+    assert done.returncode == 0
+    names = {path.name for path in (tmp_path / "run").iterdir()}
+    assert names == {"journal", "scenario.yaml", "summary.json", "ticks.csv"}
+    assert not [name for name in names if b"verdict     " in (tmp_path / "run" / name).read_bytes()]
+
+
+@pytest.mark.parametrize("words", [["version"], ["scenario", "show", "yards"]])
+def test_an_output_without_room_is_one_line(words: list[str], tmp_path: Path) -> None:
+    done = shell('"$@" >/dev/full', *words, folder=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr == (
+        "fogwatch: the output, or a file: No space left on device; free some space, or write elsewhere\n"
+    )
+
+
+def test_a_reader_that_leaves_the_help_is_no_error(tmp_path: Path) -> None:
+    """Enough help that the reader leaves before its end, whatever a pipe holds."""
+    done = shell('{ "$@"; echo "$?" >&2; } | true', "run", "--help", folder=tmp_path)
+    assert done.stderr == "0\n"
+
+
+def test_a_locale_without_utf_8_costs_characters_and_no_run(tmp_path: Path) -> None:
+    ascii_only = {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"}
+    done = shell('"$@"', *QUICK, "--in-process", folder=tmp_path, **ascii_only)
+    assert done.returncode == 0
+    assert "Traceback" not in done.stderr
+    assert r"8800 m\xb2 to patrol" in done.stdout
+
+
+def test_few_files_are_refused_with_the_number_that_is_needed(tmp_path: Path) -> None:
+    done = shell('ulimit -n 24; exec "$@"', *QUICK, folder=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr == (
+        "fogwatch: a fleet of 2 robots as processes needs 44 open files, and the limit is 24; raise it: ulimit -n 44\n"
+    )
+    assert not (tmp_path / "run").exists()
+    router = [sys.executable, "-P", "-m", "fogwatch.router"]
+    done = subprocess.run(
+        ["sh", "-c", 'ulimit -n 24; exec "$@"', "sh", *router],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=False,
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "this process needs 40 open files, and the limit is 24; raise it: ulimit -n 40\n"
+
+
+def test_a_ground_that_there_is_no_room_for_is_one_line(tmp_path: Path) -> None:
+    """A limit of each file's size stands for a full disk."""
+    done = shell('ulimit -f 64; exec "$@"', *QUICK, "--quiet", "--set", "point=0.25", folder=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"fogwatch: {tmp_path}/run: the ground cannot be written for the processes (")
+    assert done.stderr.count("\n") == 1
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_journal_that_there_is_no_room_for_ends_the_run_in_one_line(tmp_path: Path) -> None:
+    long = [*QUICK, "--quiet", "--in-process", "--duration", "2000"]
+    done = shell('ulimit -f 64; exec "$@"', *long, folder=tmp_path)
+    assert done.returncode == 3
+    assert done.stderr == (
+        f"fogwatch: {tmp_path}/run: the run cannot be recorded any more (File too large), so it ends here; make room, "
+        "and run it again\n"
+    )
+
+
+STALLED = """
+import sys, time
+
+class Stalls:
+    def find_spec(self, name, path=None, target=None):
+        if name == {module!r}:
+            print("loading", flush=True)
+            time.sleep(600)
+
+sys.meta_path.insert(0, Stalls())
+sys.argv = ["fogwatch", *{words!r}]
+from fogwatch.cli.main import main
+sys.exit(main())
+"""
+
+
+@pytest.mark.parametrize(
+    ("module", "words"),
+    [
+        ("typer", ["version"]),
+        ("fogwatch.cli.app", ["version"]),
+        ("rich.console", ["run", "open"]),
+        ("patrol.prepare", ["scenario", "check", "open"]),
+    ],
+)
+def test_ctrl_c_while_it_loads_is_one_line(module: str, words: list[str], tmp_path: Path) -> None:
+    program = STALLED.format(module=module, words=words)
+    process = subprocess.Popen(
+        [sys.executable, "-P", "-c", program],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "loading\n"
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=PATIENCE_S)
+    assert (process.returncode, said) == (130, "fogwatch: interrupted\n")
+
+
+def test_a_folder_is_named_without_what_a_terminal_would_act_on(tmp_path: Path) -> None:
+    done = shell('"$@"', *QUICK[:-1], "run\x1b[31m", "--in-process", folder=tmp_path)
+    assert done.returncode == 0
+    assert r"run folder " + str(tmp_path) + r"/run\x1b[31m" in done.stderr
+    assert r"files       " + str(tmp_path) + r"/run\x1b[31m: " in done.stdout
+    assert "\x1b" not in done.stdout + done.stderr
