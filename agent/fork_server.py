@@ -41,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     options = _options(arguments)
     die_when_orphaned(options.lifeline)
-    _load()
+    _load(options.kernels.split(",") if options.kernels else [])
     if (count := threads()) > 1:
         report_failure(options.ready, StartFailure.OTHER, f"cannot fork: a library runs threads ({count} in all)")
         return 1
@@ -51,14 +51,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0 if made is None else _be(*made)
 
 
-def _load() -> None:
-    """Load what agents need. Nothing of it may open a connection or start a thread."""
-    from patrol.process.starting.warmup import numba_alone, warm
+def _load(kernels: Sequence[str]) -> None:
+    """Load what agents need, and some kernels beside. Nothing of it may open a connection or start a thread."""
+    from patrol.process.starting.warmup import numba_alone
 
-    warm(("patrol", "agent"), print)
     numba_alone()
     importlib.import_module("agent.build")
-    for module in NEEDED:
+    for module in (*NEEDED, *kernels):
         importlib.import_module(module)
     give_back_file_pages()
 
@@ -83,6 +82,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
         ("--lifeline", "descriptor that ends with the launcher, and that the agents inherit"),
     ):
         parser.add_argument(name, type=int, metavar="FD", help=says)
+    parser.add_argument("--kernels", default="", help="kernel modules that this scenario's agents need, with commas")
     parser.add_argument("--room", help="blanks, in the place of which the agents show their command lines")
     return parser.parse_args(arguments)
 

@@ -210,10 +210,11 @@ def _mind_of(scenario: Scenario, number: int, incarnation: int, say: Callable[[s
     from agent.build import build_mind
     from agent.ports import PolicyFailed
     from patrol.prepare import prepare
+    from patrol.process.starting.seldom import seldom_kernels
     from patrol.process.starting.warmup import warm
     from patrol.radio.fleet_key import fleet_key
 
-    warm(("patrol", "agent"), say)
+    warm(("patrol", "agent"), say, seldom_kernels(scenario))
     prepared = prepare(scenario)
     try:
         return prepared, build_mind(prepared, number, incarnation, fleet_key(scenario.radio.key))

@@ -20,6 +20,7 @@ from fogwatch.launch.live_table import CallbackDisplay, RunDisplay, SilentDispla
 from fogwatch.launch.runfolder import RunFolder, fill, make_folder
 from patrol.errors import BadInput
 from patrol.net.messages.telemetry import Metrics
+from patrol.process.starting.seldom import seldom_kernels
 from patrol.process.starting.warmup import warm
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import Scenario, load_scenario, open_scenario
@@ -174,7 +175,9 @@ def execute(scenario: Scenario, options: RunOptions) -> Result:
         fogwatch.launch.launcher.Failed: The processes could not be brought to run.
         KeyboardInterrupt: The run was interrupted before its first tick.
     """
-    warm((*PACKAGES, "monitor") if options.recording or options.report else PACKAGES, options.display.say)
+    watched = options.recording or options.report or options.page
+    packages = (*PACKAGES, "monitor") if watched else PACKAGES
+    warm(packages, options.display.say, seldom_kernels(scenario))
     if scenario.patrol.policy != PAPER or scenario.patrol.options:  # else it loads much and cannot fail
         from agent.policies.found import policy_of
 
@@ -276,6 +279,7 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
         options.page,
         scenario.radio.key,
         alike,
+        seldom_kernels(scenario),
     )
     try:
         launch.start()

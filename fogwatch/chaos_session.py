@@ -30,6 +30,7 @@ from fogwatch.launch.runfolder import RunFolder
 from fogwatch.progress import bar_on, duration
 from patrol.errors import BadInput
 from patrol.process.exit_codes import UNKNOWN
+from patrol.process.starting.seldom import SELDOM
 from patrol.process.starting.warmup import warm
 from patrol.scenario import Scenario, dump_scenario
 
@@ -97,7 +98,7 @@ class ChaosSession:
         if not self._console.is_terminal:
             seeds = f"seed {seed}" if runs == 1 else f"seeds {seed} to {seed + runs - 1}"
             self._say(f"{_scenarios(runs)}, {seeds}, {self._ways_each} ...")
-        warm(PACKAGES, self._say)
+        warm(PACKAGES, self._say, SELDOM)
 
     def run(self, seed: int, runs: int) -> None:
         """Run one scenario in all ways.

@@ -16,10 +16,8 @@ from numpy.typing import NDArray
 
 from patrol.errors import BadInput
 from patrol.ground.doors.fitting import fits_no_door, fits_nowhere, no_room_for_all
-from patrol.ground.doors.rooms import Rooms
 from patrol.ground.fields import TOLERANCE, anchor, cspace_of, parts_of, planning_radius
 from patrol.ground.kernels.clearance import nearest
-from patrol.ground.kernels.doors import ROOM
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import TAU, Pose, wrap
 from patrol.random import Purpose, draw
@@ -183,6 +181,9 @@ def _check_not_shut_in(terrain: Terrain, radius: float, part: BoolGrid) -> None:
     nearest(part.view(np.uint8), around.view(np.uint8), math.isqrt(int(away)), int(away), work, covered)
     if np.count_nonzero(covered >= 0) >= enough:
         return
+    from patrol.ground.doors.rooms import Rooms  # here, as few starts need its kernels
+    from patrol.ground.kernels.doors import ROOM
+
     rooms = Rooms(terrain, radius, part)
     doors = rooms.doors()
     if not doors or any(door.passes for door in doors):

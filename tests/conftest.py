@@ -16,6 +16,7 @@ import pytest
 from hypothesis import settings
 
 from patrol.errors import BadInput
+from patrol.process.starting import seldom
 from patrol.process.starting.warmup import warm
 
 # A slow machine is no failure; in CI a run repeats exactly, elsewhere each run searches anew.
@@ -55,7 +56,7 @@ def pytest_configure(config: pytest.Config) -> None:
     """Compile the kernels before workers start, which would compile them side by side."""
     if config.getoption("numprocesses", None) and not config.option.collectonly:
         try:
-            warm(PACKAGES, print)
+            warm(PACKAGES, print, seldom.SELDOM)
         except BadInput as error:
             raise pytest.UsageError(str(error)) from None
 

@@ -83,6 +83,7 @@ def _run(options: WorldOptions, met: Meeting, ending: Ending, vitals: Vitals) ->
     """Check the input, connect, record the run and, without a launcher, judge it; the exit code."""
     from patrol.net.keys import check_radio
     from patrol.net.security.access import read_access
+    from patrol.process.starting.seldom import seldom_kernels
     from patrol.process.starting.warmup import numba_alone, warm
     from patrol.scenario import load_scenario
     from worldsim.output.folder import check
@@ -93,7 +94,7 @@ def _run(options: WorldOptions, met: Meeting, ending: Ending, vitals: Vitals) ->
     _check_process_control(scenario, options)
     radio = check_radio(options.radio, "--radio", scenario.radio.via)
     check(options.scenario, options.out)
-    warm(("patrol", "worldsim"), _LOG.info)
+    warm(("patrol", "worldsim"), _LOG.info, seldom_kernels(scenario))
     numba_alone()
 
     from worldsim.fleet.sessions import Interrupted, Missing

@@ -5,12 +5,12 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agent.belief.contacts import Contacts
-from agent.belief.dilated import Blocks, Dilated
 from agent.belief.posts import Posts
 from agent.routes.ground import Disc
 from patrol.ground.fog import Box, Fog
@@ -21,6 +21,9 @@ from patrol.radio.inbox import Inbox
 from patrol.radio.message import CONTACT
 from patrol.radio.peers import Peer, PeerTracker
 from patrol.radio.prediction import Predictor
+
+if TYPE_CHECKING:
+    from agent.belief.dilated import Blocks, Dilated
 
 
 def spreads(posts: Posts, dilatation: int) -> bool:
@@ -79,7 +82,11 @@ class Belief:
         self._footprint = footprint
         self.looked = self.fog.last_seen.copy() if footprint.leaves_age else self.fog.last_seen
         self._tick = 0
-        self._dilated = Dilated(self.fog, ground, posts, dilatation) if spreads(posts, dilatation) else None
+        self._dilated: Dilated | None = None
+        if spreads(posts, dilatation):
+            from agent.belief.dilated import Dilated  # here, as most robots do without its kernels
+
+            self._dilated = Dilated(self.fog, ground, posts, dilatation)
 
     def update(self, tick: int, own: Pose, frames: Iterable[bytes], step: float) -> None:
         """Take in the robot's own pose and the frames heard.

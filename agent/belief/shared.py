@@ -10,13 +10,13 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agent.belief.believed import Belief
 from agent.belief.contacts import Contacts
-from agent.belief.dilated import Blocks
 from agent.belief.kernels.heard import heard_places
 from agent.belief.kernels.look import look, show
 from agent.belief.marked_fog import MarkedFog
@@ -30,6 +30,9 @@ from patrol.radio.message import CONTACT
 from patrol.radio.peers import Peer, PeerTracker
 from patrol.radio.prediction import Predictor
 from patrol.radio.units import CM_PER_M
+
+if TYPE_CHECKING:
+    from agent.belief.dilated import Blocks
 
 _Looks = tuple[bytes, frozenset[tuple[int, Pose]]]
 """What a mind has learnt in a tick: which of the tick's looks, and which others."""

@@ -139,9 +139,10 @@ def _make(
     observer: SweepObserver | None,
     say: Callable[[str], None],
 ) -> None:
+    from patrol.process.starting.seldom import SELDOM
     from patrol.process.starting.warmup import warm
 
-    warm(PACKAGES, say)
+    warm(PACKAGES, say, SELDOM)
     settings = {run.key: dict(run.settings) for run in todo}
     with workers:
         if observer is not None:

@@ -50,9 +50,10 @@ def prepare_worker() -> str:
     Returns:
         The version of fogwatch.
     """
+    from patrol.process.starting.seldom import SELDOM
     from patrol.process.starting.warmup import warm
 
-    warm(PACKAGES, lambda _: None)
+    warm(PACKAGES, lambda _: None, SELDOM)
     return software()
 
 

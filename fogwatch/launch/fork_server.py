@@ -93,7 +93,12 @@ class ForkServer:
     """Makes the agents of a run. Without one, or once it has failed, each is started by itself."""
 
     def __init__(
-        self, children: Children, log: Path, stop: Callable[[], bool], commands: Iterable[Sequence[str]]
+        self,
+        children: Children,
+        log: Path,
+        stop: Callable[[], bool],
+        commands: Iterable[Sequence[str]],
+        kernels: Sequence[str] = (),
     ) -> None:
         """Start it, where the system is one for it; it loads while the launcher does other things.
 
@@ -102,6 +107,7 @@ class ForkServer:
             log: The file that the server's own output goes to.
             stop: Asked while the launcher waits for it.
             commands: The command lines that the agents will have, about; the longest counts.
+            kernels: Kernel modules that it loads beside those that all agents need.
 
         Raises:
             OSError: It cannot be started.
@@ -118,13 +124,14 @@ class ForkServer:
         self._control.settimeout(ANSWER_S)
         try:
             with theirs:
-                self._spawn(theirs.fileno(), log, commands)
+                self._spawn(theirs.fileno(), log, commands, kernels)
         except BaseException:
             self.close()
             raise
 
-    def _spawn(self, control: int, log: Path, commands: Iterable[Sequence[str]]) -> None:
-        module, arguments = "agent.fork_server", ["--control", str(control), "--room"]
+    def _spawn(self, control: int, log: Path, commands: Iterable[Sequence[str]], kernels: Sequence[str]) -> None:
+        module = "agent.fork_server"
+        arguments = ["--control", str(control), "--kernels", ",".join(kernels), "--room"]
         arguments.append(room_for(commands, self._children.command(module, [*arguments, ""])))
         self._children.spawn(
             FORK_SERVER, module, arguments, log, inherit=[control], reports_start=True, environment=OF_MINDS

@@ -80,6 +80,7 @@ class Launch:
         page: Whether to serve a live page.
         key: The file of the fleet's key, with which the page checks the tags of messages; None without one.
         alike: Whether the agents load the same, so that they may come from one process that has loaded it.
+        kernels: Kernel modules that agents need beside those that all agents load.
         children: The processes.
         interrupted: Whether the run ends because somebody asked for it.
     """
@@ -95,6 +96,7 @@ class Launch:
     page: bool = False
     key: str | None = None
     alike: bool = False
+    kernels: Sequence[str] = ()
     interrupted: bool = False
     children: Children = field(init=False)
     _control: ProcessControlServer | None = None
@@ -122,7 +124,7 @@ class Launch:
         secrets = self._secrets = Secrets(self.fleet, self.robots)
         if self.alike and len(self.robots) > 1:  # before the others, because it has most to load
             commands = [self.children.command(AGENT, self._agent_arguments(name, LATEST)) for name in self.robots]
-            self._fork_server = ForkServer(self.children, self._log(FORK_SERVER), self.stop, commands)
+            self._fork_server = ForkServer(self.children, self._log(FORK_SERVER), self.stop, commands, self.kernels)
         self._start_router()
         secrets.for_members(self._endpoint)
         write_pointer(self.folder.access, self.fleet, self._endpoint, secrets.name)

@@ -11,7 +11,7 @@ PATIENCE_S = 300.0
 PROGRAM = """
 import sys
 from agent.fork_server import _load
-_load()
+_load([])
 loaded = set(sys.modules)
 from experiments.inprocess import run_in_process
 from patrol.best_tour import best_tour

@@ -51,13 +51,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(options: argparse.Namespace, ending: Ending, say: Callable[[str], None], vitals: Vitals) -> int:
     from patrol.prepare import prepare
+    from patrol.process.starting.seldom import seldom_kernels
     from patrol.process.starting.warmup import warm
     from patrol.scenario import load_scenario
 
     scenario = _scenario(options) if options.scenario is None else load_scenario(options.scenario)
     names = [one.name for one in robots_of(options)]
     plugs = unplugged(options, names)
-    warm(("patrol", "worldsim"), say)
+    warm(("patrol", "worldsim"), say, seldom_kernels(scenario))
     prepared = prepare(scenario)
     pace = options.pace or scenario.factor or 1.0
     with ExitStack() as stack:

@@ -7,12 +7,14 @@ nothing but one after the other. Whoever wraps or extends `PotentialField` gets 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import overload
+from typing import TYPE_CHECKING, overload
 
 from agent.policies.potential_field.policy import PotentialField
 from agent.policies.potential_field.pull.direction import bearings_by_force
-from agent.policies.potential_field.pull.field import Pull
 from agent.view import View
+
+if TYPE_CHECKING:
+    from agent.policies.potential_field.pull.field import Pull
 
 
 class Ranking(Sequence[float]):

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agent.policies.potential_field.pull.direction import bearings_by_force, bearings_by_vector
-from agent.policies.potential_field.pull.field import Field, Pull, window_of
 from agent.policies.potential_field.pull.fuzzy import FuzzySectors
+from agent.policies.potential_field.pull.windows import window_of
 from agent.policies.potential_field.separation import (
     artificial_obstacles,
     critical_areas,
@@ -29,6 +30,9 @@ from agent.view import View
 from patrol.pose import TAU
 from patrol.radio.peers import places_of
 from patrol.random import Purpose
+
+if TYPE_CHECKING:
+    from agent.policies.potential_field.pull.field import Field, Pull
 
 NOBODY: NDArray[np.int64] = np.zeros((0, 2), dtype=np.int64)
 
@@ -57,12 +61,14 @@ class PotentialField:
                 whole = window_of(patrol.paths, sizes, setup.scratch, setup.fields.patrolled, setup.regions)
             claims = patrol.claim_width if "claims" in self._separations else 0.0
             self._commitment = Commitment(setup, whole, claims)
-        # A committed robot never asks for sums of forces, whose tables and window are large.
+        # A committed robot never asks for sums of forces, whose tables, window and kernels are large.
         self._field: Field | None = None
         self._fuzzy: FuzzySectors | None = None
         if self._commitment is None:
             if patrol.avoidance == "fuzzy":
                 self._fuzzy = FuzzySectors(terrain, patrol.sectors, lengths.fuzzy_distance)
+            from agent.policies.potential_field.pull.field import Field
+
             self._field = Field(
                 patrol,
                 setup.fields,

@@ -20,6 +20,7 @@ from experiments.inprocess import run_in_process
 from patrol.journal import TickRecord
 from patrol.prepare import prepare
 from patrol.process.lifeline import heed
+from patrol.process.starting.seldom import SELDOM
 from patrol.process.starting.warmup import warm
 from patrol.scenario import Scenario, load_scenario
 from worldsim.run_record import COMPLETED
@@ -141,7 +142,7 @@ def main() -> int:
     task = json.loads(sys.stdin.read())
     most = int(MEMORY_SHARE * os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
     resource.setrlimit(resource.RLIMIT_AS, (most, resource.getrlimit(resource.RLIMIT_AS)[1]))
-    warm(PACKAGES, lambda _: None)
+    warm(PACKAGES, lambda _: None, SELDOM)
     scenario = load_scenario(task["scenario"], task["settings"])
     readings = run_fleet(scenario, task["seconds"], task["skip"], task["threads"])
     print(json.dumps(asdict(readings)))

@@ -19,6 +19,7 @@ from experiments.sweeps.casetable import json_text, write_text
 from fogwatch.progress import command_line
 from patrol.process.exit_codes import INTERRUPTED
 from patrol.process.lifeline import heed
+from patrol.process.starting.seldom import SELDOM
 from patrol.process.starting.warmup import warm
 
 FAILED = 1
@@ -69,7 +70,7 @@ def bench(
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     if machine.busy:
         console.print(machine.warning, style="red", highlight=False, markup=False, soft_wrap=True)
-    warm(PACKAGES, lambda line: console.print(line, highlight=False, markup=False))
+    warm(PACKAGES, lambda line: console.print(line, highlight=False, markup=False), SELDOM)
     findings: list[Finding] = []
     interrupted = False
     show = _Progress(console, len(tasks), findings)

@@ -18,6 +18,7 @@ from patrol.ground.builtins import LAYOUTS, builtin_terrain
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from patrol.printable import printable
+from patrol.process.starting.seldom import SELDOM
 from patrol.process.starting.warmup import warm
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def check(
         if not (math.isfinite(value) and value > 0.0):
             raise BadInput(f"--{name} = {value:g}: expected a finite number above 0, in m")
     starts = [_start(text) for text in start or []]
-    warm(("patrol",), lambda line: typer.echo(line, err=True))
+    warm(("patrol",), lambda line: typer.echo(line, err=True), SELDOM)
     from fogwatch.map_check import check_map  # here: it imports kernels, which are compiled first
 
     terrain = _terrain(what, point)

@@ -15,6 +15,7 @@ from patrol.errors import BadInput
 from patrol.ground.builtins import LAYOUTS
 from patrol.ground.terrain import Terrain
 from patrol.printable import printable
+from patrol.process.starting.seldom import SELDOM
 from patrol.process.starting.warmup import warm
 from patrol.scenario import open_scenario
 
@@ -58,7 +59,7 @@ def regions(
             overrides["point" if name == "point" else "robots.radius"] = value
     scenario = open_scenario(what, overrides)
     widest = max(spec.radius for spec in scenario.roster)
-    warm(("patrol",), lambda line: typer.echo(line, err=True))
+    warm(("patrol",), lambda line: typer.echo(line, err=True), SELDOM)
     from patrol.ground.fields import cspace_of  # here: these import kernels, which are compiled first
     from patrol.ground.maps import load_terrain
     from patrol.regions.split import regions_by_hand, split_regions

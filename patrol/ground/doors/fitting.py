@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
-from patrol.ground.doors.rooms import Door
 from patrol.ground.fields import clearance_levels
 from patrol.ground.terrain import Terrain
+
+if TYPE_CHECKING:
+    from patrol.ground.doors.rooms import Door
 
 LEAST_SHARE = 0.05
 """The smallest point that is worth advising, as a share of the body's radius."""

@@ -1,8 +1,8 @@
-"""Compiling the kernels once on a machine, not once in each of a dozen processes that start together.
+"""Compiling the kernels that a run needs before it begins, so that none of its processes has to.
 
-Numba keeps compiled kernels on disk; a kernel with an explicit signature is compiled when its module is first imported.
-A stamp next to those files says that they are there for these sources, this Python, this numba and this CPU. Without it
-one process compiles under a lock that the system drops when the process dies, and the others wait for it.
+Importing a kernel module that is not in the cache compiles it (`patrol.kernel_cache`), in one process and when it is
+imported: in the middle of a tick, at worst. `warm` compiles modules beforehand, in several processes. Processes that
+start together wait for the first of them.
 
 No kernel of ours does linear algebra. Numba looks for scipy's all the same, which costs each process, where scipy is
 installed, a fifth of a second and 15 MB; `numba_alone` keeps it from that. It also loads what numba asks for when the
@@ -12,53 +12,57 @@ first array meets a kernel, which would be in the first tick.
 from __future__ import annotations
 
 import fcntl
-import hashlib
 import importlib
-import json
-import os
-import platform
 import sys
-import tempfile
-from collections.abc import Callable, Iterable, Iterator, Sequence
+import time
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 
-from patrol.errors import BadInput
-from patrol.whole_file import write_whole
+from patrol.kernel_cache import cache_home, is_stored, storing
+from patrol.process.starting.compiling import Compiled, compile_modules
+from patrol.process.starting.seldom import SELDOM
 
 KERNELS = "kernels"
-COMPILING = "compiling the kernels, once on this machine: about half a minute ..."
+COMPILING = "compiling the kernels, once on this machine ..."
 WAITING = "another process is compiling the kernels: waiting for it ..."
+LINE_S = 5.0
+"""Time between two lines that say how far compiling is."""
 
 
-def warm(packages: Sequence[str], say: Callable[[str], None]) -> None:
+def warm(
+    packages: Sequence[str],
+    say: Callable[[str], None],
+    also: Collection[str] = (),
+    show: Callable[[Compiled], None] | None = None,
+) -> None:
     """Make sure that the kernels of some packages are compiled; returns at once when they are.
 
     Args:
         packages: Their names.
         say: Takes a line when compiling or waiting takes time.
+        also: Modules of theirs listed in `SELDOM` that are needed nevertheless; the others are left out.
+        show: Shows how far compiling is; by default `say` gets a line every few seconds.
 
     Raises:
-        BadInput: Where nothing can be kept on disk.
+        BadInput: Nothing can be stored on disk, or compiling fails.
     """
-    files = {package: kernel_files(package) for package in packages}
-    home = cache_home([path for modules in files.values() for path in modules.values()])
-    stamps = {package: home / f"fogwatch-{_platform()}-{package}.warm" for package in packages}
+    files = {
+        name: file
+        for package in packages
+        for name, file in kernel_files(package).items()
+        if name not in SELDOM or name in also
+    }
 
-    def cold() -> list[str]:
-        return [package for package in packages if not _is_warm(stamps[package], _digest(files[package].values()))]
+    def missing() -> dict[str, Path]:
+        return {name: file for name, file in files.items() if not is_stored(name, file)}
 
-    if not cold():
-        return
-    with _lock(home / "fogwatch.lock", say):
-        if missing := cold():
-            say(COMPILING)
-        for package in missing:
-            indexes = _compile(list(files[package]))
-            says = {"sources": _digest(files[package].values()), "indexes": indexes}
-            write_whole(stamps[package], json.dumps(says))
+    if missing():
+        with _lock(cache_home(), say):
+            if todo := missing():
+                say(COMPILING)
+                compile_modules(todo, show or _lines(say))
 
 
 def numba_alone() -> None:
@@ -90,52 +94,27 @@ def kernel_files(package: str) -> dict[str, Path]:
     return found
 
 
-def cache_home(kernels: Sequence[Path]) -> Path:
-    """The first folder for stamps that can be written to, in the order in which numba looks for its own.
+def progress_line(compiled: Compiled) -> str:
+    """How far compiling is, for people.
 
     Args:
-        kernels: The kernels' source files.
-
-    Raises:
-        BadInput: Where no folder can be written to.
+        compiled: The progress.
     """
-    given = os.environ.get("NUMBA_CACHE_DIR")
-    own = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
-    beside = [path.parent / "__pycache__" for path in kernels[:1]]
-    for folder in [Path(given)] if given else [*beside, Path(own).expanduser() / "fogwatch"]:
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryFile(dir=folder):
-                return folder
-        except (OSError, RuntimeError):
-            continue
-    raise _unwritable()
+    left = "" if compiled.left_s is None else f", about {max(round(compiled.left_s), 1)} s to go"
+    return f"compiling the kernels: {compiled.kernels} of {compiled.of}{left}"
 
 
-def _compile(modules: Sequence[str]) -> list[str]:
-    """Import the modules, which compiles what is not there yet; the index files that numba keeps of them."""
-    indexes: set[str] = set()
-    for name in modules:
-        try:
-            module = importlib.import_module(name)
-        except RuntimeError as error:
-            if "cannot cache" not in str(error):
-                raise
-            raise _unwritable() from None
-        for kernel in vars(module).values():
-            folder = getattr(getattr(kernel, "stats", None), "cache_path", None)
-            if folder is not None and getattr(kernel, "__module__", None) == name:
-                stem = f"{name.rpartition('.')[2]}.{kernel.__name__}-"
-                indexes.update(str(path) for path in Path(folder).glob(f"{stem}*.nbi"))
-    return sorted(indexes)
+def _lines(say: Callable[[str], None]) -> Callable[[Compiled], None]:
+    """A display that says how far compiling is every `LINE_S`."""
+    due = time.monotonic() + LINE_S
 
+    def show(compiled: Compiled) -> None:
+        nonlocal due
+        if time.monotonic() >= due and compiled.kernels < compiled.of:
+            due = time.monotonic() + LINE_S
+            say(progress_line(compiled))
 
-def _is_warm(stamp: Path, sources: str) -> bool:
-    try:
-        says = json.loads(stamp.read_text(encoding="utf-8"))
-        return says["sources"] == sources and all(Path(index).exists() for index in says["indexes"])
-    except (OSError, ValueError, LookupError, TypeError):
-        return False
+    return show
 
 
 @contextmanager
@@ -152,31 +131,14 @@ def _hidden(package: str) -> Iterator[None]:
 
 
 @contextmanager
-def _lock(path: Path, say: Callable[[str], None]) -> Iterator[None]:
-    with path.open("ab") as file:
+def _lock(home: Path, say: Callable[[str], None]) -> Iterator[None]:
+    with storing():
+        home.mkdir(parents=True, exist_ok=True)
+        file = (home / "lock").open("ab")
+    with file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             say(WAITING)
             fcntl.flock(file, fcntl.LOCK_EX)
         yield
-
-
-def _digest(files: Iterable[Path]) -> str:
-    """What numba goes by too: when a source was written, and how long it is."""
-    facts = [(str(path), stat.st_mtime_ns, stat.st_size) for path in files for stat in [path.stat()]]
-    return hashlib.sha256(json.dumps(facts).encode()).hexdigest()
-
-
-def _platform() -> str:
-    from llvmlite.binding import get_host_cpu_name  # type: ignore[import-untyped]
-
-    facts = (sys.implementation.cache_tag, platform.machine(), get_host_cpu_name(), version("numba"))
-    return hashlib.sha256(repr(facts).encode()).hexdigest()[:12]
-
-
-def _unwritable() -> BadInput:
-    return BadInput(
-        "the compiled kernels cannot be stored: neither the installed package nor the user's cache folder is writable; "
-        "set NUMBA_CACHE_DIR to a folder that is"
-    )

@@ -4,29 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.belief.dilated import Blocks
 from agent.belief.posts import Posts
 from agent.policies.potential_field.kernels.force import gather
 from agent.policies.potential_field.pull.claims import share_table
 from agent.policies.potential_field.pull.direction import sector_table
 from agent.policies.potential_field.pull.force import ForceLaw
 from agent.policies.potential_field.pull.rungs import Rungs
+from agent.policies.potential_field.pull.windows import window_of
 from agent.routes.ground import Ground
 from agent.routes.path_window import PathWindow, Place
-from agent.routes.region_paths import Regions
-from agent.routes.straight import Straight
-from agent.routes.wave import Wave
 from patrol.ground.fields import StaticFields
 from patrol.scenario import BodyLengths, PatrolSpec
 from patrol.scenario.lengths import PAPER_LENGTHS
 
 if TYPE_CHECKING:
+    from agent.belief.dilated import Blocks
     from patrol.regions.split import RegionSplit
 
 FIRST_LOOK = 20.0
@@ -295,39 +292,6 @@ class Field:
         parts = [(None, standing), (posts, beyond)] if len(posts) else [(None, standing)]
         for points, seen in parts:
             gather(points, *grids, first, last, span, *place, seen, seen if looked is None else looked, *law, *forces)
-
-
-def window_of(
-    paths: str,
-    sizes: tuple[int, int, int],
-    scratch: dict[str, PathWindow],
-    patrolled: NDArray[np.bool_],
-    regions: RegionSplit | None,
-) -> PathWindow:
-    """The window of a path method, shared where possible.
-
-    Args:
-        paths: Name of the path method.
-        sizes: The terrain's height and width, and the window's span, in points.
-        scratch: Windows made so far.
-        patrolled: bool (h, w), for straight paths.
-        regions: For paths through regions.
-
-    Raises:
-        ValueError: Paths through regions without regions.
-    """
-    key = f"{paths} {sizes}"
-    make: Callable[[], PathWindow] = partial(Wave, *sizes)
-    # A window holds a reference to the object whose id is in its key, so no other object can get that id.
-    if paths == "regions":
-        if regions is None:
-            raise ValueError("paths through regions need a split")
-        key, make = f"{key} {id(regions.parts)}", partial(Regions, *sizes, regions)
-    elif paths == "straight":
-        key, make = f"{key} {id(patrolled)}", partial(Straight, *sizes, patrolled)
-    if key not in scratch:
-        scratch[key] = make()
-    return scratch[key]
 
 
 class _Contest(NamedTuple):

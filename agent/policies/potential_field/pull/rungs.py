@@ -9,12 +9,15 @@ ends at the horizon. A rung beyond the horizon would hold forces that this sum l
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.belief.dilated import Blocks
 from agent.policies.potential_field.kernels.beyond import beyond
+
+if TYPE_CHECKING:
+    from agent.belief.dilated import Blocks
 
 COUNT = 17
 """Number of rungs."""

@@ -2,14 +2,22 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
 from patrol.errors import BadInput
-from patrol.process.starting.warmup import COMPILING, WAITING, cache_home, kernel_files, warm
+from patrol.kernel_cache import cache_home, is_stored
+from patrol.process.starting.compiling import Compiled
+from patrol.process.starting.seldom import SELDOM, seldom_kernels
+from patrol.process.starting.warmup import COMPILING, WAITING, kernel_files, progress_line, warm
+from patrol.scenario import load_scenario
+
+KERNELS = "from patrol.kernel_cache import keep_compiled\nkeep_compiled(__name__)\n"
 
 KERNEL = """
 from numba import njit
@@ -28,7 +36,7 @@ print([str(toy.kernels.sums.double(21)), str("scipy" in sys.modules)])
 import scipy.linalg
 """
 
-TWO_STARTS = """
+WARM = """
 import sys
 from patrol.process.starting.warmup import warm
 said = []
@@ -36,23 +44,36 @@ warm(("toy",), said.append)
 print(said)
 """
 
+IMPORT = """
+import toy.kernels.sums as sums
+print([str(sums.double(21)), str(sums.double.stats.cache_hits[sums.double.signatures[0]])])
+"""
+PROGRESS = progress_line(Compiled(0, 0, None)).partition(":")[0] + ":"
+COMPILED, LOADED = ["42", "0"], ["42", "1"]
+
 
 @pytest.fixture
 def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A package with one kernel, and a cache of its own."""
-    folder = tmp_path / "toy" / "kernels"
-    folder.mkdir(parents=True)
-    (tmp_path / "toy" / "__init__.py").touch()
-    (folder / "__init__.py").touch()
-    (folder / "sums.py").write_text(KERNEL, encoding="utf-8")
-    monkeypatch.setenv(
-        "PYTHONPATH", os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
-    )
+    make_toy(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", python_path(tmp_path))
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
     return tmp_path
 
 
-def start(code: str = TWO_STARTS, **environment: str) -> subprocess.Popen[str]:
+def make_toy(folder: Path) -> None:
+    kernels = folder / "toy" / "kernels"
+    kernels.mkdir(parents=True)
+    (folder / "toy" / "__init__.py").touch()
+    (kernels / "__init__.py").write_text(KERNELS, encoding="utf-8")
+    (kernels / "sums.py").write_text(KERNEL, encoding="utf-8")
+
+
+def python_path(folder: Path) -> str:
+    return os.pathsep.join([str(folder), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
+
+
+def start(code: str = WARM, **environment: str) -> subprocess.Popen[str]:
     command = [sys.executable, "-P", "-c", code]
     return subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, **environment}
@@ -63,7 +84,12 @@ def said(process: subprocess.Popen[str]) -> list[str]:
     output, errors = process.communicate(timeout=600)
     assert process.returncode == 0, errors
     lines: list[str] = json.loads(output.replace("'", '"'))
-    return lines
+    return [line for line in lines if not line.startswith(PROGRESS)]  # how many there are depends on the machine
+
+
+def entry_files(folder: Path) -> list[Path]:
+    """The files of the one entry of a cache."""
+    return sorted(path for path in (folder / "cache").rglob("*") if path.is_file() and path.name != "lock")
 
 
 @pytest.mark.usefixtures("toy")
@@ -76,6 +102,31 @@ def test_every_kernel_of_ours_is_found() -> None:
     assert "patrol.ground.kernels.fog" in found
     assert all(path.is_file() for path in found.values())
     assert kernel_files("experiments") == {}
+
+
+def test_every_module_that_is_needed_seldom_exists() -> None:
+    kernels = {name for package in ("patrol", "agent", "worldsim", "monitor") for name in kernel_files(package)}
+    assert SELDOM.keys() <= kernels
+
+
+@pytest.mark.parametrize(
+    ("settings", "expected"),
+    [
+        ({}, set()),
+        ({"terrain.builtin": "open"}, {"agent.belief.kernels.dilate"}),
+        (
+            {"patrol.commitment": "none"},
+            {"agent.belief.kernels.dilate", "agent.policies.potential_field.kernels.force"},
+        ),
+        ({"patrol.paths": "regions"}, {"agent.routes.kernels.region_paths", "patrol.regions.kernels.cuts"}),
+        ({"patrol.paths": "straight"}, {"agent.routes.kernels.straight"}),
+    ],
+)
+def test_a_scenario_says_which_seldom_kernels_it_needs(settings: dict[str, object], expected: set[str]) -> None:
+    scenario = load_scenario({"terrain": {"builtin": "yards"}}, settings)
+    needed = set(seldom_kernels(scenario))
+    assert expected <= needed
+    assert bool(expected) == bool(needed)
 
 
 def test_a_warm_machine_compiles_and_says_nothing() -> None:
@@ -93,39 +144,152 @@ def test_processes_that_start_together_compile_once(toy: Path) -> None:
     assert sum(COMPILING in told for told in lines) == 1
     assert all(told in ([], [COMPILING], [WAITING]) for told in lines)
     assert said(start()) == []
+    assert said(start(IMPORT)) == LOADED
     assert list((toy / "cache").rglob("sums.double-*.nbi"))
 
 
 @pytest.mark.processes
-def test_a_changed_source_and_a_lost_cache_are_compiled_again(toy: Path) -> None:
-    assert said(start()) == [COMPILING]
-    source = toy / "toy" / "kernels" / "sums.py"
-    source.write_text(f"{KERNEL}\n# changed\n", encoding="utf-8")
-    assert said(start()) == [COMPILING]
-    for index in (toy / "cache").rglob("*.nbi"):
-        index.unlink()
-    assert said(start()) == [COMPILING]
-    assert said(start()) == []
+def test_processes_that_import_a_kernel_together_store_it_once(toy: Path) -> None:
+    answers = [said(process) for process in [start(IMPORT) for _ in range(3)]]
+    assert sorted(answers) == sorted([COMPILED, LOADED, LOADED])
+    assert len(entry_files(toy)) == 3  # numba's index and data, and the list of both
 
 
 @pytest.mark.processes
-def test_where_nothing_can_be_kept_the_error_is_kind(toy: Path) -> None:
-    process = start(NUMBA_CACHE_LOCATOR_CLASSES="IPythonCacheLocator")
+def test_a_clone_elsewhere_finds_what_was_compiled(toy: Path) -> None:
+    assert said(start(IMPORT)) == COMPILED
+    make_toy(toy / "clone")
+    source = toy / "clone" / "toy" / "kernels" / "sums.py"
+    os.utime(source, (1, 1))
+    assert said(start(IMPORT, PYTHONPATH=python_path(toy / "clone"))) == LOADED
+    assert said(start(PYTHONPATH=python_path(toy / "clone"))) == []
+
+
+@pytest.mark.processes
+def test_a_changed_source_and_other_settings_have_entries_of_their_own(toy: Path) -> None:
+    assert said(start()) == [COMPILING]
+    assert said(start(NUMBA_BOUNDSCHECK="1")) == [COMPILING]
+    source = toy / "toy" / "kernels" / "sums.py"
+    source.write_text(f"{KERNEL}\n# changed\n", encoding="utf-8")
+    assert said(start()) == [COMPILING]
+    source.write_text(KERNEL, encoding="utf-8")
+    assert said(start()) == []
+    assert said(start(NUMBA_BOUNDSCHECK="1")) == []
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize("damage", ["truncated", "emptied", "changed", "lost"])
+def test_each_damaged_file_is_noticed_and_made_again(toy: Path, damage: str) -> None:
+    assert said(start(IMPORT)) == COMPILED
+    count = len(entry_files(toy))
+    assert count == 3
+    for at in range(count):
+        file = entry_files(toy)[at]
+        whole = file.read_bytes()
+        if damage == "lost":
+            file.unlink()
+        else:
+            half = len(whole) // 2
+            changed = whole[:half] + bytes([whole[half] ^ 1]) + whole[half + 1 :]
+            file.write_bytes({"truncated": whole[:half], "emptied": b"", "changed": changed}[damage])
+        assert said(start(IMPORT)) == COMPILED, file.name
+        assert said(start(IMPORT)) == LOADED, file.name
+        assert len(entry_files(toy)) == count
+
+
+@pytest.mark.processes
+def test_a_process_that_is_killed_while_it_compiles_leaves_nothing_behind(toy: Path) -> None:
+    source = toy / "toy" / "kernels" / "sums.py"
+    source.write_text(f"{KERNEL}\nimport os, signal\nos.kill(os.getpid(), signal.SIGKILL)\n", encoding="utf-8")
+    process = start(IMPORT)
+    process.communicate(timeout=600)
+    assert process.returncode == -signal.SIGKILL
+    assert list((toy / "cache").rglob(".making-*"))
+    process = start()
+    _, errors = process.communicate(timeout=600)
+    assert process.returncode != 0
+    assert "sums.py ended with signal 9; run the command again" in errors.splitlines()[-1]
+    source.write_text(KERNEL, encoding="utf-8")
+    assert said(start()) == [COMPILING]
+    assert said(start(IMPORT)) == LOADED
+    assert not list((toy / "cache").rglob(".making-*"))
+
+
+@pytest.mark.processes
+def test_ctrl_c_ends_the_workers(toy: Path) -> None:
+    begun = toy / "begun"
+    source = toy / "toy" / "kernels" / "sums.py"
+    wait = f"import os, time\nopen({str(begun)!r}, 'w').write(str(os.getpid()))\ntime.sleep(3600)\n"
+    source.write_text(f"{KERNEL}\n{wait}", encoding="utf-8")
+    process = start()
+    while not (begun.exists() and begun.read_text(encoding="utf-8")):
+        assert process.poll() is None
+        time.sleep(0.05)
+    worker = int(begun.read_text(encoding="utf-8"))
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=600)
+    with pytest.raises(ProcessLookupError):
+        os.kill(worker, 0)
+    source.write_text(KERNEL, encoding="utf-8")
+    assert said(start()) == [COMPILING]
+
+
+@pytest.mark.processes
+def test_a_kernel_that_cannot_be_compiled_is_named(toy: Path) -> None:
+    source = toy / "toy" / "kernels" / "sums.py"
+    source.write_text(KERNEL.replace("2 * n", "n.missing"), encoding="utf-8")
+    process = start()
+    _, errors = process.communicate(timeout=600)
+    assert process.returncode != 0
+    assert f"{source} cannot be compiled: TypingError" in errors
+
+
+@pytest.mark.processes
+def test_entries_that_nobody_has_used_for_long_are_deleted(toy: Path) -> None:
+    source = toy / "toy" / "kernels" / "sums.py"
+    for source_text, days in ((f"{KERNEL}# 1\n", 100), (f"{KERNEL}# 2\n", 10)):
+        before = {*(toy / "cache").rglob("files.json")}
+        source.write_text(source_text, encoding="utf-8")
+        assert said(start(IMPORT)) == COMPILED
+        (new,) = {*(toy / "cache").rglob("files.json")} - before
+        long_ago = time.time() - days * 86400
+        os.utime(new, (long_ago, long_ago))
+    source.write_text(f"{KERNEL}# 3\n", encoding="utf-8")
+    assert said(start(IMPORT)) == COMPILED
+    source.write_text(f"{KERNEL}# 2\n", encoding="utf-8")
+    assert said(start(IMPORT)) == LOADED
+    assert len([*(toy / "cache").rglob("files.json")]) == 2
+    assert all(time.time() - file.stat().st_mtime < 86400 for file in (toy / "cache").rglob("files.json"))
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize("code", [WARM, IMPORT])
+def test_where_nothing_can_be_stored_the_error_is_kind(toy: Path, code: str) -> None:
+    (toy / "file").touch()
+    process = start(code, NUMBA_CACHE_DIR=str(toy / "file"))
     _, errors = process.communicate(timeout=600)
     assert process.returncode != 0
     assert "set NUMBA_CACHE_DIR to a folder" in errors.splitlines()[-1]
-    (toy / "file").touch()
-    process = start(NUMBA_CACHE_DIR=str(toy / "file"))
-    assert "set NUMBA_CACHE_DIR to a folder" in process.communicate(timeout=600)[1]
 
 
-def test_the_stamp_goes_where_numba_keeps_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+def test_the_cache_is_where_the_user_wants_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "given"))
+    assert cache_home() == tmp_path / "given" / "fogwatch"
+    monkeypatch.delenv("NUMBA_CACHE_DIR")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "user"))
-    kernel = tmp_path / "kernels" / "k.py"
-    assert cache_home([kernel]) == tmp_path / "kernels" / "__pycache__"
-    (tmp_path / "closed").touch()
-    assert cache_home([tmp_path / "closed" / "k.py"]) == tmp_path / "user" / "fogwatch"
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "closed"))
+    assert cache_home() == tmp_path / "user" / "fogwatch" / "kernels"
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    assert cache_home() == tmp_path / "home" / ".cache" / "fogwatch" / "kernels"
+
+    def homeless(_path: Path) -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(Path, "expanduser", homeless)
     with pytest.raises(BadInput, match="NUMBA_CACHE_DIR"):
-        cache_home([tmp_path / "closed" / "k.py"])
+        is_stored("patrol.ground.kernels.fog", kernel_files("patrol")["patrol.ground.kernels.fog"])
+
+
+def test_the_progress_names_kernels_and_the_time_to_go() -> None:
+    assert progress_line(Compiled(3, 40, None)) == "compiling the kernels: 3 of 40"
+    assert progress_line(Compiled(20, 40, 12.4)) == "compiling the kernels: 20 of 40, about 12 s to go"

@@ -1,0 +1,271 @@
+"""Compiled kernels, kept on disk by content, so that all clones, environments and processes of a user share them.
+
+Theory of operation
+    An *entry* is a folder with numba's files for one kernel module, and with the SHA-256 of each. Its path holds the
+    module's name and a digest of all that its machine code depends on: the source, the versions of Python, numba,
+    llvmlite and numpy, the processor, and numba's settings. So an entry never goes stale; it is just not asked for any
+    more.
+
+    An entry is made in a folder of its own, under a lock, and moved to its path when it is complete. It is not changed
+    afterwards, so it can be read without a lock. Files that do not match their digests are deleted and made again.
+
+    Every package of kernels calls `keep_compiled` before any of its modules is imported. From then on importing one of
+    them loads its entry, or compiles the module and stores the entry. `patrol.process.starting.warmup` does the same
+    beforehand, in several processes, for all that a run needs.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import importlib.util
+import json
+import os
+import platform
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from functools import cache
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
+from importlib.metadata import version
+from pathlib import Path
+from types import FunctionType, ModuleType
+
+from patrol.errors import BadInput
+
+WITHOUT_EFFECT = ("NUMBA_CACHE_DIR", "NUMBA_CACHE_LOCATOR_CLASSES", "NUMBA_DEBUG_CACHE", "NUMBA_NUM_THREADS")
+"""Settings of numba that do not change the code that it makes."""
+UNUSED_S = 90 * 24 * 3600.0
+"""Entries that no process has loaded for this long are deleted when another one is made."""
+_DAY_S = 24 * 3600.0
+_LIST = "files.json"
+_UNFINISHED = ".making-"
+
+_packages: set[str] = set()
+_folders: dict[str, Path] = {}
+"""Where numba finds the files of the modules that are being imported, by module name."""
+
+
+def keep_compiled(package: str) -> None:
+    """Load a package's kernels from the cache from now on; called by the package itself.
+
+    Args:
+        package: Its full name.
+    """
+    _packages.add(package)
+    if _FINDER not in sys.meta_path:
+        sys.meta_path.insert(0, _FINDER)
+
+
+def load_alone(name: str, source: Path) -> None:
+    """Import a kernel module without the packages that it is in, and compile it where it is not in the cache.
+
+    Args:
+        name: Its full name.
+        source: Its file.
+
+    Raises:
+        BadInput: It has to be compiled, and the result cannot be stored.
+    """
+    spec = importlib.util.spec_from_file_location(name, source, loader=_KernelLoader(name, str(source)))
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # numba looks its kernels up by name
+    spec.loader.exec_module(module)
+
+
+def is_stored(name: str, source: Path) -> bool:
+    """Whether a module's entry is there; its files may be damaged, which is noticed when they are loaded.
+
+    Args:
+        name: Its full name.
+        source: Its file.
+
+    Raises:
+        BadInput: There is no folder for the cache.
+    """
+    return (_entry(name, source) / _LIST).is_file()
+
+
+def cache_home() -> Path:
+    """The folder of the cache: below ``NUMBA_CACHE_DIR``, or else the user's cache folder; it may not exist yet.
+
+    Raises:
+        BadInput: No such folder is known.
+    """
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    try:
+        user = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser()
+    except RuntimeError:
+        raise BadInput(
+            "the compiled kernels cannot be stored: this user has no home folder; set NUMBA_CACHE_DIR to a folder"
+        ) from None
+    return Path(given) / "fogwatch" if given else user / "fogwatch" / "kernels"
+
+
+@contextmanager
+def storing() -> Iterator[None]:
+    """Explain an OSError as a cache that cannot be written to."""
+    try:
+        yield
+    except OSError as error:
+        raise BadInput(
+            f"the compiled kernels cannot be stored in {cache_home()}: {error.strerror or error}; make that folder "
+            "writable, or set NUMBA_CACHE_DIR to a folder that is, with 20 MB of room"
+        ) from None
+
+
+class _KernelFinder(MetaPathFinder):
+    """Finds the modules of the packages that `keep_compiled` has been called for."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        if fullname.rpartition(".")[0] not in _packages:
+            return None
+        spec = PathFinder.find_spec(fullname, path, target)
+        if spec is not None and isinstance(spec.loader, SourceFileLoader):
+            spec.loader = _KernelLoader(fullname, spec.loader.path)
+        return spec
+
+
+_FINDER = _KernelFinder()
+
+
+class _KernelLoader(SourceFileLoader):
+    """Executes a kernel module while numba reads, or makes, the files of its entry."""
+
+    def exec_module(self, module: ModuleType) -> None:
+        entry = _entry(self.name, Path(self.path))
+        if not _is_intact(entry):
+            with storing():
+                entry.parent.mkdir(parents=True, exist_ok=True)
+                with (entry.parent / "lock").open("ab") as lock:
+                    fcntl.flock(lock, fcntl.LOCK_EX)
+                    if not _is_intact(entry):
+                        self._make(entry, module)
+                        return
+        _note_use(entry)
+        self._execute(module, entry)
+
+    def _make(self, entry: Path, module: ModuleType) -> None:
+        """Compile the module and store its entry; no other process makes an entry of this module meanwhile."""
+        _clean(entry)
+        part = Path(tempfile.mkdtemp(prefix=_UNFINISHED, dir=entry.parent))
+        try:
+            self._execute(module, part)
+            listed = {file.name: _digest(file) for file in part.iterdir()}
+            (part / _LIST).write_text(json.dumps(listed), encoding="utf-8")
+            part.rename(entry)
+        except BaseException:
+            shutil.rmtree(part, ignore_errors=True)
+            raise
+
+    def _execute(self, module: ModuleType, folder: Path) -> None:
+        _register_locator()
+        _folders[self.name] = folder
+        try:
+            super().exec_module(module)
+        finally:
+            del _folders[self.name]
+
+
+class _KernelLocator:
+    """Tells numba where the files of a kernel are (`numba.core.caching._CacheLocator`)."""
+
+    def __init__(self, folder: Path, line: int) -> None:
+        self._folder = folder
+        self._line = line
+
+    @classmethod
+    def from_function(cls, function: FunctionType, _source: str) -> _KernelLocator | None:
+        """The locator of a kernel that is being imported; None for functions of others."""
+        folder = _folders.get(function.__module__)
+        return None if folder is None else cls(folder, function.__code__.co_firstlineno)
+
+    def ensure_cache_path(self) -> None:
+        """Do nothing: the folder is there."""
+
+    def get_cache_path(self) -> str:
+        """The folder."""
+        return str(self._folder)
+
+    def get_source_stamp(self) -> str:
+        """Nothing more: the folder holds files of one source only."""
+        return ""
+
+    def get_disambiguator(self) -> str:
+        """The line at which the kernel begins."""
+        return str(self._line)
+
+
+@cache
+def _register_locator() -> None:
+    """Have numba ask `_KernelLocator` first. Where ``NUMBA_CACHE_LOCATOR_CLASSES`` is set, it asks only those."""
+    from numba.core.caching import CacheImpl
+
+    CacheImpl._locator_classes.insert(0, _KernelLocator)
+
+
+def _entry(name: str, source: Path) -> Path:
+    """The folder of a module's entry, whether it is there or not."""
+    facts = (name, hashlib.sha256(source.read_bytes()).hexdigest(), _platform(), _settings())
+    return cache_home() / name / hashlib.sha256(repr(facts).encode()).hexdigest()[:32]
+
+
+@cache
+def _platform() -> tuple[str, ...]:
+    from llvmlite.binding import get_host_cpu_features, get_host_cpu_name  # type: ignore[import-untyped]
+
+    versions = [version(package) for package in ("numba", "llvmlite", "numpy")]
+    cpu = platform.machine(), get_host_cpu_name(), get_host_cpu_features().flatten()
+    return (str(sys.implementation.cache_tag), getattr(sys, "abiflags", ""), *versions, *cpu)
+
+
+def _settings() -> tuple[object, ...]:
+    """Numba's settings: variables of the environment, and a file in the current folder."""
+    given = [item for item in os.environ.items() if item[0].startswith("NUMBA_") and item[0] not in WITHOUT_EFFECT]
+    try:
+        file = Path(".numba_config.yaml").read_bytes()
+    except OSError:
+        file = b""
+    return (*sorted(given), file)
+
+
+def _is_intact(entry: Path) -> bool:
+    """Whether an entry is there and undamaged."""
+    try:
+        listed = json.loads((entry / _LIST).read_bytes())
+        return all(_digest(entry / name) == digest for name, digest in listed.items())
+    except (OSError, ValueError, AttributeError, TypeError):
+        return False
+
+
+def _digest(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+def _note_use(entry: Path) -> None:
+    """Keep an entry from being deleted as unused."""
+    with suppress(OSError):  # a cache that others have made may be read-only
+        if time.time() - (entry / _LIST).stat().st_mtime > _DAY_S:
+            os.utime(entry / _LIST)
+
+
+def _clean(entry: Path) -> None:
+    """Delete what is in the way of a new entry: a damaged one, what killed processes have left, and unused ones."""
+    for folder in entry.parent.iterdir():
+        if folder == entry or folder.name.startswith(_UNFINISHED) or _is_unused(folder):
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def _is_unused(folder: Path) -> bool:
+    try:
+        return time.time() - (folder / _LIST).stat().st_mtime > UNUSED_S
+    except OSError:
+        return False

@@ -1,0 +1,147 @@
+"""Compiling kernel modules in several processes at once.
+
+Kernels call none of another file, so modules can be compiled in any order. Each process takes the next one when it has
+finished one, the longest source first, so that none is still at work long after the others.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import selectors
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from patrol.errors import BadInput
+
+WORKER = "patrol.process.starting.compile_worker"
+MOST_WORKERS = 8
+"""More processes gain little: the slowest modules alone take as long."""
+LOOK_S = 0.5
+"""Time between two looks at the clock."""
+FEW = 0.1
+"""The share of the work that is done before the time to go is estimated."""
+
+
+@dataclass(frozen=True, slots=True)
+class Compiled:
+    """How far compiling is.
+
+    Attributes:
+        kernels: Compiled so far.
+        of: All.
+        left_s: Time to go, s; None as long as nothing is known about it.
+    """
+
+    kernels: int
+    of: int
+    left_s: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Work:
+    """A module to compile; its size in bytes stands for how long that takes."""
+
+    name: str
+    source: Path
+    kernels: int
+    size: int
+
+
+class _Worker:
+    """A process that compiles one module at a time."""
+
+    def __init__(self) -> None:
+        # In a session of its own: Ctrl-C reaches the parent alone, which ends its workers.
+        self.process = subprocess.Popen(
+            [sys.executable, "-P", "-m", WORKER], stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
+        )
+        self.work: _Work | None = None
+
+    def give(self, work: _Work) -> None:
+        """Have it compile a module."""
+        self.work = work
+        assert self.process.stdin is not None
+        with suppress(BrokenPipeError):  # its end is noticed where its answer is read
+            self.process.stdin.write(f"{json.dumps([work.name, str(work.source)])}\n".encode())
+            self.process.stdin.flush()
+
+    def finish(self) -> _Work:
+        """Read its answer.
+
+        Returns:
+            What it has compiled.
+
+        Raises:
+            BadInput: It could not compile the module, or has ended.
+        """
+        assert self.process.stdout is not None
+        assert self.work is not None
+        answer = self.process.stdout.readline()
+        if not answer.endswith(b"\n"):
+            code = self.process.wait()
+            why = f"signal {-code}" if code < 0 else f"exit code {code}"
+            raise BadInput(
+                f"a process that compiled {self.work.source} ended with {why}; run the command again, and if there is "
+                "little memory, end other programs before"
+            )
+        if error := json.loads(answer):
+            raise BadInput(error)
+        return self.work
+
+    def end(self) -> None:
+        """Kill it; what it was compiling is not stored."""
+        self.process.kill()
+        self.process.wait()
+        for stream in (self.process.stdin, self.process.stdout):
+            if stream is not None:
+                with suppress(BrokenPipeError):
+                    stream.close()
+
+
+def compile_modules(modules: Mapping[str, Path], show: Callable[[Compiled], None]) -> None:
+    """Compile kernel modules and store them in the cache (`patrol.kernel_cache`).
+
+    Args:
+        modules: Their files by full name.
+        show: Called with the progress at each change, and every `LOOK_S`.
+
+    Raises:
+        BadInput: One cannot be compiled or stored, or a process that compiles was killed.
+    """
+    todo = sorted((_work(name, source) for name, source in modules.items()), key=lambda work: work.size)
+    of, size = sum(work.kernels for work in todo), sum(work.size for work in todo)
+    done: list[_Work] = []
+    begun = time.monotonic()
+    workers: list[_Worker] = []
+    with selectors.DefaultSelector() as answers:
+        try:
+            for _ in range(min(len(os.sched_getaffinity(0)), len(todo), MOST_WORKERS)):
+                workers.append(worker := _Worker())
+                worker.give(todo.pop())
+                assert worker.process.stdout is not None
+                answers.register(worker.process.stdout, selectors.EVENT_READ, worker)
+            while len(done) < len(modules):
+                for key, _ in answers.select(LOOK_S):
+                    worker = key.data
+                    done.append(worker.finish())
+                    if todo:
+                        worker.give(todo.pop())
+                    else:
+                        answers.unregister(key.fileobj)
+                share = sum(work.size for work in done) / size
+                left_s = None if share < FEW else (time.monotonic() - begun) * (1.0 - share) / share
+                show(Compiled(sum(work.kernels for work in done), of, left_s))
+        finally:
+            for worker in workers:
+                worker.end()
+
+
+def _work(name: str, source: Path) -> _Work:
+    text = source.read_text(encoding="utf-8")
+    return _Work(name, source, text.count("@njit"), len(text))

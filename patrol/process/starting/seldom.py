@@ -1,0 +1,57 @@
+"""Kernels that few runs need: the rest of a scenario's are compiled before it runs, these only where it uses them.
+
+A module that is missing here is compiled before every first run. One that is listed although a run needs it is compiled
+when that run imports it, in one process while the others wait.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
+from patrol.scenario.policy_file import PAPER
+
+if TYPE_CHECKING:
+    from patrol.scenario import Scenario
+
+
+def _follows_forces(scenario: Scenario) -> bool:
+    """Whether robots sum forces, or may: a policy of another kind can build on anything."""
+    return scenario.patrol.commitment == "none" or scenario.patrol.policy != PAPER
+
+
+def _dilates(scenario: Scenario) -> bool:
+    """Whether beliefs spread staleness (`agent.belief.believed.spreads`); an open field has no posts."""
+    return _follows_forces(scenario) or scenario.terrain.builtin == "open"
+
+
+def _has_regions(scenario: Scenario) -> bool:
+    return scenario.patrol.paths == "regions"
+
+
+def _goes_straight(scenario: Scenario) -> bool:
+    return scenario.patrol.paths == "straight"
+
+
+SELDOM: Mapping[str, Callable[[Scenario], bool]] = {
+    "agent.belief.kernels.changes": _dilates,
+    "agent.belief.kernels.dilate": _dilates,
+    "agent.policies.potential_field.kernels.beyond": _follows_forces,
+    "agent.policies.potential_field.kernels.force": _follows_forces,
+    "agent.routes.kernels.region_paths": _has_regions,
+    "agent.routes.kernels.straight": _goes_straight,
+    "patrol.ground.kernels.doors": lambda _: False,  # where a random start may be shut in
+    "patrol.regions.kernels.cuts": _has_regions,
+    "patrol.regions.kernels.outline": _has_regions,
+    "patrol.regions.kernels.pieces": _has_regions,
+}
+"""Modules, and whether a run of a scenario needs them."""
+
+
+def seldom_kernels(scenario: Scenario) -> list[str]:
+    """The modules of `SELDOM` that a run needs.
+
+    Args:
+        scenario: Its scenario.
+    """
+    return [name for name, needs in SELDOM.items() if needs(scenario)]
