@@ -18,8 +18,9 @@ help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | while IFS= read -r line; do \
 		printf '  make %-12s %s\n' "$${line%%:*}" "$${line#*## }"; done
 
-.PHONY: install
-install: $(VENV)/.installed ## set up .venv with the locked dependencies
+.PHONY: install develop
+install: $(VENV)/.installed ## set up .venv with what a run needs, as locked
+develop: $(VENV)/.developed ## add what the other targets need: tools for tests and checks, libraries for experiments
 
 .PHONY: demo
 demo: install ## run five cars, each a process, on the terrain `site` for ten simulated minutes
@@ -35,7 +36,7 @@ browser: ## install Chromium, for the tests of the page (needs root and apt-get)
 		else false; fi; } || { echo "there is no chromium, and make cannot install it: install it by hand" >&2; false; }
 
 .PHONY: pictures
-pictures: install ## make the README's pictures of the page again (needs Chromium)
+pictures: develop ## make the README's pictures of the page again (needs Chromium)
 	$(BIN)/python docs/pictures/make.py
 
 # Several processes share the tests: two more than there are processors (`tests/conftest.py`), up to four.
@@ -45,16 +46,16 @@ PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist worksteal
 
 .PHONY: test test-rest test-all
 test: export PYTHONDONTWRITEBYTECODE :=
-test: install $(if $(CI),browser) ## check style, types and layers, run the quick tests and one real fleet of each kind
+test: develop $(if $(CI),browser) ## check style, types and layers, run the quick tests and one real fleet of each kind
 	$(PYTEST) --suite quick
 
 test-rest: export PYTHONDONTWRITEBYTECODE :=
-test-rest: install $(if $(CI),browser)
+test-rest: develop $(if $(CI),browser)
 	$(PYTEST) --suite rest
 
 .PHONY: times
 times: export PYTHONDONTWRITEBYTECODE :=
-times: install ## measure the processor time of every test, which decides what is quick, into tests/times.tsv
+times: develop ## measure the processor time of every test, which decides what is quick, into tests/times.tsv
 	rm -f build/times.tsv; mkdir -p build
 	$(PYTEST) --suite all --times $(CURDIR)/build/times.tsv
 	awk -F '\t' '$$1 >= 1.0' build/times.tsv | LC_ALL=C sort -t "$$(printf '\t')" -k 2 >tests/times.tsv
@@ -66,7 +67,7 @@ test-all: test test-rest test-bounds-quick ## everything that is quick enough fo
 N ?= 1
 .PHONY: test-hard
 test-hard: export PYTHONDONTWRITEBYTECODE :=
-test-hard: install ## hunt for tests that depend on speed, order or neighbours (hours; N=5 rounds, TESTS="tests/agent")
+test-hard: develop ## hunt for tests that depend on speed, order or neighbours (hours; N=5 rounds, TESTS="tests/agent")
 	$(BIN)/python -m tests.hunt --times $(N) $(if $(SEED),--seed $(SEED)) -- -n auto --maxprocesses 4 $(TESTS)
 
 # Tests of code that runs kernels, and those that call the kernels themselves, without whole patrols and large maps: these
@@ -79,15 +80,15 @@ QUICK_KERNEL_TESTS := $(addprefix tests/patrol/ground/test_,footprint.py fog.py 
 BOUNDS := NUMBA_BOUNDSCHECK=1 NUMBA_CACHE_DIR="$(CURDIR)/build/numba-bounds"
 
 .PHONY: test-bounds test-bounds-quick
-test-bounds: install ## the tests of kernels, with every index checked
+test-bounds: develop ## the tests of kernels, with every index checked
 	$(BOUNDS) $(BIN)/python -m pytest -m "not processes and not browser" $(KERNEL_TESTS)
 
-test-bounds-quick: install
+test-bounds-quick: develop
 	$(BOUNDS) $(BIN)/python -m pytest -m "not processes and not browser" $(QUICK_KERNEL_TESTS) \
 		-k "not patrols_on_regions and not patrolled_much and not builtin_terrains"
 
 .PHONY: test-network
-test-network: install ## run a fleet in network namespaces (Linux, root; otherwise it is skipped, with the reason)
+test-network: develop ## run a fleet in network namespaces (Linux, root; otherwise it is skipped, with the reason)
 	$(BIN)/python -m pytest -m network -rs
 
 .PHONY: test-hosts
@@ -96,22 +97,22 @@ test-hosts: install ## a router and two robots, a host each: one robot is cut of
 		--out runs/hosts-$$(date +%Y%m%d-%H%M%S)
 
 .PHONY: accept
-accept: install ## the long checks: measure what the project promises
+accept: develop ## the long checks: measure what the project promises
 	$(BIN)/python -m pytest -m accept
 
 .PHONY: bench rivals
 bench: rivals ## measure the speed of everything, beside other libraries (hours; BENCH="kernels --quick")
 	$(BIN)/fogwatch bench $(BENCH)
 
-rivals: install $(VENV)/.rivals ## install the libraries that benchmarks compare our kernels with (needs a C++ compiler)
+rivals: develop $(VENV)/.rivals ## install the libraries that benchmarks compare our kernels with (needs a C++ compiler)
 
 # scikit-fmm is published as source alone.
-$(VENV)/.rivals: requirements-bench.lock | $(VENV)/.installed
+$(VENV)/.rivals: requirements-bench.lock | $(VENV)/.developed
 	$(PIP) install --quiet --only-binary :all: --no-binary scikit-fmm --require-hashes --no-deps -r requirements-bench.lock
 	@touch $@
 
 .PHONY: lint
-lint: install ## check style, types and layers only
+lint: develop ## check style, types and layers only
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
@@ -121,6 +122,8 @@ lint: install ## check style, types and layers only
 lock: ## rewrite the lock files from pyproject.toml (installs uv into build/)
 	test -x build/uv/bin/uv || { $(PYTHON) -m venv build/uv && build/uv/bin/python -m pip install -q uv; }
 	$(LOCK) --extra all --extra dev --output-file requirements.lock pyproject.toml
+	$(LOCK) --extra sim --extra monitor --extra checkout --constraint requirements.lock \
+		--output-file requirements-run.lock pyproject.toml
 	$(LOCK) --extra bench --constraint requirements.lock --output-file requirements-bench.lock pyproject.toml
 
 LOCK := build/uv/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header --no-annotate
@@ -130,7 +133,7 @@ clean: ## remove .venv, caches and build products; runs/ stays
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -not -path './.git/*' -prune -exec rm -rf {} +
 
-# Three steps, so that a change of pyproject.toml does not download everything again.
+# Steps of their own, so that a change of pyproject.toml does not download everything again.
 $(VENV)/.created:
 	@test -n "$(PYTHON)" || { echo "fogwatch needs Python 3.11 or newer, and none was found: install one, or say make install PYTHON=/path/to/python3" >&2; exit 1; }
 	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
@@ -140,12 +143,21 @@ $(VENV)/.created:
 	"$(PYTHON)" -m venv --clear $(VENV)
 	@touch $@
 
-$(VENV)/.locked: requirements.lock | $(VENV)/.created
-	@echo "installing the locked dependencies into $(VENV): about a minute"
-	$(PIP) install --quiet --only-binary :all: --require-hashes --no-deps -r requirements.lock
+$(VENV)/.locked: requirements-run.lock | $(VENV)/.created
+	@echo "installing what a run needs into $(VENV): about half a minute"
+	$(LOCKED) -r requirements-run.lock
 	@touch $@
 
 $(VENV)/.installed: pyproject.toml $(VENV)/.locked
 	$(PIP) install --quiet --no-deps --no-build-isolation -e .
 	$(PIP) check
 	@touch $@
+
+# Both lock files name the same versions, so what is there already stays.
+$(VENV)/.developed: requirements.lock $(VENV)/.installed
+	@echo "adding the tools for development to $(VENV): about half a minute"
+	$(LOCKED) -r requirements.lock
+	$(PIP) check
+	@touch $@
+
+LOCKED = $(PIP) install --quiet --only-binary :all: --require-hashes --no-deps

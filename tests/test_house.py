@@ -173,11 +173,14 @@ def test_documents_name_files_that_exist() -> None:
     assert not missing
 
 
-LOCKS = ("requirements.lock", "requirements-bench.lock")
-"""What everybody who works on fogwatch installs, and what benchmarks compare our kernels with."""
+LOCKS = ("requirements.lock", "requirements-run.lock", "requirements-bench.lock")
+"""Lock files: of all that work on fogwatch needs, of the part that a run needs, of the benchmarks' rivals."""
+
+RUN_EXTRAS = ("sim", "monitor", "checkout")
+"""The extras that the lock file of a run is for."""
 
 BENCH = "bench"
-"""The extra that the second lock file is for, and no other part of the project asks for."""
+"""The extra that the third lock file is for, and no other part of the project asks for."""
 
 
 def locked(name: str) -> dict[str, list[str]]:
@@ -208,12 +211,10 @@ def test_locks_hold_what_the_project_asks_for() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())
     extras = dict(project["project"]["optional-dependencies"])
     rivals = extras.pop(BENCH)
-    asked = [
-        *project["build-system"]["requires"],
-        *project["project"]["dependencies"],
-        *(line for extra in extras.values() for line in extra),
-    ]
-    for lines, lock in zip((asked, rivals), map(pinned, LOCKS), strict=True):
+    base = [*project["build-system"]["requires"], *project["project"]["dependencies"]]
+    asked = [*base, *(line for extra in extras.values() for line in extra)]
+    run = [*base, *(line for extra in RUN_EXTRAS for line in extras[extra])]
+    for lines, lock in zip((asked, run, rivals), map(pinned, LOCKS), strict=True):
         for wanted in map(Requirement, lines):
             if wanted.name == "fogwatch":
                 continue
@@ -222,7 +223,9 @@ def test_locks_hold_what_the_project_asks_for() -> None:
 
 
 def test_the_locks_agree_and_rivals_are_in_no_other_installation() -> None:
-    everybody, bench = map(pinned, LOCKS)
+    everybody, run, bench = map(pinned, LOCKS)
+    assert {name: versions for name, versions in run.items() if everybody[name] != versions} == {}
+    assert run.keys().isdisjoint({"scipy", "dask", "shapely", "pytest", "mypy", "ruff", "hypothesis", "playwright"})
     assert {name: bench[name] for name in bench.keys() & everybody.keys() if bench[name] != everybody[name]} == {}
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     others = [line for name, lines in extras.items() if name != BENCH for line in lines]
