@@ -15,11 +15,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fogwatch.launch.clerk_messages import JUDGING
 from fogwatch.launch.limits import check_limits
 from fogwatch.launch.live_table import CallbackDisplay, RunDisplay, SilentDisplay
 from fogwatch.launch.runfolder import RunFolder, fill, make_folder
 from patrol.errors import BadInput
 from patrol.net.messages.telemetry import Metrics
+from patrol.process.lifeline import Interrupted
 from patrol.process.starting.seldom import seldom_kernels
 from patrol.process.starting.warmup import warm
 from patrol.radio.fleet_key import fleet_key
@@ -28,13 +30,16 @@ from patrol.scenario.controls import prepared_as_operated
 from patrol.scenario.policy_file import PAPER
 
 if TYPE_CHECKING:
+    from fogwatch.launch.clerk_child import ClerkChild
     from fogwatch.launch.launcher import Launch
-    from patrol.journal import Event, TickRecord
+    from patrol.journal import Event, Journal, TickRecord
     from patrol.prepare import Prepared
     from worldsim.run_record import RunRecord
     from worldsim.verdict.judge import Verdict
     from worldsim.world import World
 
+PICTURE = "drawing fog.png"
+"""A step of a run's end, as people read it."""
 EAGER = 16
 """Fleets of up to this many robots are started before the check that they fit, which saves time."""
 PACKAGES = ("patrol", "agent", "worldsim")
@@ -84,6 +89,7 @@ class RunOptions:
         begin: Called when the ticks are about to begin. Before that, KeyboardInterrupt ends everything.
         stop: Asked from then on whether to end early.
         urgent: Asked from then on whether to end by force.
+        over: Called when the ticks are over. From then on KeyboardInterrupt ends the run's end.
         picture: Whether to draw the final fog, fog.png, when the run has ended.
         recording: Whether to write recording.mcap when the run has ended.
         report: Whether to write report.html when the run has ended.
@@ -99,6 +105,7 @@ class RunOptions:
     begin: Callable[[], None] = lambda: None
     stop: Callable[[], bool] = lambda: False
     urgent: Callable[[], bool] = lambda: False
+    over: Callable[[], None] = lambda: None
     picture: bool = True
     recording: bool = False
     report: bool = False
@@ -252,10 +259,12 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions)
             from fogwatch.launch.launcher import Failed
 
             raise Failed(str(unwritten)) from None
+    options.over()
     return _result(folder, prepared, outcome.journal, outcome.verdict, outcome.summary, options)
 
 
 def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) -> Result:
+    from fogwatch.launch.clerk_child import ClerkChild
     from fogwatch.launch.launcher import WORLD, Failed, Launch
     from fogwatch.launch.moved_folder import found_again
     from patrol.prepare import prepare
@@ -267,6 +276,7 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
     fleet, alike = f"{scenario.name}-{os.urandom(4).hex()}", scenario.patrol.policy == PAPER
     absent = [names[number - 1] for number in Timeline(scenario).starts_absent]
     handle = os.open(folder.path, os.O_RDONLY | os.O_DIRECTORY)
+    clerk = ClerkChild(folder, options.display)
     launch = Launch(
         folder,
         fleet,
@@ -280,42 +290,70 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
         scenario.radio.key,
         alike,
         seldom_kernels(scenario),
+        clerk,
     )
-    try:
-        launch.start()
-        prepared = prepared or prepare(scenario)
-        _announce(scenario, folder, options)
-        _write_static(prepared, folder)
-        _begin(options)
-        _unfinished(folder.static).rename(folder.static)
-        launch.watch()
-    except BaseException:
-        launch.interrupted = True
-        raise
-    finally:
-        exit_codes = _finish(launch)
-        folder = found_again(folder, handle, options.display.say)
-        for static in (folder.static, _unfinished(folder.static)):
-            shutil.rmtree(static, ignore_errors=True)
+    with closing(clerk):
+        try:
+            launch.start()
+            prepared = prepared or prepare(scenario)
+            _announce(scenario, folder, options)
+            _write_static(prepared, folder)
+            _begin(options)
+            _unfinished(folder.static).rename(folder.static)
+            launch.watch()
+        except BaseException:
+            launch.interrupted = True
+            raise
+        finally:
+            exit_codes = _finish(launch)
+            folder = found_again(folder, handle, options.display.say)
+            for static in (folder.static, _unfinished(folder.static)):
+                shutil.rmtree(static, ignore_errors=True)
+        options.over()
+        if not folder.journal.exists():
+            raise KeyboardInterrupt if launch.interrupted else Failed(launch.describe_end(WORLD))
+        if exit_codes[WORLD] != 0:
+            options.display.say(launch.describe_end(WORLD))
+        return _ended_as_processes(folder, prepared, exit_codes, options, clerk)
 
-    if not folder.journal.exists():
-        raise KeyboardInterrupt if launch.interrupted else Failed(launch.describe_end(WORLD))
 
+def _ended_as_processes(
+    folder: RunFolder,
+    prepared: Prepared,
+    exit_codes: Mapping[str, int | None],
+    options: RunOptions,
+    clerk: ClerkChild,
+) -> Result:
+    """Judge a run whose processes have ended, and write its files."""
+    from fogwatch.launch.launcher import Failed
     from patrol.journal import read_journal
     from worldsim.output.summary import summarise
     from worldsim.verdict.judge import judge
 
-    if exit_codes[WORLD] != 0:
-        options.display.say(launch.describe_end(WORLD))
     try:
         journal = read_journal(folder.journal)
     except BadInput as bad:
         raise Failed(str(bad)) from None
     operated = prepared_as_operated(prepared, journal.events)
-    verdict = judge(journal, exit_codes, prepared, baseline_s=_baseline(operated, options))
-    wall_s = journal.end.notes.get("wall_s") if journal.end else None
-    summary = {**summarise(journal, verdict, wall_s, operated), "exit_codes": dict(exit_codes)}
-    return _result(folder, operated, journal, verdict, summary, options)
+    try:
+        options.display.progress(JUDGING)
+        # A recovery is judged by a second run, of which the clerk does not know.
+        judged = None if options.recovery else clerk.judged(exit_codes)
+        if judged is not None:
+            verdict, summary = judged.verdict, judged.summary
+        else:
+            verdict = judge(journal, exit_codes, prepared, baseline_s=_baseline(operated, options))
+            wall_s = journal.end.notes.get("wall_s") if journal.end else None
+            summary = summarise(journal, verdict, wall_s, operated)
+        options.display.progress(JUDGING, 1.0)
+    except Interrupted:
+        options.display.say(
+            f"interrupted before the run was judged; `fogwatch judge {folder.path}` judges it, and `fogwatch report` "
+            "and `fogwatch record` write its files"
+        )
+        raise
+    summary = {**summary, "exit_codes": dict(exit_codes)}
+    return _result(folder, operated, journal, verdict, summary, options, clerk)
 
 
 def _announce(scenario: Scenario, folder: RunFolder, options: RunOptions) -> None:
@@ -371,41 +409,82 @@ def _result(
     verdict: Verdict,
     summary: Mapping[str, Any],
     options: RunOptions,
+    clerk: ClerkChild | None = None,
 ) -> Result:
-    """Write the summary and the files that are made from the journal."""
-    from patrol.journal import Journal
+    """Write the summary and the files that are made from the journal, the report by the clerk where there is one."""
     from worldsim.run_record import INTERRUPTED
 
-    asked = options.stop()
     try:
         folder.write_summary(summary)
     except OSError as error:
         options.display.say(f"{folder.summary}: cannot be written ({error.strerror}); the summary is shown only")
     step = prepared.scenario.step
     mfow_s = np.array([record.mfow for record in journal.ticks], dtype=np.float64) * step
-    if options.picture and len(mfow_s) and not options.urgent():
-        options.display.say("drawing the final fog ...")
-        _draw(folder, prepared, options)
-    if len(mfow_s) and isinstance(journal, Journal) and (options.recording or options.report):
-        from fogwatch.launch.derived import derive
-
-        options.display.say(f"writing {' and '.join(_derived(options))} ...")
-        derive(
-            journal,
-            prepared,
-            summary,
-            folder.recording if options.recording else None,
-            folder.report if options.report else None,
-            # An interrupted run gets its files as well, unless it is interrupted a second time.
-            cancelled=lambda: options.urgent() or (options.stop() and not asked),
-            say=options.display.say,
-        )
     interrupted = journal.end is not None and journal.end.reason == INTERRUPTED
+    if len(mfow_s):
+        try:
+            _write_files(folder, prepared, journal, summary, options, clerk)
+        except Interrupted:
+            interrupted = True
+            options.display.say(
+                f"interrupted: not all files are written; `fogwatch report {folder.path}` and `fogwatch record "
+                f"{folder.path}` write them"
+            )
     return Result(summary, folder.path, mfow_s, verdict, interrupted)
 
 
-def _derived(options: RunOptions) -> list[str]:
-    return ["the recording"] * options.recording + ["the report"] * options.report
+def _write_files(
+    folder: RunFolder,
+    prepared: Prepared,
+    journal: RunRecord,
+    summary: Mapping[str, Any],
+    options: RunOptions,
+    clerk: ClerkChild | None,
+) -> None:
+    """Write recording, report and picture."""
+    from patrol.journal import Journal
+
+    display = options.display
+    recording = folder.recording if options.recording else None
+    report = folder.report if options.report else None
+    if isinstance(journal, Journal):
+        asked = report is not None and clerk is not None and clerk.begin_report(summary)
+        _derive(journal, prepared, summary, recording, None if asked else report, display)
+    else:
+        asked = False
+    if options.picture:
+        display.progress(PICTURE)
+        _draw(folder, prepared, options)
+        display.progress(PICTURE, 1.0)
+    if asked and clerk is not None:
+        written = clerk.report_written()
+        if written is None:
+            _derive(journal, prepared, summary, None, report, display)
+        elif written.problem:
+            display.say(written.problem)
+
+
+def _derive(
+    journal: Journal,
+    prepared: Prepared,
+    summary: Mapping[str, Any],
+    recording: Path | None,
+    report: Path | None,
+    display: RunDisplay,
+) -> None:
+    """Write a recording and a report, each unless it is None, and show how far that is."""
+    files = [file.name for file in (recording, report) if file is not None]
+    if not files:
+        return
+    from fogwatch.launch.derived import derive
+
+    step, ticks = f"writing {' and '.join(files)}", prepared.scenario.ticks
+
+    def progress(k: int) -> None:
+        display.progress(step, k / ticks if k < ticks else None)
+
+    derive(journal, prepared, summary, recording, report, display.say, progress)
+    display.progress(step, 1.0)
 
 
 def _draw(folder: RunFolder, prepared: Prepared, options: RunOptions) -> None:

@@ -240,6 +240,9 @@ def run(
     def begin() -> None:
         ending.patience = 1  # the first ends the run in order, the second at once
 
+    def over() -> None:
+        ending.patience = ending.times  # one more, and no more files are written
+
     display = make_display(quiet)
     run_options = RunOptions(
         out,
@@ -250,6 +253,7 @@ def run(
         begin=begin,
         stop=lambda: bool(ending),
         urgent=lambda: ending.times > 1,
+        over=over,
         picture=picture,
         recording=recording,
         report=report,

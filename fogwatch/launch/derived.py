@@ -17,24 +17,19 @@ if TYPE_CHECKING:
     from patrol.prepare import Prepared
 
 
-class _Cancelled(Exception):
-    """The user does not want to wait for the files."""
+class _Progress:
+    """Follows a replay and says how many ticks are done."""
 
-
-class _CancelCheck:
-    """Follows a replay and cancels it when the user does not want to wait."""
-
-    def __init__(self, cancelled: Callable[[], bool]) -> None:
-        self._cancelled = cancelled
+    def __init__(self, progress: Callable[[int], None]) -> None:
+        self._progress = progress
 
     def before(self, k: int, fog: Fog, views: Sequence[View]) -> None:
-        """Raise `_Cancelled` if the replay is cancelled."""
-        del k, fog, views
-        if self._cancelled():
-            raise _Cancelled
+        """Do nothing."""
 
     def after(self, k: int, fog: Fog) -> None:
-        """Do nothing."""
+        """Say that a tick is done."""
+        del fog
+        self._progress(k + 1)
 
 
 def derive(
@@ -43,12 +38,13 @@ def derive(
     summary: Mapping[str, Any],
     recording: Path | None,
     report: Path | None,
-    cancelled: Callable[[], bool],
     say: Callable[[str], None],
+    progress: Callable[[int], None],
 ) -> None:
     """Write a run's recording and its report in one pass over the journal.
 
-    A file that cannot be written is reported with `say` and does not make the run invalid.
+    A file that cannot be written is reported with `say` and does not make the run invalid. An interruption leaves
+    nothing of a file that is not complete.
 
     Args:
         journal: The run's journal.
@@ -56,14 +52,12 @@ def derive(
         summary: The summary, as in summary.json.
         recording: The recording to write, or None.
         report: The report to write, or None.
-        cancelled: Asked again and again; once it returns True, nothing more is written.
         say: Takes lines for the user.
+        progress: Called again and again with the number of ticks that were replayed.
     """
     try:
         warm(("patrol", "monitor"), say)
-        _derive(journal, prepared, summary, recording, report, _CancelCheck(cancelled))
-    except _Cancelled:
-        say("no recording and no report: cancelled; make them with `fogwatch record` and `fogwatch report`")
+        _derive(journal, prepared, summary, recording, report, _Progress(progress))
     except ImportError as error:
         say(f"no recording and no report: {error.name} is not installed (pip install 'fogwatch[monitor]')")
     except BadInput as error:
@@ -79,7 +73,7 @@ def _derive(
     summary: Mapping[str, Any],
     recording: Path | None,
     report: Path | None,
-    cancel_check: _CancelCheck,
+    replayed: _Progress,
 ) -> None:
     from monitor.recording.run_recorder import Recorder
     from monitor.replay.replay import Watcher, play
@@ -93,7 +87,7 @@ def _derive(
         key = None  # it was removed meanwhile; the report says that tags were not checked
     run = read_run(journal.path.parent, journal, prepared, summary, key)
     recorder = None if recording is None else Recorder(run, recording)
-    along: list[Watcher] = [cancel_check, *([recorder] if recorder else [])]
+    along: list[Watcher] = [replayed, *([recorder] if recorder else [])]
     try:
         analysis = None
         if report is None:

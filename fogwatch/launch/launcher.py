@@ -17,6 +17,7 @@ from pathlib import Path
 
 from fogwatch.launch.child_control import ProcessControlServer
 from fogwatch.launch.children import Child, Children
+from fogwatch.launch.clerk_child import ClerkChild
 from fogwatch.launch.fork_server import FORK_SERVER, OF_MINDS, ForkServer
 from fogwatch.launch.free_port import free_port
 from fogwatch.launch.live_table import RunDisplay
@@ -81,6 +82,7 @@ class Launch:
         key: The file of the fleet's key, with which the page checks the tags of messages; None without one.
         alike: Whether the agents load the same, so that they may come from one process that has loaded it.
         kernels: Kernel modules that agents need beside those that all agents load.
+        clerk: Judges the run while it goes on; None for nobody.
         children: The processes.
         interrupted: Whether the run ends because somebody asked for it.
     """
@@ -97,6 +99,7 @@ class Launch:
     key: str | None = None
     alike: bool = False
     kernels: Sequence[str] = ()
+    clerk: ClerkChild | None = None
     interrupted: bool = False
     children: Children = field(init=False)
     _control: ProcessControlServer | None = None
@@ -326,6 +329,8 @@ class Launch:
                 break
             if (arrived := seen.get(_TICK_S)) is not None:
                 self.display.metrics(arrived[1])
+                if self.clerk is not None:
+                    self.clerk.ticking()
             while (news := heard.get()) is not None:
                 self.display.notice(news[1])
             self._check_children()

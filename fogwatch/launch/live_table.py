@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Protocol
 
-from rich.console import Console
+from rich.console import Console, RenderableType
 from rich.live import Live
 from rich.progress_bar import ProgressBar
 from rich.table import Table
@@ -62,6 +62,15 @@ class RunDisplay(Protocol):
         """
         ...
 
+    def progress(self, step: str, share: float | None = None) -> None:
+        """Show how far a step of the run's end is. Several may go on at once.
+
+        Args:
+            step: What is done, such as "writing report.html".
+            share: How much of it is done, 0 to 1; None when unknown.
+        """
+        ...
+
     def close(self) -> None:
         """Stop showing: the run is over."""
         ...
@@ -77,6 +86,9 @@ class SilentDisplay:
         """Do nothing."""
 
     def notice(self, notice: Notice) -> None:
+        """Do nothing."""
+
+    def progress(self, step: str, share: float | None = None) -> None:
         """Do nothing."""
 
     def close(self) -> None:
@@ -105,6 +117,7 @@ class PlainDisplay:
     def __init__(self, console: Console) -> None:
         self._console = console
         self._due = 0.0
+        self._step_due: dict[str, float] = {}
 
     def say(self, line: str) -> None:
         """Print a line."""
@@ -121,6 +134,14 @@ class PlainDisplay:
         """Print an event."""
         self.say(_news(notice))
 
+    def progress(self, step: str, share: float | None = None) -> None:
+        """Print that a step begins, and then how far it is, if the last such line is `PLAIN_S` old."""
+        now = time.monotonic()
+        begins = step not in self._step_due
+        if begins or (now >= self._step_due[step] and share != 1.0):
+            self._step_due[step] = now + PLAIN_S
+            self.say(f"{step} ..." if begins or share is None else f"{step}: {100.0 * share:.0f} %")
+
     def close(self) -> None:
         """Do nothing."""
 
@@ -132,6 +153,7 @@ class LiveTable:
         self._live = Live(console=console, refresh_per_second=8, transient=True)
         self._console = console
         self._started = False
+        self._steps: dict[str, tuple[float, float | None]] = {}
 
     def say(self, line: str) -> None:
         """Print a line above the table."""
@@ -139,20 +161,51 @@ class LiveTable:
 
     def metrics(self, metrics: Metrics) -> None:
         """Update the table."""
-        if not self._started:
-            self._live.start()
-            self._started = True
-        self._live.update(_table(metrics))
+        self._show(_table(metrics))
 
     def notice(self, notice: Notice) -> None:
         """Print an event above the table."""
         self.say(_news(notice))
+
+    def progress(self, step: str, share: float | None = None) -> None:
+        """Show a bar for each step that goes on, instead of the table."""
+        begun, _ = self._steps.get(step, (time.monotonic(), None))
+        self._steps[step] = begun, share
+        if share == 1.0:
+            del self._steps[step]
+        self._show(_StepBars(self._steps))
 
     def close(self) -> None:
         """Remove the table."""
         if self._started:
             self._live.stop()
             self._started = False
+
+    def _show(self, shown: RenderableType) -> None:
+        if not self._started:
+            self._live.start()
+            self._started = True
+        self._live.update(shown)
+
+
+class _StepBars:
+    """A bar and the time spent for each of some steps, as of the moment at which they are drawn."""
+
+    def __init__(self, steps: Mapping[str, tuple[float, float | None]]) -> None:
+        """Show steps.
+
+        Args:
+            steps: For each, when it began, and how much of it is done.
+        """
+        self._steps = dict(steps)
+
+    def __rich__(self) -> Table:
+        rows = Table.grid(padding=(0, 1))
+        now = time.monotonic()
+        for step, (begun, share) in self._steps.items():
+            bar = ProgressBar(total=1.0, completed=share or 0.0, width=30, pulse=share is None, animation_time=now)
+            rows.add_row(Text(step), bar, clock(now - begun))
+        return rows
 
 
 class GuardedDisplay:
@@ -185,6 +238,10 @@ class GuardedDisplay:
     def notice(self, notice: Notice) -> None:
         """Show an event."""
         self._attempt(lambda: self.shown.notice(notice))
+
+    def progress(self, step: str, share: float | None = None) -> None:
+        """Show how far a step of the run's end is."""
+        self._attempt(lambda: self.shown.progress(step, share))
 
     def close(self) -> None:
         """Stop showing, and report how much could not be shown."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -24,6 +23,7 @@ from monitor.report.analysis import Analysis, best_tour_s, measures, outcome_of,
 from monitor.report.radio_section import links_section
 from monitor.report.style import Drawing, draw
 from patrol.errors import BadInput
+from patrol.whole_file import write_whole
 from patrol.yaml_text import read_text
 
 MOST_EVENTS = 300
@@ -186,13 +186,9 @@ def write_page(document: str, out: Path) -> None:
         BadInput: It cannot be written.
     """
     check_out(out, REPORT)
-    part = out.with_name(f"{out.name}.part")
     try:
-        part.write_text(document, encoding="utf-8")
-        part.replace(out)
+        write_whole(out, document)
     except OSError as error:
-        with suppress(OSError):
-            part.unlink()
         raise BadInput(f"{out}: cannot be written ({error.strerror}); choose another file") from None
 
 

@@ -175,12 +175,44 @@ def read_journal(path: Path) -> Journal:
     return Journal(path)
 
 
+class GrowingJournal(Journal):
+    """A journal that is still being written, read as it grows; its events and its end are those read so far."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._records = _Records(path, self._robots)
+        self._events: tuple[Event, ...] = ()
+        self._end: End | None = None
+
+    def read_on(self) -> Iterator[Record]:
+        """The whole records, the header included, that follow those read before.
+
+        Raises:
+            BadInput: As from `Journal`.
+        """
+        for record in self._records:
+            if isinstance(record, Event):
+                self._events += (record,)
+            elif isinstance(record, End):
+                self._end = record
+            yield record
+
+    @property
+    def _rest(self) -> _Rest:
+        return _Rest(self._events, self._end, self._records.truncated)
+
+
 class _Records:
-    """One pass over a file's whole records; afterwards `truncated` says whether anything else follows them."""
+    """A pass over a file's whole records; afterwards `truncated` says whether anything else follows them.
+
+    A second pass goes on behind the last whole record of the first, in a file that has grown since.
+    """
 
     def __init__(self, path: Path, robots: int, skip_ticks: bool = False) -> None:
         self.path = path
         self.truncated = False
+        self._number = 0
+        self._read_bytes = 0
         self._robots = robots
         self._longest = longest_record(robots)
         self._skip_ticks = skip_ticks
@@ -188,10 +220,16 @@ class _Records:
     def __iter__(self) -> Iterator[Record]:
         try:
             with open_untrusted(self.path, JOURNAL) as file:
-                self._check_magic(file.readline(len(MAGIC) + 8))
-                for number, payload in enumerate(self._payloads(file)):
+                if self._read_bytes:
+                    file.seek(self._read_bytes)
+                else:
+                    self._check_magic(file.readline(len(MAGIC) + 8))
+                    self._read_bytes = len(MAGIC)
+                for payload in self._payloads(file):
+                    self._number += 1
+                    self._read_bytes += _FRAME.size + len(payload)
                     if not (self._skip_ticks and is_tick(payload)):
-                        yield self._record(number, payload)
+                        yield self._record(self._number - 1, payload)
         except OSError as error:
             raise BadInput(f"{self.path}: cannot be read ({error.strerror})") from None
 

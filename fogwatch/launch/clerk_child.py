@@ -1,0 +1,138 @@
+"""The launcher's side of the clerk: started once a run has gone on for a while, and asked when it has ended.
+
+Whatever becomes of the clerk, the run goes on, and the launcher can do without it.
+"""
+
+from __future__ import annotations
+
+import pickle
+import socket
+import time
+from collections.abc import Mapping
+from multiprocessing.connection import Connection
+from typing import Any, TypeVar
+
+from fogwatch.launch.children import Children
+from fogwatch.launch.clerk_messages import REPORT, Judged, Progress, ReportAsked, ReportWritten, VerdictAsked
+from fogwatch.launch.live_table import RunDisplay
+from fogwatch.launch.runfolder import RunFolder
+
+CLERK = "the clerk"
+"""A name that no robot can have."""
+AFTER_S = 5.0
+"""How long a run has gone on when its clerk is started, s: a shorter one is judged before a process has started."""
+SILENT_S = 60.0
+"""A clerk that says nothing for this long is given up, s; its longest work without a word is the search for a tour."""
+_POLL_S = 0.1
+
+Answer = TypeVar("Answer", Judged, ReportWritten)
+
+
+class ClerkChild:
+    """The clerk of one run, which may never be started, or die at any time."""
+
+    def __init__(self, folder: RunFolder, display: RunDisplay) -> None:
+        """Start nothing yet.
+
+        Args:
+            folder: The run folder.
+            display: Shows how far the clerk is.
+        """
+        self._folder = folder
+        self._display = display
+        self._children = Children(lambda: False)
+        self._connection: Connection | None = None
+        self._due: float | None = None
+        self._started = False
+
+    def ticking(self) -> None:
+        """Take note that the run goes on; start the clerk when it is time."""
+        now = time.monotonic()
+        if self._due is None:
+            self._due = now + AFTER_S
+        elif not self._started and now >= self._due:
+            self._started = True
+            self._start()
+
+    def judged(self, exit_codes: Mapping[str, int | None]) -> Judged | None:
+        """Ask for the verdict of the run, which has ended.
+
+        Args:
+            exit_codes: As for `worldsim.verdict.judge.judge`.
+
+        Returns:
+            What the clerk says; None where there is no clerk any more.
+        """
+        self._send(VerdictAsked(exit_codes))
+        return self._await(Judged)
+
+    def begin_report(self, summary: Mapping[str, Any]) -> bool:
+        """Have the report written, meanwhile.
+
+        Args:
+            summary: The summary, as in summary.json.
+
+        Returns:
+            Whether there is a clerk for that.
+        """
+        self._send(ReportAsked(summary, self._folder.report))
+        return self._connection is not None
+
+    def report_written(self) -> ReportWritten | None:
+        """Wait for the report.
+
+        Returns:
+            How that went; None where the clerk is gone.
+        """
+        written = self._await(ReportWritten)
+        self._display.progress(REPORT, 1.0)
+        return written
+
+    def close(self) -> None:
+        """End the clerk; a file that it has not completed is gone then."""
+        self._children.end(list(self._children.by_name))
+        self._children.close()
+        self._give_up()
+
+    def _start(self) -> None:
+        ours, theirs = socket.socketpair()
+        with theirs:
+            arguments = ["--run", str(self._folder.path), "--talk", str(theirs.fileno())]
+            self._connection = Connection(ours.detach())
+            try:
+                log = self._folder.log("clerk")
+                self._children.spawn(CLERK, "fogwatch.clerk", arguments, log, inherit=[theirs.fileno()])
+            except OSError:  # the system has no room for one more process
+                self._give_up()
+
+    def _send(self, message: VerdictAsked | ReportAsked) -> None:
+        if self._connection is not None:
+            try:
+                self._connection.send(message)
+            except OSError:
+                self._give_up()
+
+    def _await(self, kind: type[Answer]) -> Answer | None:
+        """The clerk's next message of a kind; progress that comes before is shown."""
+        until = time.monotonic() + SILENT_S
+        while self._connection is not None:
+            try:
+                if not self._connection.poll(_POLL_S):
+                    if time.monotonic() >= until:
+                        self._give_up()
+                    continue
+                message = self._connection.recv()
+            except (OSError, EOFError, pickle.UnpicklingError):
+                self._give_up()
+                continue
+            until = time.monotonic() + SILENT_S
+            if isinstance(message, kind):
+                return message
+            if isinstance(message, Progress):
+                self._display.progress(message.step, message.share)
+        return None
+
+    def _give_up(self) -> None:
+        if self._connection is not None:
+            self._connection.close()
+            self._connection = None

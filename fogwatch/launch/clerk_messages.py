@@ -1,0 +1,75 @@
+"""What a launcher and the clerk of its run say to each other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from worldsim.verdict.judge import Verdict
+
+JUDGING, REPORT = "judging the run", "writing report.html"
+"""Steps of a run's end, as people read them."""
+
+
+@dataclass(frozen=True, slots=True)
+class VerdictAsked:
+    """The question for the verdict, when the run has ended.
+
+    Attributes:
+        exit_codes: As for `worldsim.verdict.judge.judge`.
+    """
+
+    exit_codes: Mapping[str, int | None]
+
+
+@dataclass(frozen=True, slots=True)
+class ReportAsked:
+    """The order to write the run's report.
+
+    Attributes:
+        summary: The summary, as in summary.json.
+        out: The file to write.
+    """
+
+    summary: Mapping[str, Any]
+    out: Path
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How far the clerk is with what it was asked for.
+
+    Attributes:
+        step: What it does, as the display calls it.
+        share: How much of that is done, 0 to 1; None when unknown.
+    """
+
+    step: str
+    share: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """A run's verdict and summary.
+
+    Attributes:
+        verdict: The verdict.
+        summary: As from `worldsim.output.summary.summarise`.
+    """
+
+    verdict: Verdict
+    summary: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class ReportWritten:
+    """The end of writing the report.
+
+    Attributes:
+        problem: Why there is none; empty when it is written.
+    """
+
+    problem: str = ""

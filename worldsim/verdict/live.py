@@ -1,0 +1,108 @@
+"""The verdict of a run that is still going on: read from its journal as that grows, and ready soon after its end.
+
+It is the verdict that `worldsim.verdict.judge.judge` gives of the finished journal, for the same reasons:
+
+- A tick is judged once the record after it has come: by then the journal holds all events that the checks of this tick
+  look at, which are those before the next tick.
+- Operators add faults while the run goes on, and checks are chosen and prepared by all faults of a run. So an event of
+  an operator, or one that comes too late for its tick, begins the judging anew, with all events so far.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from patrol.journal import Event, TickRecord
+from patrol.journal.file import GrowingJournal
+from patrol.scenario.controls import OPERATOR, prepared_as_operated
+from worldsim.verdict.judge import Judge, Verdict
+
+if TYPE_CHECKING:
+    from patrol.prepare import Prepared
+
+
+class LiveJudge:
+    """Judges a run of processes while it goes on.
+
+    Attributes:
+        journal: The run's journal, as far as it was read.
+        prepared: The run's scenario, with what operators have added so far.
+        judged: How many ticks were judged.
+    """
+
+    def __init__(self, path: Path, prepared: Prepared) -> None:
+        """Judge nothing yet.
+
+        Args:
+            path: The journal, which has its header.
+            prepared: As for `worldsim.verdict.judge.judge`.
+
+        Raises:
+            BadInput: It is no journal.
+        """
+        self.journal = GrowingJournal(path)
+        self.prepared = prepared
+        self.judged = 0
+        self._loaded = prepared
+        self._exit_codes: dict[str, int | None] = {"the world": None}  # it has not been seen to end
+        self._judge: Judge | None = None
+        self._waiting: TickRecord | None = None
+        self._ticks = 0
+
+    def read_on(self, progress: Callable[[int], None] = lambda _: None) -> None:
+        """Judge the ticks that have been recorded since, but the last.
+
+        Args:
+            progress: Called after each tick with the number of ticks judged.
+
+        Raises:
+            BadInput: The journal holds something that no journal holds.
+        """
+        for record in self.journal.read_on():
+            if isinstance(record, TickRecord):
+                self._ticks += 1
+                if self._judge is not None:
+                    self._judge_waiting(progress)
+                    self._waiting = record
+            elif isinstance(record, Event) and (record.kind == OPERATOR or record.k <= self.judged):
+                self._judge = None
+        if self._judge is None:
+            self._begin_anew(progress)
+
+    def verdict(
+        self, exit_codes: Mapping[str, int | None], progress: Callable[[int], None] = lambda _: None
+    ) -> Verdict:
+        """Judge the rest of the journal, which is written no more, and give the verdict.
+
+        Args:
+            exit_codes: As for `worldsim.verdict.judge.judge`; not empty.
+            progress: As for `read_on`.
+
+        Raises:
+            BadInput: As from `read_on`.
+        """
+        self.read_on(progress)
+        self._judge_waiting(progress)
+        self._exit_codes.clear()
+        self._exit_codes.update(exit_codes)
+        assert self._judge is not None
+        return self._judge.verdict()
+
+    def _begin_anew(self, progress: Callable[[int], None]) -> None:
+        """Judge all ticks that were read, but the last, with all events that were read."""
+        self.prepared = prepared_as_operated(self._loaded, self.journal.events)
+        self._judge = Judge(self.journal, self._exit_codes, self.prepared)
+        self.judged, self._waiting = 0, None
+        for record in islice(self.journal.ticks, self._ticks):
+            self._judge_waiting(progress)
+            self._waiting = record
+
+    def _judge_waiting(self, progress: Callable[[int], None]) -> None:
+        if self._waiting is not None and self._judge is not None:
+            self._judge.tick(self._waiting)
+            self._waiting = None
+            self.judged += 1
+            progress(self.judged)
