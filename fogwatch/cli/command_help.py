@@ -29,6 +29,7 @@ ORDER = (
     "replay",
     "report",
     "compare",
+    "judge",
     "recording",
     "sweep",
     "experiment",

@@ -36,7 +36,19 @@ def print_summary(console: Console, summary: Mapping[str, Any], folder: Path) ->
     console.print(_robots(summary["robots"]))
     if left_out := _left_out(summary["robots"]):
         console.print(f"and {left_out} more robots, which are in summary.json", highlight=False)
-    verdict = summary["verdict"]
+    print_verdict(console, summary["verdict"])
+    console.print(f"trace       {summary['trace_hash']}", markup=False, highlight=False, soft_wrap=True)
+    files = ", ".join(sorted(path.name for path in folder.iterdir()))
+    console.print(printable(f"files       {folder}: {files}"), markup=False, highlight=False, soft_wrap=True)
+
+
+def print_verdict(console: Console, verdict: Mapping[str, Any]) -> None:
+    """Print a verdict, its warnings, and the checks that failed or could not be judged.
+
+    Args:
+        console: Where to print.
+        verdict: As in summary.json.
+    """
     text = Text("verdict     ").append(verdict["outcome"], _VERDICTS[verdict["outcome"]])
     warnings = verdict.get("warnings", ())
     if warnings:
@@ -45,15 +57,14 @@ def print_summary(console: Console, summary: Mapping[str, Any], folder: Path) ->
         text.append(f": {sum(check['judged'] for check in verdict['checks'])} checks passed")
     console.print(text, highlight=False)
     for line in warnings[:MOST_WARNINGS]:
-        console.print(f"  warning: {line}", style="yellow", markup=False, highlight=False, soft_wrap=True)
+        text = Text(printable(f"  warning: {line}"), "yellow")
+        console.print(text, highlight=False, soft_wrap=True)
     if len(warnings) > MOST_WARNINGS:
         console.print(f"  {len(warnings) - MOST_WARNINGS} more warnings are in summary.json", style="yellow")
     for check in verdict["checks"]:
         if not check["ok"] or not check["judged"]:
-            style = "yellow" if check["ok"] else "red"
-            console.print(f"  {check['name']}: {check['detail']}", style=style, highlight=False, soft_wrap=True)
-    files = ", ".join(sorted(path.name for path in folder.iterdir()))
-    console.print(printable(f"files       {folder}: {files}"), markup=False, highlight=False, soft_wrap=True)
+            text = Text(printable(f"  {check['name']}: {check['detail']}"), "yellow" if check["ok"] else "red")
+            console.print(text, highlight=False, soft_wrap=True)
 
 
 def measures(summary: Mapping[str, Any]) -> list[str]:

@@ -206,6 +206,24 @@ def open_run(folder: Path, key: Path | None = None) -> Run:
     """
     journal = journal_in(folder)
     secret = fleet_key(key)
+    summary = read_summary(folder / SUMMARY)
+    prepared = prepared_as_operated(prepared_in(folder, journal), journal.events)
+    return read_run(folder, journal, prepared, summary, secret)
+
+
+def prepared_in(folder: Path, journal: Journal) -> Prepared:
+    """Prepare the scenario in a run's folder, which may be a stranger's, without what operators have added.
+
+    Args:
+        folder: The folder; no file outside of it is opened.
+        journal: Its journal.
+
+    Returns:
+        The prepared scenario.
+
+    Raises:
+        BadInput: Scenario and journal do not belong together, or the scenario cannot be prepared.
+    """
     scenario = load_scenario(folder / SCENARIO, opens_policy=False)
     if [robot.number for robot in journal.header.robots] != [spec.number for spec in scenario.roster]:
         raise BadInput(
@@ -217,9 +235,7 @@ def open_run(folder: Path, key: Path | None = None) -> Run:
             f"{folder}: the journal's terrain has {facts.width} x {facts.height} points and that of {SCENARIO} "
             f"{terrain.width} x {terrain.height}; they belong to different runs: restore the run's own {SCENARIO}"
         )
-    summary = read_summary(folder / SUMMARY)
-    prepared = prepared_as_operated(prepare(scenario, terrain), journal.events)
-    return read_run(folder, journal, prepared, summary, secret)
+    return prepare(scenario, terrain)
 
 
 def read_run(

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -68,6 +69,9 @@ class _Direct(_Part):
 
 
 class _Summary(_Part):
+    trace_hash: str | None = None
+    mfow_mean_s: float | None = None
+    exit_codes: dict[str, int | None] | None = None
     verdict: _Verdict | None = None
     stalest: _Places | None = None
     faults: dict[str, _Effects] | None = None
@@ -99,6 +103,9 @@ def read_summary(path: Path) -> Mapping[str, Any] | None:
     if not isinstance(says, dict):
         raise BadInput(f"{path}: holds {quoted(says)}, which is no summary; remove or restore it")
     refuse_half_characters(says, str(path))
+    for field, value in _values(says, ""):
+        if isinstance(value, float) and not math.isfinite(value):
+            raise BadInput(f"{path}: {field} is too large for a number; remove or restore the file")
     try:
         _Summary.model_validate(says)
     except ValidationError as error:
@@ -107,6 +114,19 @@ def read_summary(path: Path) -> Mapping[str, Any] | None:
         wrong = f"{field} = {quoted(first['input'])}: {first['msg'][:1].lower()}{first['msg'][1:]}"
         raise BadInput(f"{path}: {wrong}; remove or restore the file") from None
     return says
+
+
+def _values(node: object, field: str) -> Iterator[tuple[str, object]]:
+    """Yield all values of a JSON document, each with its dotted field."""
+    waiting = [(field, node)]
+    while waiting:
+        field, node = waiting.pop()
+        if isinstance(node, dict):
+            waiting += [(f"{field}.{name}" if field else name, value) for name, value in node.items()]
+        elif isinstance(node, list):
+            waiting += [(f"{field}.{place}", value) for place, value in enumerate(node)]
+        else:
+            yield field, node
 
 
 def _no_number(constant: str) -> float:

@@ -1,0 +1,137 @@
+"""``fogwatch judge``: a finished run judged again, on any machine. Raises BadInput; the caller prints it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from fogwatch.cli.runs.open_run import KEY, RUN
+from patrol.errors import quoted
+from patrol.printable import printable
+
+if TYPE_CHECKING:
+    from patrol.journal import Journal
+    from patrol.prepare import Prepared
+    from worldsim.verdict.agreement import Difference
+    from worldsim.verdict.judge import Verdict
+
+EXAMPLES = ["fogwatch judge runs/yards-20260101-120000"]
+EXIT_CODES = (
+    "0 verdict valid, 1 verdict invalid or summary.json says something else than the journal, 2 bad input, 3 verdict "
+    "unknown (the journal does not reach its end)"
+)
+DISAGREES = 1
+MOST_SHOWN = 20
+"""Differences printed at most."""
+NO_KEY = Path("(no --key)")
+"""In place of a key's file that a scenario names."""
+
+
+def judge(
+    run: Annotated[Path, RUN],
+    key: Annotated[Path | None, KEY] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> int:
+    """Judge a run again, by its scenario and its journal, and say where its summary.json says something else.
+
+    It opens no file outside of the run's folder but the key, and runs nothing that is in the folder. The exit codes of
+    the processes are in no journal: those that summary.json states are taken as they are.
+    """
+    from monitor.replay.run import prepared_in
+    from monitor.replay.run_files import SUMMARY, journal_in
+    from monitor.replay.summary_file import read_summary
+    from patrol.journal import trace_hash
+    from patrol.process.starting.warmup import warm
+    from worldsim.verdict.agreement import differences
+
+    journal = journal_in(run)
+    stated = read_summary(run / SUMMARY)
+    warm(("patrol", "worldsim"), lambda line: typer.echo(line, err=True))
+    loaded = _with_key(prepared_in(run, journal), key)
+    codes = (stated or {}).get("exit_codes") or {}
+    verdict, found = _judged(journal, loaded, codes)
+    differing = [] if stated is None else differences(stated, found)
+    edited = not _same_scenario(loaded, journal)
+    trace = trace_hash(journal.ticks, loaded.scenario.spares)
+    if as_json:
+        facts = {
+            "verdict": found["verdict"],
+            "trace_hash": trace,
+            "mfow_mean_s": found["mfow_mean_s"],
+            "exit_codes": codes,
+            "scenario_agrees": not edited,
+            "summary_agrees": None if stated is None else not differing,
+            "differences": [asdict(difference) for difference in differing],
+        }
+        typer.echo(json.dumps(facts, indent=2))
+    else:
+        _print(found, trace, codes, stated is not None, differing, edited)
+    return verdict.exit_code or (DISAGREES if differing or edited else 0)
+
+
+def _judged(journal: Journal, loaded: Prepared, codes: Mapping[str, int | None]) -> tuple[Verdict, dict[str, Any]]:
+    """The verdict, and the summary as summary.json would have it."""
+    from patrol.scenario.controls import prepared_as_operated
+    from worldsim.output.summary import summarise
+    from worldsim.verdict.judge import judge as judged
+
+    verdict = judged(journal, codes, loaded)
+    wall_s = journal.end.notes.get("wall_s") if journal.end else None
+    operated = prepared_as_operated(loaded, journal.events)
+    summary: dict[str, Any] = json.loads(json.dumps(summarise(journal, verdict, wall_s, operated)))
+    return verdict, summary
+
+
+def _with_key(prepared: Prepared, key: Path | None) -> Prepared:
+    """The scenario with the key that was given: the file that it names may be anybody's."""
+    radio = prepared.scenario.radio
+    if radio.key is None:
+        return prepared
+    given = radio.model_copy(update={"key": key or NO_KEY})
+    return replace(prepared, scenario=prepared.scenario.model_copy(update={"radio": given}))
+
+
+def _same_scenario(loaded: Prepared, journal: Journal) -> bool:
+    """Whether the folder's scenario is the one that the journal was written for."""
+    from patrol.scenario import load_scenario, same_but_for_files
+
+    told = load_scenario(journal.header.scenario, base=loaded.scenario.base, called="journal", opens_policy=False)
+    return same_but_for_files(loaded.scenario, told)
+
+
+def _print(
+    found: Mapping[str, Any],
+    trace: str,
+    codes: Mapping[str, int | None],
+    has_summary: bool,
+    differing: list[Difference],
+    edited: bool,
+) -> None:
+    from rich.console import Console
+
+    from fogwatch.launch.summary_text import print_verdict
+
+    print_verdict(Console(), found["verdict"])
+    typer.echo(f"trace       {trace}")
+    if codes:
+        typer.echo(f"exit codes  of {len(codes)} processes, as summary.json states them: no journal holds any")
+    else:
+        typer.echo("exit codes  none are known: how processes ended was not judged")
+    if edited:
+        typer.echo("scenario    scenario.yaml is not the scenario that the journal was written for")
+    if not has_summary:
+        typer.echo("summary     there is no summary.json, or it is not complete")
+        return
+    if not differing:
+        typer.echo("summary     agrees with the journal in every field")
+        return
+    typer.echo(f"summary     disagrees with the journal in {len(differing)} field{'s' * (len(differing) > 1)}")
+    for one in differing[:MOST_SHOWN]:
+        typer.echo(printable(f"  {one.field}: {quoted(one.stated)}, and by the journal {quoted(one.found)}"))
+    if len(differing) > MOST_SHOWN:
+        typer.echo(f"  and {len(differing) - MOST_SHOWN} more (--json lists them)")
