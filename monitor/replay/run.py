@@ -6,6 +6,7 @@ written, gives the ticks that it has.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -18,9 +19,9 @@ from numpy.typing import NDArray
 from monitor.observation.frames import count_frames
 from monitor.replay.run_files import SCENARIO, SUMMARY, journal_in
 from monitor.replay.summary_file import read_summary
-from patrol.errors import BadInput
+from patrol.errors import BadInput, quoted
 from patrol.ground.maps import load_terrain
-from patrol.journal import Journal
+from patrol.journal import Journal, TraceHash
 from patrol.journal.records import DEAD_END, FORGED, Event, RobotFacts, Status, TickRecord, sent_at, standing_after
 from patrol.pose import Pose, command_of
 from patrol.prepare import Prepared, prepare
@@ -99,6 +100,7 @@ class Run:
         rejected: Number of frames that robots report as rejected.
         final_status: uint8 (n,), status at the end, including events after the last tick.
         events: All events.
+        trace: The trace hash of the ticks.
         ended: How the run ended; None for a journal without an end.
         truncated: Whether the journal ends within a record.
         summary: The content of summary.json; None without one.
@@ -126,6 +128,7 @@ class Run:
     rejected: int
     final_status: NDArray[np.uint8]
     events: tuple[Event, ...]
+    trace: str
     ended: str | None
     truncated: bool
     summary: Mapping[str, Any] | None
@@ -171,6 +174,32 @@ class Run:
     def keyless(self) -> bool:
         """Whether the fleet tags its messages with a key that is not known here."""
         return self.prepared.scenario.radio.key is not None and self.key is None
+
+    @cached_property
+    def disagreements(self) -> tuple[str, ...]:
+        """The fields of the summary that the journal does not confirm, one line each, as far as it is quick to tell.
+
+        `fogwatch judge` compares every field, the verdict among them.
+        """
+        end = self.journal.end
+        mean = float(self.mfow.mean()) * self.step
+        found = {
+            "trace_hash": self.trace if end is not None else None,
+            "ended": None if end is None else end.reason,
+            "ticks": self.ticks,
+            "mfow_mean_s": mean,
+            "mfow_max_s": float(self.mfow.max()) * self.step,
+            "mfow_end_s": float(self.mfow[-1]) * self.step,
+        }
+        stated = self.summary or {}
+        lines = [
+            f"{SUMMARY} states {field} = {quoted(stated[field])}, and the journal gives {quoted(value)}"
+            for field, value in found.items()
+            if field in stated and not _equal(stated[field], value)
+        ]
+        if end is not None and end.trace_hash != self.trace:
+            lines.append("the journal's ticks do not have the trace hash that its end states")
+        return tuple(lines)
 
     @property
     def dead_end_share(self) -> NDArray[np.float64]:
@@ -266,7 +295,9 @@ def read_run(
     models = {robot.number: robot.model for robot in journal.header.robots}
     scenario = prepared.scenario
     rows = _Rows(index, models, scenario.step, MOST_CAUSES + len(scenario.faults))
+    trace = TraceHash(scenario.spares)
     for record in journal.ticks:
+        trace.tick(record)
         try:
             rows.take(record)
         except _Unfit as unfit:
@@ -295,12 +326,20 @@ def read_run(
         rejected=rows.rejected,
         final_status=_final_status(rows.status, index, journal.events),
         events=journal.events,
+        trace=trace.hexdigest(),
         ended=None if journal.end is None else journal.end.reason,
         truncated=journal.truncated,
         summary=summary,
         index=index,
         key=key,
     )
+
+
+def _equal(stated: object, found: object) -> bool:
+    """Whether two values are equal, numbers but for the rounding of another machine."""
+    if isinstance(stated, int | float) and isinstance(found, int | float):
+        return math.isclose(stated, found, rel_tol=1e-9)
+    return stated == found
 
 
 class _Unfit(Exception):

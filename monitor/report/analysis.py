@@ -147,6 +147,13 @@ def warnings_of(run: Run) -> Sequence[str]:
     return [str(line) for line in warnings] if isinstance(warnings, list) else []
 
 
+def disagreement(run: Run) -> str:
+    """One line for a run whose summary its journal does not confirm; empty where it does."""
+    if not run.disagreements:
+        return ""
+    return f"{'; '.join(run.disagreements)}. `fogwatch judge` compares the rest, and judges the run again."
+
+
 def outcome_of(run: Run) -> str:
     """The verdict in a few words, such as "valid, with warnings"; "not judged" without one."""
     verdict = verdict_of(run)

@@ -9,7 +9,7 @@ import numpy as np
 
 from monitor.replay.run import Run
 from monitor.report import html
-from monitor.report.analysis import Analysis, measures, outcome_of, state_of
+from monitor.report.analysis import Analysis, disagreement, measures, outcome_of, state_of
 from monitor.report.charts import WIDTH, thinned
 from monitor.report.map_charts import fog_chart
 from monitor.report.style import Drawing, colour, draw, figure, plain
@@ -17,6 +17,10 @@ from patrol.printable import printable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+TRACE_DIGITS = 16
+"""Digits of a trace hash that a table shows."""
 
 
 def names_of(runs: Sequence[Run]) -> list[str]:
@@ -46,6 +50,7 @@ def rows_of(runs: Sequence[Run]) -> list[tuple[str, ...]]:
     ]
     columns = [measures(run) for run in runs]
     rows += [(several[0].name, *(measure.text for measure in several)) for several in zip(*columns, strict=True)]
+    rows.append(("trace hash", *(run.trace[:TRACE_DIGITS] for run in runs)))
     return rows
 
 
@@ -111,6 +116,7 @@ def compare_html(analyses: Sequence[Analysis], figures: Sequence[Drawing]) -> st
         for name, analysis in zip(names, analyses, strict=True)
         if analysis.wrong_from is not None
     ]
+    mismatches += [f"{name}: {disagreement(run)}" for name, run in zip(names, runs, strict=True) if run.disagreements]
     heads = ("run", "fault", "from (s)", "to (s)", "details")
     faulty = [(name, analysis.bands) for name, analysis in zip(names, analyses, strict=True) if analysis.bands]
     faults = [

@@ -19,7 +19,16 @@ from monitor.replay.belief_errors import SAMPLES
 from monitor.replay.run import Run
 from monitor.replay.run_files import RECORDING, REPORT, SCENARIO, check_out
 from monitor.report import charts, html, map_charts
-from monitor.report.analysis import Analysis, best_tour_s, measures, outcome_of, state_of, verdict_of, warnings_of
+from monitor.report.analysis import (
+    Analysis,
+    best_tour_s,
+    disagreement,
+    measures,
+    outcome_of,
+    state_of,
+    verdict_of,
+    warnings_of,
+)
 from monitor.report.radio_section import links_section
 from monitor.report.style import Drawing, draw
 from patrol.errors import BadInput
@@ -142,6 +151,7 @@ def report_html(analysis: Analysis, figures: Sequence[Drawing], going: bool = Fa
         html.text(" · ".join(sub), "sub"),
         html.banner(why),
         html.banner(_mismatch(analysis), bad=True),
+        html.banner(disagreement(run), bad=True),
         *(html.banner(f"Warning: {line}", bad=True) for line in warnings[:MOST_WARNINGS]),
         html.text(f"{more} more warnings are in summary.json" if more > 0 else "", "note"),
         html.boxes((measure.text, measure.name, measure.note) for measure in measures(run)),

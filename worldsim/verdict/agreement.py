@@ -43,12 +43,12 @@ def differences(stated: Mapping[str, Any], found: Mapping[str, Any]) -> list[Dif
     Returns:
         The differences in the order of the fields.
     """
-    verdicts = stated.get("verdict"), found["verdict"]
     unknown = [name for name in WALL_TIMES if found[name] is None]
     rest = {name: value for name, value in found.items() if name not in ("verdict", *unknown)}
     differing = [*_between(stated, rest, "")]
-    if isinstance(verdicts[0], Mapping):
-        differing += _between_verdicts(*verdicts)
+    verdict = stated.get("verdict")
+    if isinstance(verdict, Mapping):
+        differing += _between_verdicts(verdict, found["verdict"])
     return differing
 
 

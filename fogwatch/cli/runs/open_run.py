@@ -51,16 +51,17 @@ def open_folder(folder: Path, key: Path | None = None) -> tuple[Run, bool]:
 
 
 def print_state(run: Run, going: bool) -> None:
-    """Print on the standard error what a run's folder lacks, if anything.
+    """Print on the standard error what a run's folder lacks, and where its summary disagrees with its journal.
 
     Args:
         run: The run.
         going: Whether it may still be going on.
     """
-    from monitor.report.analysis import state_of
+    from monitor.report.analysis import disagreement, state_of
 
-    if why := state_of(run, going)[1]:
-        typer.echo(printable(f"{run.folder}: {why}"), err=True)
+    for why in (state_of(run, going)[1], disagreement(run)):
+        if why:
+            typer.echo(printable(f"{run.folder}: {why}"), err=True)
 
 
 def _may_go_on(run: Run) -> bool:

@@ -15,6 +15,7 @@ from fogwatch.cli.app import main
 from fogwatch.launch.derived import derive
 from patrol.journal import read_journal
 from patrol.prepare import prepare
+from patrol.process.lifeline import Interrupted
 from patrol.scenario import load_scenario
 from tests.routers import PATIENCE_S, routed, world_seen, write_access
 
@@ -212,19 +213,18 @@ def test_a_run_that_was_paused_long_ago_is_not_cut_off_while_its_world_is_there(
     assert "The run is still going" in (folder / "report.html").read_text(encoding="utf-8")
 
 
-def test_who_does_not_want_to_wait_gets_neither(ran: Path, tmp_path: Path) -> None:
-    said: list[str] = []
+@pytest.mark.parametrize("at", [3, 30])
+def test_an_interruption_leaves_neither_file_nor_parts_of_one(ran: Path, tmp_path: Path, at: int) -> None:
+    """Early in the replay, and after its last tick."""
+
+    def progress(k: int) -> None:
+        if k == at:
+            raise Interrupted
+
     files = (tmp_path / "a.mcap", tmp_path / "report.html")
-    derive(
-        read_journal(ran / "journal"),
-        prepare(load_scenario(SMALL)),
-        {},
-        *files,
-        cancelled=lambda: True,
-        say=said.append,
-    )
+    with pytest.raises(Interrupted):
+        derive(read_journal(ran / "journal"), prepare(load_scenario(SMALL)), {}, *files, print, progress)
     assert not list(tmp_path.iterdir())
-    assert "cancelled" in said[-1]
 
 
 def test_what_cannot_be_written_is_no_reason_to_doubt_the_run(ran: Path, tmp_path: Path) -> None:
@@ -235,8 +235,8 @@ def test_what_cannot_be_written_is_no_reason_to_doubt_the_run(ran: Path, tmp_pat
         prepare(load_scenario(SMALL)),
         {},
         *files,
-        cancelled=lambda: False,
-        say=said.append,
+        said.append,
+        lambda _: None,
     )
     assert "cannot be written" in said[-1]
 
