@@ -1,6 +1,6 @@
 """The clerk of a run as processes: it judges the run while that goes on, and writes its report when it has ended.
 
-    python -m fogwatch.clerk --run FOLDER --talk FD --lifeline FD
+    python -m fogwatch.clerk --run FOLDER --talk FD
 
 The launcher starts it and asks it two things over a socket: for the verdict, once it knows the processes' exit codes,
 and for the report. It runs at a low priority, and nothing depends on it: where it has died or says nothing, the
@@ -30,12 +30,11 @@ from fogwatch.launch.runfolder import RunFolder
 from patrol.errors import BadInput
 from patrol.process.exit_codes import BAD_INPUT, INTERRUPTED
 from patrol.process.lifeline import Interrupted, heed, run_process
+from patrol.process.starting.readiness import report_ready
 
 if TYPE_CHECKING:
     from worldsim.verdict.live import LiveJudge
 
-NICE = 10
-"""How much lower its priority is than the fleet's."""
 PERIOD_S = 0.5
 """Time between two looks at the journal, s."""
 NEWS_S = 0.2
@@ -76,7 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         The exit code: 0 when the launcher has hung up, 2 for a journal that cannot be judged, 130 interrupted.
     """
     options = _options(arguments)
-    os.nice(NICE)
+    os.nice(options.nice)
     heed(options.lifeline, patience=0)
     try:
         with Connection(options.talk) as connection:
@@ -98,6 +97,7 @@ def _serve(options: argparse.Namespace, connection: Connection) -> None:
 
     folder = RunFolder(options.run)
     prepared = Prepared.load(folder.load(), folder.static)
+    report_ready(options.ready, "")
     best_tour(prepared)  # summary and report show it, and on new ground it takes long
     live = LiveJudge(folder.journal, prepared)
     while not connection.poll(PERIOD_S):
@@ -131,7 +131,9 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m fogwatch.clerk", description="Judge a run that goes on.")
     parser.add_argument("--run", type=Path, required=True, metavar="DIR", help="run folder")
     parser.add_argument("--talk", type=int, required=True, metavar="FD", help="socket to the launcher")
+    parser.add_argument("--nice", type=int, default=0, metavar="N", help="how much lower its priority is")
     parser.add_argument("--lifeline", type=int, metavar="FD", help="leave when this pipe ends (set by the launcher)")
+    parser.add_argument("--ready", type=int, metavar="FD", help="report the start on this pipe (set by the launcher)")
     return parser.parse_args(arguments)
 
 

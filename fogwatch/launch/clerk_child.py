@@ -21,8 +21,10 @@ CLERK = "the clerk"
 """A name that no robot can have."""
 AFTER_S = 5.0
 """How long a run has gone on when its clerk is started, s: a shorter one is judged before a process has started."""
-SILENT_S = 60.0
+SILENT_S = 20.0
 """A clerk that says nothing for this long is given up, s; its longest work without a word is the search for a tour."""
+NICE = 10
+"""How much lower the clerk's priority is than the fleet's: it takes what the fleet leaves."""
 _POLL_S = 0.1
 
 Answer = TypeVar("Answer", Judged, ReportWritten)
@@ -50,9 +52,16 @@ class ClerkChild:
         now = time.monotonic()
         if self._due is None:
             self._due = now + AFTER_S
-        elif not self._started and now >= self._due:
+        if not self._started and now >= self._due:
             self._started = True
             self._start()
+
+    @property
+    def loaded(self) -> bool:
+        """Whether the clerk has loaded what it needs, so that it can be asked."""
+        clerk = self._children.by_name.get(CLERK)
+        report = None if clerk is None or clerk.start is None else clerk.start.report()
+        return self._connection is not None and report is not None and report.ready
 
     def judged(self, exit_codes: Mapping[str, int | None]) -> Judged | None:
         """Ask for the verdict of the run, which has ended.
@@ -61,8 +70,10 @@ class ClerkChild:
             exit_codes: As for `worldsim.verdict.judge.judge`.
 
         Returns:
-            What the clerk says; None where there is no clerk any more.
+            What the clerk says; None where there is no clerk that could.
         """
+        if not self.loaded:
+            self._give_up()
         self._send(VerdictAsked(exit_codes))
         return self._await(Judged)
 
@@ -97,11 +108,12 @@ class ClerkChild:
     def _start(self) -> None:
         ours, theirs = socket.socketpair()
         with theirs:
-            arguments = ["--run", str(self._folder.path), "--talk", str(theirs.fileno())]
+            arguments = ["--run", str(self._folder.path), "--talk", str(theirs.fileno()), "--nice", str(NICE)]
             self._connection = Connection(ours.detach())
             try:
                 log = self._folder.log("clerk")
-                self._children.spawn(CLERK, "fogwatch.clerk", arguments, log, inherit=[theirs.fileno()])
+                inherit = [theirs.fileno()]
+                self._children.spawn(CLERK, "fogwatch.clerk", arguments, log, inherit=inherit, reports_start=True)
             except OSError:  # the system has no room for one more process
                 self._give_up()
 

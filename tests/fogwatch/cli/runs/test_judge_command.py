@@ -1,0 +1,265 @@
+"""A run that is judged again: the verdict of its journal, and where its summary says something else."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import fogwatch
+from fogwatch.cli.app import main
+from patrol.journal import End, JournalWriter, Record, TickRecord, read_journal, trace_hash
+from patrol.journal.file import GrowingJournal
+
+Judging = Callable[[Path], tuple[int, Any]]
+
+SMALL = {
+    "name": "small",
+    "terrain": {"builtin": "open"},
+    "point": 1.0,
+    "duration": 10,
+    "seed": 1,
+    "robots": {"count": 2, "model": "holonomic"},
+    "patrol": {"dilatation": 0.0},
+    "faults": [{"kind": "loss", "rate": 0.3}],
+}
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run; nobody changes it."""
+    return fogwatch.run(SMALL, out=tmp_path_factory.mktemp("run") / "small", picture=False).folder
+
+
+@pytest.fixture
+def folder(ran: Path, tmp_path: Path) -> Path:
+    """A copy of the run, for changes."""
+    return Path(shutil.copytree(ran, tmp_path / "small"))
+
+
+@pytest.fixture
+def command(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., int]:
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments: str | Path) -> int:
+        monkeypatch.setattr(sys, "argv", ["fogwatch", *map(str, arguments)])
+        return main()
+
+    return call
+
+
+@pytest.fixture
+def judged(command: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> Judging:
+    """Judges a run; the exit code, and what is printed as JSON."""
+
+    def call(folder: Path) -> tuple[int, Any]:
+        code = command("judge", folder, "--json")
+        return code, json.loads(capsys.readouterr().out)
+
+    return call
+
+
+def edit_summary(folder: Path, change: Callable[[dict[str, Any]], None]) -> None:
+    """Change the run's summary.json."""
+    file = folder / "summary.json"
+    summary = json.loads(file.read_text(encoding="utf-8"))
+    change(summary)
+    file.write_text(json.dumps(summary), encoding="utf-8")
+
+
+def edit_journal(folder: Path, change: Callable[[list[TickRecord]], Iterable[TickRecord]]) -> None:
+    """Write the run's journal anew, with other ticks and with the trace hash that belongs to them."""
+    file = folder / "journal"
+    growing = GrowingJournal(file)
+    _, *records = growing.read_on()
+    ticks = list(change([record for record in records if isinstance(record, TickRecord)]))
+    rest: list[Record] = [record for record in records if not isinstance(record, TickRecord | End)]
+    assert growing.end is not None
+    file.unlink()
+    with JournalWriter(file, growing.header) as writer:
+        for record in [*ticks, *rest, replace(growing.end, trace_hash=trace_hash(ticks))]:
+            writer.write(record)
+
+
+def fields_of(said: Any) -> set[str]:
+    """The fields in which summary and journal differ."""
+    return {difference["field"] for difference in said["differences"]}
+
+
+def failed_of(said: Any) -> set[str]:
+    """The checks that failed."""
+    return {check["name"] for check in said["verdict"]["checks"] if not check["ok"]}
+
+
+def test_an_unchanged_run_gets_its_verdict_again(
+    ran: Path,
+    judged: Judging,
+    command: Callable[..., int],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    before = {file: file.read_bytes() for file in ran.rglob("*") if file.is_file()}
+    code, said = judged(ran)
+    stated = json.loads((ran / "summary.json").read_text(encoding="utf-8"))
+    assert code == 0
+    assert said["verdict"] == stated["verdict"]
+    assert said["trace_hash"] == stated["trace_hash"]
+    assert said["summary_agrees"] is True
+    assert said["scenario_agrees"] is True
+    assert command("judge", ran) == 0
+    printed = capsys.readouterr().out
+    assert "verdict     valid" in printed
+    assert stated["trace_hash"] in printed
+    assert "agrees with the journal in every field" in printed
+    assert before == {file: file.read_bytes() for file in ran.rglob("*") if file.is_file()}
+
+
+def test_a_verdict_that_was_changed_in_the_summary(folder: Path, judged: Judging) -> None:
+    edit_summary(folder, lambda summary: summary["verdict"].update(outcome="invalid", valid=False))
+    code, said = judged(folder)
+    assert code == 1
+    assert said["verdict"]["outcome"] == "valid"
+    assert fields_of(said) == {"verdict.outcome", "verdict.valid"}
+
+
+def test_a_lower_mfow_in_the_summary(folder: Path, judged: Judging) -> None:
+    edit_summary(folder, lambda summary: summary.update(mfow_mean_s=summary["mfow_mean_s"] - 1e-6))
+    code, said = judged(folder)
+    assert code == 1
+    assert fields_of(said) == {"mfow_mean_s"}
+    (difference,) = said["differences"]
+    assert difference["found"] == said["mfow_mean_s"] > difference["stated"]
+
+
+def test_another_trace_hash_in_the_summary(
+    folder: Path,
+    judged: Judging,
+    command: Callable[..., int],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    edit_summary(folder, lambda summary: summary.update(trace_hash="0" * 64))
+    code, said = judged(folder)
+    assert code == 1
+    assert fields_of(said) == {"trace_hash"}
+    assert said["trace_hash"] == read_journal(folder / "journal").end.trace_hash  # type: ignore[union-attr]
+    assert command("judge", folder) == 1
+    assert "disagrees with the journal in 1 field\n" in capsys.readouterr().out
+
+
+def test_a_tick_less_in_the_journal(folder: Path, judged: Judging) -> None:
+    edit_journal(folder, lambda ticks: [*ticks[:7], *ticks[8:]])
+    code, said = judged(folder)
+    assert code == 1
+    assert said["verdict"]["outcome"] == "invalid"
+    assert "complete" in failed_of(said)
+    assert {"ticks", "trace_hash", "verdict.outcome"} <= fields_of(said)
+
+
+def test_another_pose_in_the_journal(folder: Path, judged: Judging) -> None:
+    def moved(ticks: list[TickRecord]) -> list[TickRecord]:
+        first, *others = ticks[9].robots
+        return [*ticks[:9], replace(ticks[9], robots=(replace(first, x=first.x + 1.0), *others)), *ticks[10:]]
+
+    edit_journal(folder, moved)
+    code, said = judged(folder)
+    assert code == 1
+    assert {"moves", "frames"} <= failed_of(said)
+    assert "trace" not in failed_of(said), "its hash was made to agree"
+    assert "verdict.outcome" in fields_of(said)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "failed"), [("seed: 1", "seed: 2", {"radio"}), ("commitment: target", "commitment: none", set())]
+)
+def test_another_scenario(folder: Path, judged: Judging, old: str, new: str, failed: set[str]) -> None:
+    """A change that no check can notice, as of what robots think, is one all the same."""
+    file = folder / "scenario.yaml"
+    text = file.read_text(encoding="utf-8")
+    assert old in text
+    file.write_text(text.replace(old, new), encoding="utf-8")
+    code, said = judged(folder)
+    assert code == 1
+    assert said["scenario_agrees"] is False
+    assert failed <= failed_of(said)
+    assert bool(failed) == bool(failed_of(said))
+
+
+def test_a_run_that_was_cut_off_is_unknown(folder: Path, command: Callable[..., int]) -> None:
+    file = folder / "journal"
+    file.write_bytes(file.read_bytes()[:-200])
+    (folder / "summary.json").unlink()
+    assert command("judge", folder) == 3
+
+
+def test_what_is_no_run_is_bad_input(
+    tmp_path: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert command("judge", tmp_path / "none") == 2
+    assert "no such folder" in capsys.readouterr().err
+
+
+def test_nothing_of_the_folder_is_executed(folder: Path, judged: Judging) -> None:
+    """The policy that a stranger's scenario names leaves a mark where it is imported."""
+    mark = folder.parent / "executed"
+    (folder / "policy.py").write_text(f"open({str(mark)!r}, 'w')\n", encoding="utf-8")
+    file = folder / "scenario.yaml"
+    text = file.read_text(encoding="utf-8")
+    changed = text.replace("policy: potential-field", "policy: ./policy.py:Bad")
+    assert changed != text
+    file.write_text(changed, encoding="utf-8")
+    code, said = judged(folder)
+    assert (code, said["scenario_agrees"]) == (1, False)
+    assert not mark.exists()
+
+
+def test_report_and_compare_say_where_a_summary_disagrees(
+    ran: Path, folder: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    edit_summary(folder, lambda summary: summary.update(mfow_mean_s=1.0, trace_hash="0" * 64))
+    assert command("report", folder) == 0
+    told = capsys.readouterr().err
+    assert "mfow_mean_s = 1.0" in told
+    assert "trace_hash" in told
+    assert "fogwatch judge" in told
+    assert "states mfow_mean_s = 1.0" in (folder / "report.html").read_text(encoding="utf-8")
+    assert command("compare", ran, folder) == 0
+    printed = capsys.readouterr()
+    assert "mfow_mean_s = 1.0" in printed.err
+    assert read_journal(ran / "journal").end.trace_hash[:16] in printed.out  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "wrong"),
+    [
+        ('"mfow_mean_s": ', '"mfow_mean_s": 1e999, "was": ', "mfow_mean_s is too large for a number"),
+        ('"mfow_mean_s": ', '"mfow_mean_s": "1e999", "was": ', "mfow_mean_s"),
+        ('"mfow_mean_s": ', '"other": [[1e999]], "mfow_mean_s": ', "other.0.0 is too large"),
+        ('"name": "small"', '"name": "\\ud800"', "name = '\\ud800': holds half a character"),
+        ('"name": "small"', '"\\udfff": 1, "name": "small"', "half a character"),
+        ('"outcome": "valid"', '"outcome": "\\ud800"', "verdict.outcome"),
+    ],
+)
+@pytest.mark.parametrize("asked", ["report", "judge", "compare"])
+def test_a_summary_with_impossible_values_is_bad_input(
+    ran: Path,
+    folder: Path,
+    command: Callable[..., int],
+    capsys: pytest.CaptureFixture[str],
+    asked: str,
+    old: str,
+    new: str,
+    wrong: str,
+) -> None:
+    file = folder / "summary.json"
+    text = file.read_text(encoding="utf-8")
+    assert old in text
+    file.write_text(text.replace(old, new, 1), encoding="utf-8")
+    assert command(asked, folder, *([ran] if asked == "compare" else [])) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "summary.json" in line
+    assert wrong in line
