@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from patrol.errors import BadInput
 from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.whole_file import replacing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -303,6 +304,7 @@ def save(figure: Figure, out: Path) -> None:
     _lay_out(figure)
     shown = figure.get_tightbbox().padded(MARGIN)
     try:
-        figure.savefig(out, format="png", bbox_inches=shown)
+        with replacing(out) as part:
+            figure.savefig(part, format="png", bbox_inches=shown)
     except OSError as error:
         raise BadInput(f"{out}: cannot be written ({error.strerror}); choose another file") from None

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from typer.main import get_command
 
-from fogwatch.cli.app import app
+from fogwatch.cli.app import app, main
 from fogwatch.cli.command_help import ORDER
 from fogwatch.launch.limits import PROCESS_GB
 
@@ -63,6 +63,50 @@ def test_quiet_prints_the_folder_and_nothing_else(
     assert fogwatch("run", "open", "--in-process", "--quiet", "--out", "out", *COARSE) == 0
     shown = capsys.readouterr()
     assert (shown.out, shown.err) == (f"{tmp_path / 'out'}\n", "")
+
+
+def interrupt(*_: object, **__: object) -> None:
+    """Press Ctrl-C, in place of something that takes long."""
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(PATIENCE_S)
+
+
+@pytest.mark.parametrize(
+    ("step", "left"),
+    [("monitor.report.document.write_report", {"recording.mcap"}), ("matplotlib.figure.Figure.savefig", set())],
+)
+def test_ctrl_c_while_files_are_written_ends_that_at_once(
+    fogwatch: Callable[..., int],
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    step: str,
+    left: set[str],
+) -> None:
+    monkeypatch.setattr(step, interrupt)
+    assert fogwatch("run", "open", "--robots", "2", "--in-process", "--out", "out", *SHORT) == 130
+    shown = capsys.readouterr()
+    (told,) = [line for line in shown.err.splitlines() if line.startswith("interrupted")]
+    assert f"`fogwatch report {tmp_path / 'out'}`" in told
+    assert "verdict     valid" in shown.out
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {
+        *("scenario.yaml", "journal", "ticks.csv", "summary.json"),
+        *left,
+    }
+
+
+@pytest.mark.processes
+def test_ctrl_c_while_the_run_is_judged_says_how_to_judge_it(
+    fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("worldsim.verdict.judge.judge", interrupt)
+    assert fogwatch("run", "open", "--robots", "1", "--no-page", "--out", "out", *COARSE) == 130
+    assert f"`fogwatch judge {tmp_path / 'out'}` judges it" in capsys.readouterr().err
+    monkeypatch.undo()
+    monkeypatch.chdir(tmp_path)
+    assert not (tmp_path / "out" / "summary.json").exists()
+    monkeypatch.setattr(sys, "argv", ["fogwatch", "judge", str(tmp_path / "out")])
+    assert main() == 0
 
 
 @pytest.mark.parametrize(

@@ -107,6 +107,40 @@ def test_plain_lines_come_now_and_then() -> None:
     assert text.getvalue().splitlines() == [headline(METRICS), "tick 120: bert lost: no answer [for 10 s]"]
 
 
+def test_plain_lines_say_how_far_the_steps_of_the_end_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One when a step begins, others now and then, and none for its end."""
+    now = [0.0]
+    monkeypatch.setattr("fogwatch.launch.live_table.time.monotonic", lambda: now[0])
+    text = io.StringIO()
+    plain = PlainDisplay(Console(file=text, width=80))
+    for now[0], step, share in (
+        (0.0, "writing a", None),
+        (1.0, "writing b", 0.0),
+        (2.0, "writing a", 0.2),
+        (6.0, "writing a", 0.4),
+        (6.5, "writing b", None),
+        (12.0, "writing a", 1.0),
+    ):
+        plain.progress(step, share)
+    assert text.getvalue().splitlines() == ["writing a ...", "writing b ...", "writing a: 40 %", "writing b ..."]
+
+
+def test_a_terminal_gets_a_bar_for_each_step_of_the_end() -> None:
+    text = io.StringIO()
+    table = LiveTable(Console(file=text, force_terminal=True, width=120, color_system=None))
+    table.metrics(METRICS)
+    table.progress("writing a", 0.5)
+    table.progress("writing b")
+    table.close()
+    assert "writing a" in text.getvalue()
+    assert "writing b" in text.getvalue()
+    done = io.StringIO()
+    table = LiveTable(Console(file=done, force_terminal=True, width=120, color_system=None))
+    table.progress("writing a", 1.0)
+    table.close()
+    assert "writing a" not in done.getvalue()
+
+
 def test_a_terminal_gets_a_table_of_the_robots() -> None:
     text = io.StringIO()
     table = LiveTable(Console(file=text, force_terminal=True, width=120, color_system=None))
