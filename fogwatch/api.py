@@ -444,19 +444,17 @@ def _write_files(
     """Write recording, report and picture."""
     from patrol.journal import Journal
 
+    assert isinstance(journal, Journal)  # every run of this module writes one
     display = options.display
     recording = folder.recording if options.recording else None
     report = folder.report if options.report else None
-    if isinstance(journal, Journal):
-        asked = report is not None and clerk is not None and clerk.begin_report(summary)
-        _derive(journal, prepared, summary, recording, None if asked else report, display)
-    else:
-        asked = False
+    by_clerk = report is not None and clerk is not None and clerk.begin_report(summary)
+    _derive(journal, prepared, summary, recording, None if by_clerk else report, display)
     if options.picture:
         display.progress(PICTURE)
         _draw(folder, prepared, options)
         display.progress(PICTURE, 1.0)
-    if asked and clerk is not None:
+    if by_clerk and clerk is not None:
         written = clerk.report_written()
         if written is None:
             _derive(journal, prepared, summary, None, report, display)

@@ -6,7 +6,8 @@ import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from patrol.net.messages.telemetry import Metrics, Notice
+from fogwatch.launch.live_table import SilentDisplay
+from patrol.net.messages.telemetry import Metrics
 
 HUNG_S = 60.0
 """Wall time without a tick after which a run hangs; a busy machine takes seconds."""
@@ -21,7 +22,7 @@ SAMPLE_S = 1.0
 _PROC = Path("/proc")
 
 
-class Progress:
+class Progress(SilentDisplay):
     """A display of a run that keeps what it is shown, and shows nothing.
 
     Attributes:
@@ -53,12 +54,6 @@ class Progress:
                 self.longest_s = max(self.longest_s, self.stalled_s)
             self.ticks = metrics.k
             self._moved = self._now()
-
-    def notice(self, notice: Notice) -> None:
-        """Nothing: the journal has it too."""
-
-    def close(self) -> None:
-        """Nothing is shown."""
 
     def begin(self) -> None:
         """The ticks are about to begin."""

@@ -23,7 +23,7 @@ AFTER_S = 5.0
 """How long a run has gone on when its clerk is started, s: a shorter one is judged before a process has started."""
 SILENT_S = 20.0
 """A clerk that says nothing for this long is given up, s; its longest work without a word is the search for a tour."""
-NICE = 10
+NICE = 5
 """How much lower the clerk's priority is than the fleet's: it takes what the fleet leaves."""
 _POLL_S = 0.1
 
