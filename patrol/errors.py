@@ -1,9 +1,9 @@
-"""The one exception for input that cannot be used, and how its message spells values and near misses."""
+"""The one exception for input that cannot be used, and how messages spell values and near misses."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from typing import Any
 
@@ -55,3 +55,19 @@ def quoted(value: Any) -> str:
         except (ValueError, RecursionError):  # a number with too many digits, or lists nested too deeply
             text = type(value).__name__
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
+
+
+def in_flow(value: object) -> str:
+    """A value on one line as YAML has it, for people.
+
+    Args:
+        value: Made of mappings, lists, texts and numbers.
+
+    Returns:
+        For example ``{constant: 2}`` or ``[r1, r2]``.
+    """
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{name}: {in_flow(inner)}" for name, inner in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(in_flow(inner) for inner in value) + "]"
+    return f"{value:g}" if isinstance(value, float) else str(value).lower() if isinstance(value, bool) else str(value)

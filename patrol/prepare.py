@@ -24,6 +24,7 @@ from patrol.radio.inbox import Inbox
 if TYPE_CHECKING:
     from patrol.regions.split import RegionSplit
     from patrol.scenario import Scenario
+    from patrol.scenario.model import IntruderSpec
 
 TICKS_APART = 4
 """By how many ticks the robots of a fleet may be apart where the world waits for none of them."""
@@ -135,7 +136,8 @@ def prepare(scenario: Scenario, terrain: Terrain | None = None) -> Prepared:
 
     if terrain is None:
         terrain = load_terrain(scenario.terrain, scenario.point, scenario.base)
-    _check_intruders(scenario, terrain)
+    for number, intruder in enumerate(scenario.intruders):
+        check_intruder(intruder, terrain, f"intruders.{number}.place")
     _check_critical_areas(scenario, terrain)
     starts = tuple(place_starts(terrain, scenario.roster, scenario.seed))
     by_radius: dict[float, StaticFields] = {}
@@ -186,16 +188,25 @@ def inbox_of(
     return Inbox(own, numbers, bounds, fastest, key, scenario.step, ahead, scenario.radio.trail_every)
 
 
-def _check_intruders(scenario: Scenario, terrain: Terrain) -> None:
-    for number, intruder in enumerate(scenario.intruders):
-        x, y = intruder.place
-        where = f"intruders.{number}.place = [{x:g}, {y:g}]"
-        if not terrain.contains(x, y):
-            xmin, ymin, xmax, ymax = terrain.bounds
-            span = f"spans x {xmin:g} to {xmax:g} m and y {ymin:g} to {ymax:g} m"
-            raise BadInput(f"{where}: not on {terrain.name}, which {span}; move it there")
-        if not terrain.passable[terrain.point_at(x, y)]:
-            raise BadInput(f"{where}: in an obstacle of {terrain.name}; move it to passable ground")
+def check_intruder(intruder: IntruderSpec, terrain: Terrain, field: str) -> None:
+    """Refuse an intruder that does not stand on passable ground.
+
+    Args:
+        intruder: The intruder.
+        terrain: The ground.
+        field: What a message calls its place.
+
+    Raises:
+        BadInput: It is off the map or in an obstacle.
+    """
+    x, y = intruder.place
+    where = f"{field} = [{x:g}, {y:g}]"
+    if not terrain.contains(x, y):
+        xmin, ymin, xmax, ymax = terrain.bounds
+        span = f"spans x {xmin:g} to {xmax:g} m and y {ymin:g} to {ymax:g} m"
+        raise BadInput(f"{where}: not on {terrain.name}, which {span}; move it there")
+    if not terrain.passable[terrain.point_at(x, y)]:
+        raise BadInput(f"{where}: in an obstacle of {terrain.name}; move it to passable ground")
 
 
 def _check_critical_areas(scenario: Scenario, terrain: Terrain) -> None:

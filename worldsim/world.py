@@ -11,7 +11,7 @@ from patrol.journal import Event, RobotTick, Status, TickRecord
 from patrol.journal.records import FORGED
 from patrol.net.messages.phases import FIRST_INCARNATION
 from patrol.pose import Pose
-from patrol.prepare import sensor_footprint
+from patrol.prepare import check_intruder, sensor_footprint
 from patrol.radio.message import MAX_FRAMES
 from worldsim.faults.timeline import Timeline
 from worldsim.radio.ether import Delivery, ether_of, there
@@ -176,6 +176,8 @@ class World:
         Raises:
             BadInput: The change is not possible; nothing has changed.
         """
+        for intruder in scenario.intruders[len(self.scenario.intruders) :]:
+            check_intruder(intruder, self.terrain, "control: place")
         timeline = Timeline(scenario)
         if absent := sorted(timeline.starts_absent ^ self.timeline.starts_absent):
             names = ", ".join(self.bodies[number].spec.name for number in absent)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from monitor.live.fog_tracker import HEARD, FogTracker, FogTrackers
 from monitor.live.live_links import LiveLinks
-from monitor.live.record_checks import RunChecks, record_of, scenario_of, shown
+from monitor.live.record_checks import RunChecks, record_of, scenario_of
 from monitor.live.tick_rate import TickRate
 from monitor.observation.listener import as_sent
 from monitor.observation.source import Answer, Layer, RobotShape, RobotState, Series, State, Static
@@ -34,7 +34,16 @@ from patrol.journal.records import End, Event, Header, Status, TickRecord
 from patrol.net.messages.feed import Batch, Garbled, SoFar, read_so_far
 from patrol.pose import Pose
 from patrol.prepare import prepare, sensor_footprint
-from patrol.scenario.controls import CONTROLS, OPERATOR, amended, control_in, in_force, read_control
+from patrol.scenario.controls import (
+    CONTROLS,
+    OPERATOR,
+    amended,
+    control_in,
+    in_force,
+    intruders_there,
+    read_control,
+    worded,
+)
 
 if TYPE_CHECKING:
     from monitor.live.feed_client import FeedClient
@@ -247,7 +256,7 @@ class FeedSource:
             self._apply_control(event)
         # Events keep their numbers. After a gap, those missed are added as far as the world still has them.
         missed = so_far.events[max(self._next_event - so_far.event, 0) :]
-        self._add_events(map(shown, self._checks.events(missed)))
+        self._add_events(map(worded, self._checks.events(missed)))
         self._next_event = so_far.event + len(so_far.events)
         self._links = LiveLinks(self._numbers, self._since, direct=self._direct)
         self._rate.clear()
@@ -298,7 +307,7 @@ class FeedSource:
                     self._logged -= len(self._log.popleft()[1])
             case Event():
                 self._apply_control(record)
-                self._add_events([shown(record)])
+                self._add_events([worded(record)])
                 self._next_event += 1
             case End():
                 self._end = record
@@ -377,7 +386,7 @@ class FeedSource:
             fog_mean_s=None if last is None else last.fog_mean * self._step,
             links=None if self._direct else self._links.counts,
             ended=self._ended,
-            intruders=tuple(one.place for one in self._scenario.intruders if one.is_there(k * self._step)),
+            intruders=intruders_there(self._scenario, k),
             faults=in_force(self._scenario, coming, self._planned),
             note=self._note(),
             gone=self._ended is None and not self._client.present,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from patrol.errors import BadInput
 from patrol.journal import unpack
@@ -16,7 +16,6 @@ from patrol.journal.records import FORGED, MAX_TICKS, End, Event, Header, Record
 from patrol.net.messages.feed import longest_record
 from patrol.net.security.control_auth import MAX_CONTROL
 from patrol.scenario import Scenario, load_scenario, same_but_for_files
-from patrol.scenario.controls import OPERATOR, described
 
 MAX_TEXT = 500
 """Characters of the longest name, state or kind of event."""
@@ -43,11 +42,6 @@ def record_of(packed: bytes, longest: int = MAX_HEADER) -> Record | None:
         return unpack(packed)
     except (ValueError, OverflowError, RecursionError):
         return None
-
-
-def shown(event: Event) -> Event:
-    """An event with its details as text for operators."""
-    return replace(event, detail=described(event)) if event.kind == OPERATOR else event
 
 
 def scenario_of(header: Header, height: int, width: int) -> Scenario | None:

@@ -167,7 +167,7 @@ class State:
         fog_mean_s: Mean fog of the first layer, s; None when unknown.
         links: Frame counts by link; None when unknown.
         ended: Why no more ticks follow; None while more may follow.
-        intruders: (x, y) of the intruders that are present, m.
+        intruders: (x, y, name) of the intruders that are present, m; a control ends them by their names.
         faults: The faults in force that operators have requested, as entries of a scenario's faults.
         note: What is wrong now, such as that nothing has been heard for some time.
         gone: Whether the world has disappeared without reporting an end.
@@ -183,7 +183,7 @@ class State:
     fog_mean_s: float | None
     links: LinkCounts | None = None
     ended: str | None = None
-    intruders: tuple[tuple[float, float], ...] = ()
+    intruders: tuple[tuple[float, float, str], ...] = ()
     faults: tuple[Mapping[str, Any], ...] = ()
     note: str = ""
     gone: bool = False

@@ -89,7 +89,7 @@ def state_message(state: State, survey: Survey | None, static: Static) -> str:
             "mean": _short(state.fog_mean_s),
             "ended": state.ended,
             "note": state.note,
-            "intruders": [list(place) for place in state.intruders],
+            "intruders": [list(intruder) for intruder in state.intruders],
             "linked": state.links is not None,
             "faults": [dict(fault) for fault in state.faults],
             "seen": None if survey is None else survey.seen_share,

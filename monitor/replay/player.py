@@ -20,6 +20,7 @@ from monitor.replay.run import Run
 from monitor.replay.trap_log import TrapLog
 from patrol.journal.records import Event, Status
 from patrol.pose import Pose
+from patrol.scenario.controls import intruders_there
 
 SHOW_S = 1.0 / 30.0
 """Least wall time between two states, s."""
@@ -254,9 +255,7 @@ class Player:
             mfow_s=float(run.mfow[k]) * run.step,
             fog_mean_s=float(run.fog_mean[k]) * run.step,
             links=links,
-            intruders=tuple(
-                intruder.place for intruder in run.prepared.scenario.intruders if intruder.is_there(k * run.step)
-            ),
+            intruders=intruders_there(run.prepared.scenario, k),
         )
 
 

@@ -27,7 +27,7 @@ from patrol.pose import Pose, command_of
 from patrol.prepare import Prepared, prepare
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import load_scenario
-from patrol.scenario.controls import prepared_as_operated
+from patrol.scenario.controls import prepared_as_operated, worded
 
 CAME = ("alive", "lost")
 """Events by which a robot joins."""
@@ -99,7 +99,7 @@ class Run:
         positions: Number of frames with the sender's own position, over all ticks.
         rejected: Number of frames that robots report as rejected.
         final_status: uint8 (n,), status at the end, including events after the last tick.
-        events: All events.
+        events: All events, in words.
         trace: The trace hash of the ticks.
         ended: How the run ended; None for a journal without an end.
         truncated: Whether the journal ends within a record.
@@ -325,7 +325,7 @@ def read_run(
         positions=rows.positions,
         rejected=rows.rejected,
         final_status=_final_status(rows.status, index, journal.events),
-        events=journal.events,
+        events=tuple(map(worded, journal.events)),
         trace=trace.hexdigest(),
         ended=None if journal.end is None else journal.end.reason,
         truncated=journal.truncated,

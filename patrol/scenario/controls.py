@@ -4,10 +4,12 @@
     {"do": "pace", "factor": 2.0}                                   of real time; null: as fast as it goes
     {"do": "fault", "fault": {...}, "instead": "op1"}               an entry as in a scenario's faults
     {"do": "heal", "id": "op1"}                                     a fault that lasts ends now
-    {"do": "intruder", "place": [x, y], "stay": 30.0}               somebody stands there from now on
+    {"do": "intruder", "place": [x, y], "for": 30.0}                somebody stands there from now on
+    {"do": "heal", "id": "intruder1"}                               the scenario's first intruder leaves now
 
 Times in a fault count from now: without `at` it begins with the next tick. `instead` names a fault that ends at the
-same moment, so that a value is changed without a gap.
+same moment, so that a value is changed without a gap. Intruders are called `intruder1`, `intruder2`, ... by their
+place in the scenario's list, to which each new one is appended; a fault of the same name is healed first.
 
 A control that changes what happens is written to the journal as an event of kind `OPERATOR`, and `operated` makes of a
 scenario and these events the scenario that has happened: run from its beginning, it gives the same trace.
@@ -21,9 +23,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, TypeAdapter, ValidationError
+from pydantic import AliasChoices, ConfigDict, Discriminator, Field, TypeAdapter, ValidationError
 
-from patrol.errors import BadInput, did_you_mean, quoted
+from patrol.errors import BadInput, did_you_mean, in_flow, quoted
 from patrol.half_characters import refuse_half_characters
 from patrol.journal.records import Event
 from patrol.scenario import Scenario, load_scenario
@@ -41,6 +43,8 @@ OPERATOR = "operator"
 MOST_FAULTS = MOST_INTRUDERS = 400
 """Faults, and intruders, of a scenario beyond which operators change no more: each change checks all of them again, and
 so does everybody who reads the run afterwards."""
+
+_INTRUDER = "intruder"
 
 MOST_STEPS = 100_000
 FACTORS = (1e-3, 1e6)
@@ -82,12 +86,12 @@ class AddFault(Section):
     """Add a fault, its times from now on."""
 
     do: Literal["fault"]
-    fault: dict[str, Any]
+    fault: Annotated[dict[str, Any], expecting("a fault such as {kind: loss, rate: 0.5}")]
     instead: Name | None = None
 
 
 class Heal(Section):
-    """End a lasting fault."""
+    """End a lasting fault, or let an intruder leave."""
 
     do: Literal["heal"]
     id: Name
@@ -96,14 +100,29 @@ class Heal(Section):
 class AddIntruder(Section):
     """Place an intruder (m) from now on, for a time (s) or to the end."""
 
+    model_config = ConfigDict(serialize_by_alias=True)
+
     do: Literal["intruder"]
     place: Corner
-    stay: Positive | None = None
+    stay: Positive | None = Field(
+        None,
+        validation_alias=AliasChoices("for", "stay"),  # "stay": in older journals
+        serialization_alias="for",
+    )
 
 
 Control = Pause | Go | Step | Pace | AddFault | Heal | AddIntruder
 CONTROLS = ("pause", "go", "step", "pace", "fault", "heal", "intruder")
 """What a control may do."""
+
+EXAMPLES = {
+    "step": {"ticks": "10"},
+    "pace": {"factor": "2, or max"},
+    "fault": {"fault": "{kind: loss, rate: 0.5}"},
+    "heal": {"id": "op1, the id in the answer to a fault or an intruder"},
+    "intruder": {"place": "[12, 30]", "for": "60"},
+}
+"""For each control that has values: its fields, the needed one first, with an example each."""
 
 _CONTROL: TypeAdapter[Control] = TypeAdapter(Annotated[Control, Discriminator("do")])
 
@@ -140,6 +159,13 @@ def read_control(says: object) -> Control:
     except ValidationError as error:
         problem = error.errors(include_url=False)[0]
         field = ".".join(str(part) for part in problem["loc"][1:] if not str(part).startswith("=")) or do
+        known = EXAMPLES.get(do, {})
+        match problem["type"]:
+            case "missing":
+                raise BadInput(f"control: {field}: missing; give {known[field]}") from None
+            case "extra_forbidden":
+                remedy = did_you_mean(field, tuple(known)) if known else f"{do} takes no value; leave it out"
+                raise BadInput(f"control: {field}: unknown key; {remedy}") from None
         what = problem.get("ctx", {}).get("what")
         problem_text = f"expected {what}" if what else problem["msg"][:1].lower() + problem["msg"][1:]
         raise BadInput(f"control: {field} = {quoted(problem['input'])}: {problem_text}") from None
@@ -175,7 +201,9 @@ def amended(scenario: Scenario, k: int, control: Control) -> tuple[Scenario, str
             mapping = _mapping(scenario)
             mapping["intruders"] = [*mapping["intruders"], entry]
             x, y = control.place
-            return _loaded(mapping, len(scenario.faults)), f"an intruder at ({x:g}, {y:g}) from tick {k} on"
+            return _loaded(mapping, len(scenario.faults)), (
+                f"{intruder_name(len(scenario.intruders))} at ({x:g}, {y:g}) from tick {k} on"
+            )
     return scenario, ""
 
 
@@ -253,6 +281,41 @@ def as_detail(control: Control) -> str:
     return json.dumps(control.model_dump(mode="json", exclude_defaults=True), separators=(",", ":"))
 
 
+def intruder_name(place: int) -> str:
+    """The name by which an intruder is healed.
+
+    Args:
+        place: Its place in the scenario's list, from 0.
+
+    Returns:
+        For example "intruder1" for place 0.
+    """
+    return f"{_INTRUDER}{place + 1}"
+
+
+def intruders_there(scenario: Scenario, k: int) -> tuple[tuple[float, float, str], ...]:
+    """The intruders on the terrain in a tick, as x and y in m and name.
+
+    Args:
+        scenario: With its operators' intruders.
+        k: The tick.
+    """
+    return tuple(
+        (*intruder.place, intruder_name(place))
+        for place, intruder in enumerate(scenario.intruders)
+        if intruder.is_there(k * scenario.step)
+    )
+
+
+def worded(event: Event) -> Event:
+    """An event with its detail for people.
+
+    Args:
+        event: Of the journal.
+    """
+    return replace(event, detail=described(event)) if event.kind == OPERATOR else event
+
+
 def described(event: Event) -> str:
     """An event's detail for people.
 
@@ -260,7 +323,7 @@ def described(event: Event) -> str:
         event: Of the journal.
 
     Returns:
-        One line.
+        One line, such as "loss: rate 0.5, who r1" or "ends op1".
     """
     if event.kind != OPERATOR:
         return event.detail
@@ -270,13 +333,15 @@ def described(event: Event) -> str:
         return event.detail
     match control:
         case AddFault():
-            asked = dict(control.fault)
-            values = ", ".join(f"{name} {value}" for name, value in asked.items() if name != "kind")
-            text = f"{asked.get('kind')} {values}" + (f", instead of {control.instead}" if control.instead else "")
+            fault = dict(control.fault)
+            values = [f"{name} {in_flow(value)}" for name, value in fault.items() if name != "kind"]
+            values += [f"instead of {control.instead}"] if control.instead else []
+            text = f"{fault.get('kind')}{': ' if values else ''}{', '.join(values)}"
         case Heal():
-            text = f"heals {control.id}"
+            text = f"ends {control.id}"
         case AddIntruder():
             text = f"places an intruder at ({control.place[0]:g}, {control.place[1]:g})"
+            text += "" if control.stay is None else f" for {control.stay:g} s"
         case Pace():
             text = "as fast as it goes" if control.factor is None else f"pace {control.factor:g}"
         case Step():
@@ -309,6 +374,8 @@ def _healed(scenario: Scenario, k: int, name: str) -> Scenario:
     """The scenario in which a lasting fault ends before tick k; of one that begins then only its place remains."""
     if len(scenario.faults) > MOST_FAULTS:
         raise BadInput(f"control: id = {name}: this run has more than {MOST_FAULTS} faults, and none can be ended")
+    if (number := _intruder_of(scenario, name)) is not None:
+        return _without_intruder(scenario, k, number)
     place, fault = _find(scenario, name)
     if not isinstance(fault, Lasting):
         raise BadInput(f"control: id = {name}: a {fault.kind} happens at once and does not end")
@@ -325,6 +392,31 @@ def _healed(scenario: Scenario, k: int, name: str) -> Scenario:
     return _loaded(mapping, place)
 
 
+def _intruder_of(scenario: Scenario, name: str) -> int | None:
+    """The place of the intruder of a name in the scenario's list; None for the name of a fault, or of nothing."""
+    number = name.removeprefix(_INTRUDER)
+    if number == name or not number.isdecimal() or any(fault.id == name for fault in scenario.faults):
+        return None
+    place = int(number) - 1
+    return place if 0 <= place < len(scenario.intruders) and name == intruder_name(place) else None
+
+
+def _without_intruder(scenario: Scenario, k: int, place: int) -> Scenario:
+    """The scenario in which an intruder leaves before tick k."""
+    intruder, step = scenario.intruders[place], scenario.step
+    where = f"control: id = {intruder_name(place)}"
+    if not intruder.is_there(k * step):
+        if intruder.at > k * step:
+            raise BadInput(f"{where}: it has not come yet; it comes at {intruder.at:g} s")
+        raise BadInput(f"{where}: it has left already")
+    mapping = _mapping(scenario)
+    entry = mapping["intruders"][place]
+    entry["for"] = k * step - intruder.at
+    if entry["for"] <= 0.0:  # it keeps its place in the list, between two ticks, so that others keep their names
+        entry["at"], entry["for"] = (k + 0.25) * step, 0.25 * step
+    return _loaded(mapping, len(scenario.faults))
+
+
 def _is_over(scenario: Scenario, k: int, name: str) -> bool:
     """Whether a lasting fault has ended before tick k or does so anyway."""
     _, fault = _find(scenario, name)
@@ -339,8 +431,9 @@ def _find(scenario: Scenario, name: str) -> tuple[int, Any]:
     for place, fault in enumerate(scenario.faults):
         if fault.id == name:
             return place, fault
-    known = ", ".join(str(fault.id) for fault in scenario.faults[-8:]) or "none"
-    raise BadInput(f"control: id = {name}: no such fault; the latest are {known}")
+    names = [str(fault.id) for fault in scenario.faults]
+    names += [intruder_name(place) for place in range(len(scenario.intruders))]
+    raise BadInput(f"control: id = {name}: no such fault or intruder; the latest are {', '.join(names[-8:]) or 'none'}")
 
 
 def _fresh(taken: Iterable[str | None]) -> str:

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from patrol.errors import in_flow
 from patrol.journal.records import Event
 from patrol.scenario import Scenario
 from patrol.scenario.faults.kinds import (
@@ -157,7 +158,7 @@ class Timeline:
             parts.append(self._listed(entry.who))
         shown = {"id", "kind", "at", "for", "who", "from", "to", "as", "by", "groups"}
         values = fault.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
-        parts += [f"{name} {_shown(value)}" for name, value in values.items() if name not in shown]
+        parts += [f"{name} {in_flow(value)}" for name, value in values.items() if name not in shown]
         return ", ".join(parts)
 
     def _listed(self, numbers: Sequence[int]) -> str:
@@ -246,11 +247,3 @@ def _act_kind(entry: Entry) -> ActKind | None:
 
 def _verb(entry: Entry) -> str:
     return "happens" if entry.end == entry.begin else "begins"
-
-
-def _shown(value: object) -> str:
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{name}: {_shown(inner)}" for name, inner in value.items()) + "}"
-    if isinstance(value, list):
-        return "[" + ", ".join(_shown(inner) for inner in value) + "]"
-    return f"{value:g}" if isinstance(value, float) else str(value).lower() if isinstance(value, bool) else str(value)
