@@ -15,6 +15,7 @@ A sweep file is YAML::
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -26,8 +27,9 @@ from typing import Any
 
 from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.scenario import Scenario, load_scenario, scenario_hash
+from patrol.scenario.load import check_map
 from patrol.untrusted import SWEEP
-from patrol.yaml_text import parse_yaml, read_text
+from patrol.yaml_text import line_of, parse_yaml, read_text
 
 MAX_RUNS = 100_000
 """Limit of the runs in a sweep."""
@@ -77,14 +79,14 @@ class Plan:
         cases: The cases.
         seeds: The seeds that each case is run with.
         runs: The runs, case by case.
-        against: Settings of the cases that others are compared with.
+        partners: For each case that is compared with another one, the name of that one.
     """
 
     name: str
     cases: tuple[Case, ...]
     seeds: tuple[int, ...]
     runs: tuple[Run, ...]
-    against: Mapping[str, object] = default(default_factory=dict)
+    partners: Mapping[str, str] = default(default_factory=dict)
 
     def runs_of(self, case: str) -> list[Run]:
         """The runs of a case, one per seed.
@@ -103,10 +105,8 @@ class Plan:
         Returns:
             The case that differs only in the settings of `against`; None if there is none, or `case` has them itself.
         """
-        wanted = {**case.settings, **self.against}
-        if wanted == case.settings:
-            return None
-        return next((other for other in self.cases if other.settings == wanted), None)
+        name = self.partners.get(case.name)
+        return next((other for other in self.cases if other.name == name), None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,12 +147,8 @@ def make_plan(
     if len(cases) * len(seeds) > MAX_RUNS:
         raise BadInput(f"{base.called}: {len(cases)} cases x {len(seeds)} seeds; a sweep has at most {MAX_RUNS} runs")
     runs = [_run(base, case, seed) for case in cases for seed in seeds]
-    plan = Plan(name, cases, tuple(seeds), tuple(runs), against or {})
-    if plan.against and not any(plan.partner(case) for case in cases):
-        raise BadInput(
-            f"{base.called}: against = {quoted(against)}: no two cases differ only in that; vary it in the grid"
-        )
-    return plan
+    partners = _partners(base, cases, runs[:: len(seeds)], against) if against else {}
+    return Plan(name, cases, tuple(seeds), tuple(runs), partners)
 
 
 def read_plan(path: Path, seeds: int | None = None) -> Plan:
@@ -207,10 +203,42 @@ def _run(base: Base, case: Case, seed: int) -> Run:
         raise BadInput(f"{base.called}: case {case.name}: sets seed; give the seeds under 'seeds:'")
     try:
         scenario = load_scenario(base.raw, {**case.settings, "seed": seed}, base=base.folder, called=base.called)
+        check_map(scenario, base.called)
         return Run(scenario_hash(scenario), case.name, seed, scenario, case.settings)
     except BadInput as error:
         where = f"{base.called}: case {case.name}" if case.settings else base.called
         raise BadInput(f"{where}: {str(error).removeprefix(f'{base.called}: ')}") from None
+
+
+def _partners(base: Base, cases: Sequence[Case], runs: Sequence[Run], against: Mapping[str, object]) -> dict[str, str]:
+    """For each case the one whose scenario is the same but for `against`: what results counts, not what is stated.
+
+    For example {set: {}} and {set: {patrol.dilatation: 2}} are the same case where 2 is the base's dilatation.
+
+    Args:
+        base: The scenario to vary.
+        cases: The cases.
+        runs: A run of each case, all with one seed.
+        against: Settings of the cases that others are compared with.
+    """
+    called = {run.key: run.case for run in reversed(runs)}
+    partners: dict[str, str] = {}
+    refused: BadInput | None = None
+    for case, run in zip(cases, runs, strict=True):
+        try:
+            wanted = _run(base, Case(f"{case.name} against {quoted(against)}", {**case.settings, **against}), run.seed)
+        except BadInput as error:
+            refused = error
+            continue
+        if wanted.key != run.key and wanted.key in called:
+            partners[case.name] = called[wanted.key]
+    if not partners:
+        if refused is not None:
+            raise refused
+        raise BadInput(
+            f"{base.called}: against = {quoted(against)}: no two cases differ only in that; vary it in the grid"
+        )
+    return partners
 
 
 def _base(given: object, path: Path) -> Base:
@@ -219,6 +247,9 @@ def _base(given: object, path: Path) -> Base:
     if not isinstance(given, str):
         raise BadInput(f"{path}: base = {quoted(given)}: expected a scenario's keys and values, or its file")
     file = path.parent / given
+    if not os.path.exists(file):  # noqa: PTH110 - Path.exists raises for a name that is too long
+        line = line_of(read_text(path, SWEEP), ("base",))
+        raise BadInput(f"{path}: line {line}: base = {given}: no such file; a path is relative to the sweep's folder")
     raw = parse_yaml(read_text(file), str(file))
     if not isinstance(raw, dict):
         raise BadInput(

@@ -12,6 +12,7 @@ from __future__ import annotations
 import copy
 import hashlib
 import json
+import os
 import re
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -101,10 +102,31 @@ def open_scenario(what: str, overrides: Overrides | None = None) -> Scenario:
         raise BadInput(f"{what}: is an image; give the map's YAML file, which names the image and its resolution")
     if not path.exists():
         raise BadInput(f"{what}: no such scenario or map file, and no built-in terrain; {did_you_mean(what, BUILTINS)}")
-    raw, _ = _read_mapping(path)
+    raw, text = _read_mapping(path)
     if "image" in raw and "terrain" not in raw:
         return load_scenario({"terrain": {"map": str(path)}}, overrides)
-    return load_scenario(path, overrides)
+    scenario = load_scenario(path, overrides)
+    line = line_of(text, ("terrain", "map"))
+    overridden = not {"terrain", "terrain.map"}.isdisjoint(overrides or ())
+    check_map(scenario, "override" if overridden else what if line is None else f"{what}: line {line}")
+    return scenario
+
+
+def check_map(scenario: Scenario, source: str) -> None:
+    """Refuse a scenario whose map is not there.
+
+    Args:
+        scenario: Resolved.
+        source: What errors call it.
+
+    Raises:
+        BadInput: There is no file at `terrain.map`.
+    """
+    if scenario.terrain.map is None:
+        return
+    path = scenario.base / scenario.terrain.map
+    if not os.path.exists(path):  # noqa: PTH110 - Path.exists raises for a name that is too long
+        raise BadInput(f"{source}: terrain.map = {path}: no such file; a path is relative to the scenario's folder")
 
 
 def with_spares(scenario: Scenario, spare: int) -> Scenario:

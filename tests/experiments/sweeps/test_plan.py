@@ -67,6 +67,25 @@ def test_cases_are_compared_with_the_ones_that_differ_in_one_thing(tmp_path: Pat
     }
 
 
+def test_the_base_as_it_is_is_compared_by_what_it_means(tmp_path: Path) -> None:
+    cases = [{"name": "default", "set": {}}, {"name": "two", "set": {"patrol.dilatation": 2}}]
+    base = {**BASE, "patrol": {"dilatation": 0}}
+    found = plan(tmp_path, base=base, cases=cases, against={"patrol.dilatation": 0})
+    assert found.partners == {"two": "default"}
+
+
+def test_an_against_that_cannot_be_names_its_field(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match=r"override patrol\.dilation: unknown key; did you mean dilatation"):
+        plan(tmp_path, cases=[{"name": "a"}], against={"patrol.dilation": 0})
+
+
+def test_a_base_that_is_not_there_is_named_with_its_line(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match=r"trial.yaml: line \d: base = nowhere.yaml: no such file"):
+        plan(tmp_path, base="nowhere.yaml")
+    with pytest.raises(BadInput, match=r"base: terrain.map = .*nowhere.yaml: no such file"):
+        plan(tmp_path, base={"terrain": {"map": "nowhere.yaml"}})
+
+
 def test_without_grid_and_cases_there_is_the_base_alone(tmp_path: Path) -> None:
     found = plan(tmp_path, base={**BASE, "seed": 12})
     assert names(found) == ["base"]
