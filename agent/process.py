@@ -19,7 +19,15 @@ from patrol.process.exit_codes import BAD_INPUT, INTERRUPTED
 from patrol.process.lifeline import Ending, heed
 from patrol.process.memory.file_pages import give_back_file_pages
 from patrol.process.memory.garbage import begin_collection
-from patrol.process.options import TOGETHER, Meeting, fleet_parser, meeting, prepared_as_told, robot_named
+from patrol.process.options import (
+    TOGETHER,
+    Meeting,
+    ProcessParser,
+    fleet_parser,
+    meeting,
+    prepared_as_told,
+    robot_named,
+)
 from patrol.process.reporting.logs import Log
 from patrol.process.reporting.notify import Notifier
 from patrol.process.reporting.supervision import Supervision, followed, take_supervision
@@ -37,7 +45,8 @@ One robot of a fleet whose router and world run elsewhere. {TOGETHER}
 The processes may start in any order. With radio.via: direct in the scenario, --radio names the network on which the
 robots hear each other: a multicast group, which needs no router, or a separate router (default: the fleet's router).
 
-A ROS 2 robot is driven with --robot ros2 --connect LOCATOR; python -m agent --robot ros2 --help says how.
+A ROS 2 robot is driven with --robot ros2 --connect LOCATOR; its options are other ones:
+fogwatch agent --robot ros2 --help.
 
 Exit codes: 0 the run is over, 1 the robot failed or was left out of the run, 2 bad input, 130 interrupted.
 """
@@ -75,7 +84,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
         begin_collection()
         return drive_ros2(told)
-    options = _options(told)
+    options = simulated_parser().parse_args(told)
     log = Log(options.robot or "agent")
     ending = heed(options.lifeline)
     try:
@@ -215,9 +224,10 @@ def _mind(scenario: Scenario, spec: RobotSpec, process: _Process) -> Mind | None
         raise BadInput(str(failed)) from None
 
 
-def _options(arguments: Sequence[str]) -> argparse.Namespace:
+def simulated_parser() -> ProcessParser:
+    """The parser of the command line of a robot that a world simulates."""
     parser = fleet_parser("agent", "One robot of a simulated fleet, as a process.", HELP, "router and world")
     add = parser.add_argument
     add("--robot", metavar="NAME", help="the robot's name in the scenario (default: the credentials')")
     add("--incarnation", type=int, default=FIRST_INCARNATION, metavar="N", help="which start this is (%(default)s)")
-    return parser.parse_args(arguments)
+    return parser

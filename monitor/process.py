@@ -17,6 +17,7 @@ from monitor.replay.run_files import journal_in
 from patrol.errors import BadInput
 from patrol.process.exit_codes import BAD_INPUT, INTERRUPTED
 from patrol.process.lifeline import Ending, heed
+from patrol.process.options import ProcessParser
 from patrol.process.reporting.logs import Log, is_json
 from patrol.process.reporting.notify import Notifier
 from patrol.process.reporting.supervision import add_supervision, followed, take_supervision
@@ -271,9 +272,7 @@ def _listen(host: str, port: int) -> socket.socket:
 
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        prog="python -m monitor", epilog=HELP, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = ProcessParser("python -m monitor", "", HELP)
 
     def add(name: str, metavar: str, says: str, **more: Any) -> None:
         parser.add_argument(name, metavar=metavar, help=says, **more)

@@ -6,9 +6,10 @@ import argparse
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NoReturn, Protocol
 
 from patrol.errors import BadInput
+from patrol.process.exit_codes import BAD_INPUT
 from patrol.process.lifeline import Ending
 from patrol.process.reporting.supervision import add_supervision
 
@@ -35,6 +36,45 @@ On one machine they may also meet at a router that asks nobody who they are:
   python -m agent    --router tcp/127.0.0.1:7447 --fleet yards-1 --scenario yards.yaml --robot r1"""
 """For the help of each: how a fleet is started by hand."""
 
+_REQUIRED = "the following arguments are required: "
+"""How argparse begins the error about missing options."""
+
+
+class ProcessParser(argparse.ArgumentParser):
+    """A parser of a process's command line, whose errors are one line that says what to give."""
+
+    def __init__(self, prog: str, description: str, epilog: str) -> None:
+        """Make a parser.
+
+        Args:
+            prog: How the process is started.
+            description: First lines of the help.
+            epilog: Last lines of the help.
+        """
+        form = argparse.RawDescriptionHelpFormatter
+        super().__init__(prog, description=description, epilog=epilog, formatter_class=form, allow_abbrev=False)
+
+    def list_options(self) -> str:
+        """The options with their explanations, as the help has them, without the rest of the help."""
+        formatter = self._get_formatter()
+        for group in self._action_groups:
+            formatter.start_section(group.title)
+            formatter.add_arguments(group._group_actions)
+            formatter.end_section()
+        return formatter.format_help()
+
+    def error(self, message: str) -> NoReturn:
+        """End the process with one line.
+
+        Args:
+            message: In argparse's words.
+        """
+        if message.startswith(_REQUIRED):
+            names = message.removeprefix(_REQUIRED).split(", ")
+            missing = [action for action in self._actions if not set(action.option_strings).isdisjoint(names)]
+            message = "; ".join(f"{one.option_strings[0]} {one.metavar} is missing: {one.help}" for one in missing)
+        self.exit(BAD_INPUT, f"{self.prog}: {message}; all options: {self.prog} --help\n")
+
 
 def fleet_parser(package: str, description: str, epilog: str, others: str) -> argparse.ArgumentParser:
     """A parser of the options that all have; the caller adds its own.
@@ -45,12 +85,7 @@ def fleet_parser(package: str, description: str, epilog: str, others: str) -> ar
         epilog: Last lines of the help.
         others: The processes that this one waits for.
     """
-    parser = argparse.ArgumentParser(
-        prog=f"python -m {package}",
-        description=description,
-        epilog=epilog,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = ProcessParser(f"python -m {package}", description, epilog)
     add = parser.add_argument
     add("--credentials", type=Path, metavar="FOLDER", help="this member's, of a fleet made by: fogwatch fleet init")
     add("--router", metavar="LOCATOR", help="the router that the fleet meets at (default: the credentials')")

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from patrol.errors import BadInput
 from patrol.pose import MODELS, Pose, wrap
+from patrol.process.options import ProcessParser
 from patrol.process.reporting.supervision import add_supervision
 from worldsim.ros2.node import DRIVES
 from worldsim.ros2.odometry import Errors
@@ -52,14 +53,15 @@ def options_of(arguments: Sequence[str] | None) -> argparse.Namespace:
     Args:
         arguments: Its words; None for those of this process.
     """
-    parser = argparse.ArgumentParser(
-        prog="fogwatch robot-sim",
-        description="Simulate ROS 2 robots over Zenoh.",
-        epilog=HELP,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
-    )
-    add = parser.add_argument
+    options = parser().parse_args(arguments)
+    _check(options)
+    return options
+
+
+def parser() -> ProcessParser:
+    """The parser of the command line of simulated ROS 2 robots."""
+    made = ProcessParser("fogwatch robot-sim", "Simulate ROS 2 robots, to try an agent without a robot.", HELP)
+    add = made.add_argument
     add("--connect", required=True, metavar="LOCATOR", help="the Zenoh router of the robots, tcp/HOST:7447")
     add("--robots", required=True, metavar="NAME[:FORMAT],...", help="formats: rmw_zenoh, rmw_zenoh-humble, bridge")
     add("--domain", type=int, default=0, metavar="N", help="ROS_DOMAIN_ID (default: %(default)s)")
@@ -90,10 +92,8 @@ def options_of(arguments: Sequence[str] | None) -> argparse.Namespace:
     add("--out", type=Path, metavar="FILE", help="write what was measured, as JSON (default: print it)")
     add("--wait", type=float, default=60.0, metavar="S", help="for the router (default: %(default)g s)")
     add("--lifeline", type=int, metavar="FD", help=argparse.SUPPRESS)
-    add_supervision(parser)
-    options = parser.parse_args(arguments)
-    _check(options)
-    return options
+    add_supervision(made)
+    return made
 
 
 def errors_of(options: argparse.Namespace) -> Errors:

@@ -12,6 +12,7 @@ from agent.robots.ros2.pose.localisation import RADIUS, SPEED, LocalisationSetti
 from agent.robots.ros2.settings import DRIVES, TOPICS, DriveSettings, turn_rate_of
 from patrol.errors import BadInput, did_you_mean
 from patrol.pose import MODELS, Limits, Pose, wrap
+from patrol.process.options import ProcessParser
 from patrol.process.reporting.supervision import add_supervision
 
 TURNING_RADIUS = 3.5
@@ -78,13 +79,12 @@ def options_of(arguments: Sequence[str]) -> argparse.Namespace:
     Args:
         arguments: Without the program's name.
     """
-    parser = argparse.ArgumentParser(
-        prog="fogwatch agent --robot ros2",
-        description=DESCRIPTION,
-        epilog=HELP,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
-    )
+    return ros2_parser().parse_args(arguments)
+
+
+def ros2_parser() -> ProcessParser:
+    """The parser of a ROS 2 robot's command line."""
+    parser = ProcessParser("fogwatch agent --robot ros2", DESCRIPTION, HELP)
     parser.add_argument("--robot", choices=["ros2"], required=True, help="a ROS 2 robot")
     add = parser.add_argument_group("the robot").add_argument
     add("--connect", required=True, metavar="LOCATOR", help="the robot's Zenoh router, tcp/HOST:7447")
@@ -142,7 +142,7 @@ def options_of(arguments: Sequence[str]) -> argparse.Namespace:
     add("--state", type=Path, metavar="FOLDER", help="where stops are noted (default: $STATE_DIRECTORY, or the user's)")
     add("--lifeline", type=int, metavar="FD", help=argparse.SUPPRESS)
     add_supervision(parser)
-    return parser.parse_args(arguments)
+    return parser
 
 
 def drive_settings(options: argparse.Namespace) -> DriveSettings:

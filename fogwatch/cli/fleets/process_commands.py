@@ -18,13 +18,25 @@ AGENT_EXAMPLES = [
 AGENT_CODES = "0 the run is over, 1 the robot failed, 2 bad input, 130 interrupted"
 SIM_EXAMPLES = [
     "fogwatch robot-sim --map map.yaml --connect tcp/127.0.0.1:7447 --robots robot1",
-    "fogwatch robot-sim --list-options",
 ]
 SIM_CODES = "0 the time is over, 2 bad input, 130 interrupted"
 
 
 class PassedOn(HelpfulCommand):
-    """A command that passes its words on. Its own help is shown where ``--help`` is the only word."""
+    """A command that passes its words on. Where ``--help`` is the only word, it lists the options of all its robots."""
+
+    listed: Callable[[], str]
+    """The options that the words may hold, with their explanations."""
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Show the command's help, and the options of what it passes its words on to.
+
+        Args:
+            ctx: The context of the call.
+            formatter: For a help without colours.
+        """
+        super().format_help(ctx, formatter)
+        typer.echo(type(self).listed())
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Leave all words but a lone ``--help`` alone.
@@ -42,11 +54,34 @@ class PassedOn(HelpfulCommand):
         return []
 
 
+class AgentCommand(PassedOn):
+    """`fogwatch agent`."""
+
+    @staticmethod
+    def listed() -> str:
+        """The options of ROS 2 robots, then those of simulated ones."""
+        from agent.process import simulated_parser
+        from agent.robots.ros2.options import ros2_parser
+
+        ros2, simulated = ros2_parser().list_options(), simulated_parser().list_options()
+        return f"With --robot ros2, for a ROS 2 robot:\n\n{ros2}\nFor a robot that a world simulates:\n\n{simulated}"
+
+
+class RobotSimCommand(PassedOn):
+    """`fogwatch robot-sim`."""
+
+    @staticmethod
+    def listed() -> str:
+        """The options of simulated ROS 2 robots."""
+        from worldsim.ros2.options import parser
+
+        return parser().list_options()
+
+
 def agent(ctx: typer.Context) -> int:
     """Run one robot of a fleet: a ROS 2 robot with --robot ros2, otherwise one that a world simulates.
 
-    For a ROS 2 robot, no scenario is needed, and no ROS on this machine: see fogwatch agent --robot ros2 --help. The
-    options of a simulated robot are those of python -m agent --help.
+    For a ROS 2 robot, no scenario is needed, and no ROS on this machine.
     """
     from agent.process import main
 
@@ -56,13 +91,11 @@ def agent(ctx: typer.Context) -> int:
 def robot_sim(ctx: typer.Context) -> int:
     """Simulate ROS 2 robots on a Zenoh router, to try an agent without a robot.
 
-    They have odometry with noise, drift and delay, a localisation, a watchdog, and Nav2 on request. All options are
-    listed by fogwatch robot-sim --list-options.
+    They have odometry with noise, drift and delay, a localisation, a watchdog, and Nav2 on request.
     """
     from worldsim.ros2.process import main
 
-    words = ["--help"] if ctx.args == ["--list-options"] else ctx.args
-    return _code(main, words)
+    return _code(main, ctx.args)
 
 
 def register(app: typer.Typer, panel: str) -> None:
@@ -72,8 +105,8 @@ def register(app: typer.Typer, panel: str) -> None:
         app: The group that they belong to.
         panel: The panel that the group's help lists them in.
     """
-    command(app, examples=AGENT_EXAMPLES, exit_codes=AGENT_CODES, panel=panel, kind=PassedOn)(agent)
-    command(app, "robot-sim", examples=SIM_EXAMPLES, exit_codes=SIM_CODES, panel=panel, kind=PassedOn)(robot_sim)
+    command(app, examples=AGENT_EXAMPLES, exit_codes=AGENT_CODES, panel=panel, kind=AgentCommand)(agent)
+    command(app, "robot-sim", examples=SIM_EXAMPLES, exit_codes=SIM_CODES, panel=panel, kind=RobotSimCommand)(robot_sim)
 
 
 def only_these() -> typer.Typer:

@@ -16,8 +16,11 @@ CONNECT = ["--connect", "tcp/127.0.0.1:9", "--wait", "0.2"]
     ("words", "shown"),
     [
         (["agent", "--robot", "ros2", "--help"], "--namespace robot1 --map map.yaml --connect tcp/192.168.1.20:7447"),
+        (["agent", "--help"], "fogwatch agent --robot ros2 --namespace robot1 --map map.yaml"),
+        (["agent", "--help"], "--localisation {tf,pose,odometry}"),
+        (["agent", "--help"], "--incarnation N"),
         (["agent", "--robot", "r1", "--help"], "python -m agent    --credentials yards-1/r1 --scenario yards.yaml"),
-        (["robot-sim", "--list-options"], "--robots r1,r2:bridge,r3:rmw_zenoh-humble --delay 0.1 --noise 0.05"),
+        (["robot-sim", "--help"], "--drift-heading RAD/M"),
     ],
 )
 def test_the_help_of_a_process_is_its_own(
@@ -32,6 +35,12 @@ def test_the_help_of_a_process_is_its_own(
     [
         (["agent", "--robot", "ros2", "--connect", "10.0.0.1"], "robot: --connect '10.0.0.1': not a router's address"),
         (["agent", "--robot", "ros2", *CONNECT], "is the robot's Zenoh router running?"),
+        (
+            ["agent", "--robot", "ros2"],
+            "--connect LOCATOR is missing: the robot's Zenoh router, tcp/HOST:7447; all",
+        ),
+        (["agent", "--robot", "r1", "--fleet", "f"], "python -m agent: --scenario FILE is missing: the scenario, the"),
+        (["robot-sim"], "--connect LOCATOR is missing: the Zenoh router of the robots, tcp/HOST:7447; --robots NAME"),
         (["robot-sim", "--robots", "a", *CONNECT], "robot-sim: --map, --scenario: give one of the two"),
         (["robot-sim", "--robots", "a,a", "--map", "PLAN", *CONNECT], "--robots a,a: give up to 64 different names"),
         (["robot-sim", "--robots", "a:dds", "--map", "PLAN", *CONNECT], "--robots a 'dds': no such format; known are"),
