@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from agent.robots.ros2.settings import DriveSettings
     from patrol.pose import Pose
     from patrol.process.reporting.vitals import Vitals
+    from patrol.ros2.link import ZenohRos2Link
     from patrol.ros2.ports import Ros2Link
     from patrol.scenario import Scenario
 
@@ -40,6 +41,9 @@ NODE = "fogwatch"
 
 SAY_S = 5.0
 """Time between two lines about what is waited for, s."""
+
+GRAPH_S = 1.0
+"""How long a router may take to say which nodes it knows, s."""
 
 LISTEN_S = 2.0
 LISTEN_MORE_S = 1.5
@@ -121,7 +125,7 @@ def _run(options: argparse.Namespace, log: Log, ending: Ending, vitals: Vitals |
         stack.callback(link.close)
         factor = 1.0 if given is None or given.factor is None else given.factor
         hardware = Hardware(link, settings, factor, say, stop_files)
-        pose = _found(hardware, options.wait, ending, say)
+        pose = _found(hardware, link, options.wait, ending, say)
         if pose is None:
             return INTERRUPTED
         say(f"is at ({pose.x:.2f}, {pose.y:.2f}), heading {pose.heading:.2f}")
@@ -199,7 +203,7 @@ def _check_map(options: argparse.Namespace, name: str, given: Scenario | None, o
         load_terrain(given.terrain, given.point, Path())
 
 
-def _link(options: argparse.Namespace, ending: Ending, say: _Say) -> Ros2Link:
+def _link(options: argparse.Namespace, ending: Ending, say: _Say) -> ZenohRos2Link:
     from patrol.net.keys import check_locator
     from patrol.net.security.credentials import read_credentials
     from patrol.ros2.formats import format_named
@@ -225,18 +229,23 @@ def _link(options: argparse.Namespace, ending: Ending, say: _Say) -> Ros2Link:
     )
 
 
-def _found(hardware: Hardware, wait_s: float, ending: Ending, say: _Say) -> Pose | None:
+def _found(hardware: Hardware, link: ZenohRos2Link, wait_s: float, ending: Ending, say: _Say) -> Pose | None:
     """Where the robot is at first; None when it is time to leave. Raises BadInput when it cannot be found."""
+    from patrol.ros2.formats import other_format
+
     began = said = time.monotonic()
     while not ending.wait(_LOOK_S):
         if (fix := hardware.fix()) is not None:
             return fix.pose
         now = time.monotonic()
+        if now - said < SAY_S and now - began < wait_s:
+            continue
+        said = now
+        other = other_format(link.format, lambda graph: link.tokens(graph, GRAPH_S))
         if now - began >= wait_s:
-            raise BadInput(f"the robot was not found within {wait_s:g} s: {hardware.why}; fogwatch doctor says more")
-        if now - said >= SAY_S:
-            said = now
-            say(f"waiting for the robot: {hardware.why}")
+            remedy = f"the nodes on this router speak {other}" if other else "fogwatch doctor says more"
+            raise BadInput(f"the robot was not found within {wait_s:g} s: {hardware.why}; {remedy}")
+        say(f"waiting for the robot: {hardware.why}{f'; the nodes on this router speak {other}' if other else ''}")
     return None
 
 

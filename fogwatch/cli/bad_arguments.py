@@ -43,6 +43,9 @@ _QUANTITIES = {
 }
 """By the metavar that the help shows."""
 
+_EXTRA = re.compile(r"Got unexpected extra arguments?(?:\(s\))? \((.*)\)")
+"""The parser's error for arguments that no parameter takes."""
+
 _NUMBER = re.compile(r"\s*([-+]?[0-9]*[.,]?[0-9]+(?:[eE][-+]?[0-9]+)?)\s*([A-Za-z/]*)\s*")
 
 
@@ -127,10 +130,12 @@ class HelpfulCommand(TyperCommand):
             return self._unknown(str(error.option_name))
         param = getattr(error, "param", None)
         if param is None:
-            return None
+            extra = _EXTRA.match(str(getattr(error, "message", "")))
+            return extra and f"{extra[1]}: not expected here; for example: {self.example}"
         if type(error).__name__ == "MissingParameter":
+            option = next((f"{text} " for text in param.opts if text.startswith("--")), "")
             name = getattr(param, "metavar", None) or param.name
-            return f"{name} is missing; for example: {self.example}"
+            return f"{option}{name} is missing; for example: {self.example}"
         values, *_ = self.make_parser(ctx).parse_args(args=given)
         value = values.get(param.name)
         texts = [value] if isinstance(value, str) else list(value or ())

@@ -262,6 +262,23 @@ FORMATS: dict[str, Callable[[int], Format]] = {
 """Formats by the names that options have for them, each made for a ROS_DOMAIN_ID."""
 
 
+def other_format(form: Format, tokens: Callable[[str], list[str]]) -> str:
+    """The format of the nodes on a router where none has the expected one.
+
+    Args:
+        form: The expected format.
+        tokens: The liveliness tokens under a key expression.
+
+    Returns:
+        The remedy, such as "rmw_zenoh; give --format rmw_zenoh"; empty where nobody speaks another format.
+    """
+    for name in ("rmw_zenoh", "bridge"):
+        other = FORMATS[name](form.domain)
+        if type(other) is not type(form) and any(other.entity(token) for token in tokens(other.graph)):
+            return f"{other.name}; give --format {name}"
+    return ""
+
+
 def format_named(name: str, domain: int, option: str) -> Format:
     """The format of a name.
 

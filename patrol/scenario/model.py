@@ -6,6 +6,7 @@ other modules import.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
@@ -137,6 +138,10 @@ Robots = Annotated[
 ]
 
 
+RADIANS_WITHIN = 0.005
+"""An angle of view this near to a multiple of pi / 2 is taken for one in radians, such as 6.28 for all round."""
+
+
 class SensorSpec(Section):
     """What a robot sees."""
 
@@ -144,6 +149,14 @@ class SensorSpec(Section):
     angle: Degrees = Field(360.0, description="degrees, angle of view, centred on the heading")
     line_of_sight: Flag = Field(True, description="obstacles block the view")
     quality: Quality = Field(1.0, description="share of a point's age that a look removes, or [[m, share], ...]")
+
+    @model_validator(mode="after")
+    def _angle_in_degrees(self) -> Self:
+        for degrees in (90, 180, 270, 360):
+            if abs(self.angle - math.radians(degrees)) < RADIANS_WITHIN:
+                problem = f"is {degrees} degrees in radians, and this angle is in degrees; give {degrees}"
+                raise wrong("angle", f"{problem}, or {round(self.angle, 1):g} for so narrow a view", self.angle)
+        return self
 
 
 class PatrolSpec(Section):

@@ -24,6 +24,7 @@ EXAMPLES = [
     "fogwatch control RUN fault '{kind: loss, rate: 0.5}'",
     "fogwatch control RUN heal op1",
     "fogwatch control RUN intruder '[12, 30]'",
+    "fogwatch control RUN heal intruder1",
     "fogwatch control yards-1/operator pause",
     "fogwatch control yards-1/operator stop robot1",
     "fogwatch control tcp/192.168.1.20:7447 stop --fleet patrol",
@@ -36,15 +37,6 @@ WAIT_S = 15.0
 """How long a world may take to answer: it ends its tick first, and starts the robots that the request needs."""
 
 REFUSED, UNANSWERED = 1, 3
-
-VALUES = {
-    "step": ("ticks", "10"),
-    "pace": ("factor", "2, or max"),
-    "fault": ("fault", "'{kind: loss, rate: 0.5}'"),
-    "heal": ("id", "op1, the id in the answer to a fault"),
-    "intruder": ("place", "'[12, 30]'"),
-}
-"""For each control that has a value: the value's field, and an example."""
 
 
 def control(
@@ -63,8 +55,9 @@ def control(
         str | None,
         typer.Argument(
             metavar="[VALUE]",
-            help="step: ticks; pace: factor of real time, or max; fault: the fault as YAML; heal: the fault's id; "
-            "intruder: its place as [X, Y] in m; stop, release: the robot (default: all robots).",
+            help="step: ticks; pace: factor of real time, or max; fault: the fault as YAML; heal: the id of a fault or "
+            "an intruder, as the answer to it says; intruder: its place as [X, Y] in m, or {place: [X, Y], for: S}; "
+            "stop, release: the robot (default: all robots).",
         ),
     ] = None,
     wait: Annotated[float, typer.Option(metavar="S", help="How long to wait for an answer, in s.")] = WAIT_S,
@@ -115,7 +108,7 @@ def control(
 
 def _stop(run: Path, do: str, robot: str | None, fleet: str | None, wait: float) -> int:
     """Ask robots to stop, or release them; the exit code."""
-    from patrol.net.keys import check_locator, fleet_keys
+    from patrol.net.keys import WORLD, check_locator, fleet_keys
     from patrol.net.link import LinkDown, open_link
     from patrol.net.messages.stop_orders import Order, ask_robots, robots_there
     from patrol.net.security.access import read_access
@@ -132,7 +125,7 @@ def _stop(run: Path, do: str, robot: str | None, fleet: str | None, wait: float)
         link = open_link(router, wait, credentials=credentials)
     except LinkDown as down:
         raise BadInput(f"{run}: {down}; is the fleet still running?") from None
-    unsure = False
+    unsure = simulated = False
     try:
         robots = robots_there(link, keys) if whom is None else [whom]
         silent = set(robots)
@@ -140,11 +133,20 @@ def _stop(run: Path, do: str, robot: str | None, fleet: str | None, wait: float)
             typer.echo(printable(f"{name}: {outcome.text}"), err=not outcome.done)
             silent.discard(name)
             unsure = unsure or not outcome.done
+        simulated = bool(silent) and link.sees(keys.alive(WORLD))
     finally:
         link.close()
     if silent or not robots:
         who = f"no answer from {', '.join(sorted(silent))}" if silent else "no robot is there"
         remedy = "; use another way to stop what is left" if do == "stop" else ""
+        if simulated:
+            hold, kind = ("pause", "pause") if do == "stop" else ("go", "resume")
+            at = run if fleet is None else "RUN"  # a router's address gives no right to control a world
+            remedy = (
+                f"; a world simulates this fleet, and its robots take no orders: control the world with "
+                f"fogwatch control {at} {hold}, or the robots' processes with "
+                f"fogwatch control {at} fault '{{kind: {kind}, who: {robot or 'all'}}}'"
+            )
         typer.echo(f"fogwatch: fleet {keys.fleet}: {who}{remedy}", err=True)
         return UNANSWERED
     return REFUSED if unsure else 0
@@ -163,11 +165,13 @@ def control_of(do: str, value: str | None) -> dict[str, Any]:
     Raises:
         BadInput: A value is missing, not wanted, or no YAML.
     """
+    from patrol.scenario.controls import EXAMPLES
     from patrol.yaml_text import parse_yaml
 
-    field, example = VALUES.get(do, (None, ""))
+    field, example = next(iter(EXAMPLES.get(do, {}).items()), (None, ""))
     if value is None:
         if field is not None and do != "step":
+            example = f"'{example}'" if example[0] in "[{" else example
             raise BadInput(f"control {do}: give its {field} too, such as {example}")
         return {"do": do}
     if field is None:

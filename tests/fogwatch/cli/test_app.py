@@ -221,6 +221,14 @@ def test_an_error_in_a_map_names_the_map_and_not_its_copy(
         (["run", "open", "--threads", "2"], "--threads 2: each robot is a process of its own; leave it out, or give"),
         (["paper", "table", "two"], "N... two: expected a whole number, such as 5"),
         (["sweep"], "FILE is missing; for example: fogwatch sweep"),
+        (
+            ["fleet", "init", "a", "b"],
+            "--robots NAME,NAME is missing; for example: fogwatch fleet init yards-1 --robots",
+        ),
+        (["fleet", "init", "a", "b", "--robots", "r1"], "b: not expected here; for example: fogwatch fleet init"),
+        (["control", "RUN", "intruder"], "control intruder: give its place too, such as '[12, 30]'"),
+        (["control", "RUN", "fault", "loss"], 'control: fault = "loss": expected a fault such as {kind: loss, rate'),
+        (["control", "RUN", "intruder", "{at: 3}"], "control: place: missing; give [12, 30]"),
     ],
 )
 def test_every_command_names_the_argument_its_value_and_the_remedy(

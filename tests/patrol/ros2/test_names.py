@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from patrol.errors import BadInput
-from patrol.ros2.formats import Attachment, Bridge, RmwZenoh, attachment_of, format_named, gid_of
+from patrol.ros2.formats import Attachment, Bridge, RmwZenoh, attachment_of, format_named, gid_of, other_format
 from patrol.ros2.names import (
     LATCHED,
     SENSOR,
@@ -170,3 +170,12 @@ def test_formats_have_names() -> None:
     assert format_named("bridge", 3, "test") == Bridge()
     with pytest.raises(BadInput, match="known are rmw_zenoh, rmw_zenoh-humble, bridge"):
         format_named("dds", 0, "--format")
+
+
+def test_the_format_of_the_nodes_on_a_router_is_told_where_it_is_another_one() -> None:
+    bridged = f"@/{ONE}/@ros2_lv/MP/§chatter/std_msgs§msg§String"
+    spoken = {RmwZenoh().graph: [f"@ros2_lv/0/{ONE}/0/0/NN/%/%/listener"], Bridge().graph: [bridged]}
+    assert other_format(Bridge(), lambda graph: spoken[graph]) == "rmw_zenoh; give --format rmw_zenoh"
+    assert other_format(RmwZenoh(), lambda graph: spoken[graph]) == "zenoh-bridge-ros2dds; give --format bridge"
+    assert other_format(Bridge(), lambda _: []) == ""
+    assert other_format(Bridge(), lambda _: ["@ros2_lv/nothing"]) == ""

@@ -258,6 +258,23 @@ def test_what_cannot_be_opened_is_named(tmp_path: Path) -> None:
         open_scenario(str(tmp_path))
 
 
+def test_a_map_that_is_not_there_is_named_with_the_line_that_names_it(tmp_path: Path) -> None:
+    path = write(tmp_path / "mine.yaml", "duration: 20\nterrain: {map: hall.yaml}")
+    with pytest.raises(
+        BadInput, match=r"mine.yaml: line 2: terrain.map = .*hall.yaml: no such file; a path is relative"
+    ):
+        open_scenario(str(path))
+    with pytest.raises(BadInput, match=r"^override: terrain.map = .*other.yaml: no such file"):
+        open_scenario(str(path), {"terrain.map": "other.yaml"})
+
+
+@pytest.mark.parametrize(("angle", "degrees"), [(6.28, 360), (3.1416, 180), (1.57, 90)])
+def test_an_angle_in_radians_is_refused(angle: float, degrees: int) -> None:
+    with pytest.raises(BadInput, match=f"sensor.angle = .*: is {degrees} degrees in radians.*; give {degrees}, or"):
+        load_scenario({**YARDS, "sensor": {"angle": angle}})
+    assert load_scenario({**YARDS, "sensor": {"angle": round(angle, 1)}}).sensor.angle == round(angle, 1)
+
+
 # --- writing ---------------------------------------------------------------------------------------------------------
 
 LONG = {

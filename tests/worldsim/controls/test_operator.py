@@ -15,11 +15,21 @@ from PIL import Image
 from agent.build import mind_maker, shared_by
 from experiments.inprocess import InProcessFleet, run_in_process
 from patrol.errors import BadInput
-from patrol.journal.records import Status, TickRecord
+from patrol.journal.records import Event, Status, TickRecord
 from patrol.net.messages.phases import FIRST_INCARNATION
 from patrol.prepare import Prepared, prepare
 from patrol.scenario import Scenario, load_scenario, scenario_hash
-from patrol.scenario.controls import OPERATOR, Answer, amended, in_force, prepared_as_operated, read_control
+from patrol.scenario.controls import (
+    OPERATOR,
+    Answer,
+    amended,
+    as_detail,
+    in_force,
+    intruders_there,
+    prepared_as_operated,
+    read_control,
+    worded,
+)
 from patrol.scenario.copying import FILE, keep_scenario
 from worldsim.controls.operator import ControlRequest, Operator
 from worldsim.controls.requests import TIMELINE, keep_timeline
@@ -121,7 +131,7 @@ EVERYTHING: dict[int, list[dict[str, Any]]] = {
     9: [
         {"do": "fault", "fault": {"kind": "join", "who": "r4"}},
         {"do": "fault", "fault": {"kind": "restart", "who": "r2", "at": 1.2}},
-        {"do": "intruder", "place": [30, 30], "stay": 3},
+        {"do": "intruder", "place": [30, 30], "for": 3},
     ],
     14: [{"do": "fault", "fault": {"kind": "spoof", "as": "r1", "payload": {"replay": 2.0}, "for": 3}}],
     15: [{"do": "fault", "fault": {"kind": "delay", "delay": {"exponential": 1.0}}}, {"do": "pace", "factor": None}],
@@ -130,9 +140,11 @@ EVERYTHING: dict[int, list[dict[str, Any]]] = {
         {"do": "fault", "fault": {"kind": "loss", "id": "slid", "rate": 1.0}},
         {"do": "fault", "fault": {"kind": "loss", "rate": 0.5, "mean_burst": 3}, "instead": "slid"},
     ],
+    20: [{"do": "intruder", "place": [60, 30]}, {"do": "intruder", "place": [10, 20], "stay": None}],
     21: [{"do": "heal", "id": "nap"}, {"do": "heal", "id": "op6"}],
     22: [{"do": "fault", "fault": {"kind": "silence", "who": "minority", "direction": "in", "for": 4}}],
     23: [{"do": "fault", "fault": {"kind": "drift", "who": "half", "noise": 0.4}}],
+    25: [{"do": "heal", "id": "intruder2"}],
     24: [{"do": "fault", "fault": {"kind": "bandwidth", "bytes_per_s": 40}}, {"do": "step", "ticks": 3}],
     27: [{"do": "fault", "fault": {"kind": "kill", "who": "one"}}, {"do": "go"}],
 }
@@ -205,6 +217,13 @@ REFUSED: dict[str, dict[str, Any]] = {
     "expected [x, y]": {"do": "intruder", "place": "here"},
     'fault.kind = "\\ud800": holds half of a character': {"do": "fault", "fault": {"kind": "\ud800"}},
     'key "\\ud800" of fault: holds half': {"do": "fault", "fault": {"kind": "kill", "\ud800": 1}},
+    "place = [500, 40]: not on open, which spans x 0 to": {"do": "intruder", "place": [500, 40]},
+    "place = [0.2, 40]: in an obstacle of open; move it": {"do": "intruder", "place": [0.2, 40]},
+    "place: missing; give [12, 30]": {"do": "intruder"},
+    "fault = 3: expected a fault such as {kind: loss": {"do": "fault", "fault": 3},
+    "at: unknown key; known are place, for": {"do": "intruder", "place": [30, 30], "at": 2},
+    "go takes no value; leave it out": {"do": "go", "ticks": 2},
+    "no such fault or intruder; the latest are f1, f2": {"do": "heal", "id": "intruder1"},
 }
 
 
@@ -273,6 +292,55 @@ def test_what_an_operator_has_asked_for_is_in_force_until_it_ends() -> None:
     scenario, _ = amended(scenario, 12, read_control({"do": "heal", "id": "hush"}))
     assert ids(11) == ["hush"]
     assert ids(12) == []
+
+
+def test_an_intruder_leaves_when_it_is_healed() -> None:
+    scenario = load_scenario({**SMALL, "intruders": [{"place": [30, 30], "at": 2, "for": 4}]})
+    for control in ({"place": [40, 30]}, {"place": [50, 30], "for": 3.0}):
+        scenario, text = amended(scenario, 6, read_control({"do": "intruder", **control}))
+    assert text == "intruder3 at (50, 30) from tick 6 on"
+
+    def names(k: int) -> list[str]:
+        return [name for *_, name in intruders_there(scenario, k)]
+
+    assert [names(k) for k in (3, 5, 6, 11, 12)] == [
+        [],
+        ["intruder1"],
+        ["intruder1", "intruder2", "intruder3"],
+        ["intruder1", "intruder2", "intruder3"],
+        ["intruder2"],
+    ]
+    scenario, _ = amended(scenario, 8, read_control({"do": "heal", "id": "intruder2"}))
+    assert names(7) == ["intruder1", "intruder2", "intruder3"]
+    assert names(8) == ["intruder1", "intruder3"]
+    for name, why in (("intruder2", "has left already"), ("intruder9", "no such fault or intruder")):
+        with pytest.raises(BadInput, match=why):
+            amended(scenario, 9, read_control({"do": "heal", "id": name}))
+    with pytest.raises(BadInput, match="has not come yet; it comes at 2 s"):
+        amended(scenario, 3, read_control({"do": "heal", "id": "intruder1"}))
+
+
+def test_an_intruder_that_is_healed_at_once_never_comes_and_others_keep_their_names() -> None:
+    scenario = load_scenario(SMALL)
+    for place in ([30, 30], [40, 30]):
+        scenario, _ = amended(scenario, 7, read_control({"do": "intruder", "place": place}))
+    scenario, _ = amended(scenario, 7, read_control({"do": "heal", "id": "intruder1"}))
+    assert [intruders_there(scenario, k) for k in (6, 7, 8)] == [(), *2 * [((40.0, 30.0, "intruder2"),)]]
+
+
+def test_events_of_controls_are_in_words() -> None:
+    controls: dict[str, dict[str, Any]] = {
+        "loss: rate 0.5, who [r1, r2], instead of f1": {
+            "do": "fault",
+            "fault": {"kind": "loss", "rate": 0.5, "who": ["r1", "r2"]},
+            "instead": "f1",
+        },
+        "ends intruder1": {"do": "heal", "id": "intruder1"},
+        "places an intruder at (30, 30) for 3 s": {"do": "intruder", "place": [30, 30], "stay": 3},
+    }
+    for words, control in controls.items():
+        event = Event(3, OPERATOR, None, as_detail(read_control(control)))
+        assert worded(event).detail == words
 
 
 def test_a_fault_that_is_replaced_before_it_has_acted_never_acts() -> None:

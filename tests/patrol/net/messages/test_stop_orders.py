@@ -3,12 +3,13 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
 from fogwatch.cli.fleets.control import control
-from patrol.net.keys import FleetKeys, fleet_keys
+from patrol.net.keys import WORLD, FleetKeys, fleet_keys
 from patrol.net.link import Link, open_link
 from patrol.net.messages.stop_orders import (
     LONGEST_ANSWER,
@@ -153,6 +154,20 @@ def test_a_robot_that_does_not_answer_is_named(
         assert stop_all(fleet) == 3
         out, errors = capsys.readouterr()
     assert "no answer from r1, r2, r3; use another way to stop" in errors
+
+
+def test_robots_that_a_world_simulates_are_held_by_other_words(
+    fleet: Fleet, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fleet.join("r1", None)
+    fleet.ready()
+    with closing(open_link(fleet.endpoint, PATIENCE_S)) as world:
+        world.live(fleet.keys.alive(WORLD))
+        assert stop_all(fleet) == 3
+    said = capsys.readouterr().err
+    assert "no answer from r1; a world simulates this fleet" in said
+    assert "fogwatch control RUN pause" in said
+    assert "fogwatch control RUN fault '{kind: pause, who: all}'" in said
 
 
 def test_a_robot_that_may_still_drive_is_no_success(fleet: Fleet, capsys: pytest.CaptureFixture[str]) -> None:
