@@ -25,8 +25,12 @@ _INTENTS = Bearing, Place, Stay, Steer
 _MAPPINGS = dict, Mapping
 
 
-def _where(cause: BaseException | None) -> str:
-    """The innermost line of code of an error, as `` (file.py:27)``."""
+def raised_at(cause: BaseException | None) -> str:
+    """The innermost line of code of an error, as `` (file.py:27)``; empty without an error.
+
+    Args:
+        cause: The error.
+    """
     last = None if cause is None else cause.__traceback__
     while last is not None and last.tb_next is not None:
         last = last.tb_next
@@ -35,7 +39,7 @@ def _where(cause: BaseException | None) -> str:
 
 def policy_failure(k: int, failed: BaseException) -> str:
     """Why a robot is lost whose policy has failed at tick k: the same words wherever its mind runs."""
-    line = " ".join(str(failed).split()) + _where(failed.__cause__)
+    line = " ".join(str(failed).split()) + raised_at(failed.__cause__)
     printable = "".join(letter if letter.isprintable() else "?" for letter in line)
     return f"its policy failed at tick {k}: {printable}"[:MAX_FAILURE]
 

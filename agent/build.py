@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from agent.answers import raised_at
 from agent.belief.believed import Belief, spreads
 from agent.belief.marked_fog import MarkedFog
 from agent.belief.posts import Posts
@@ -225,7 +226,8 @@ def _policy_of(kind: PolicyKind, setup: PolicySetup) -> Surround:
     except (Exception, SystemExit) as error:
         if kind.ours:
             raise
-        raise PolicyFailed(f"policy {kind.name}: cannot be made: {type(error).__name__}: {error}") from error
+        what = f"{type(error).__name__}: {error}{raised_at(error)}"
+        raise PolicyFailed(f"policy {kind.name}: cannot be made for {setup.spec.name}: {what}") from error
 
 
 def _sending(scenario: Scenario, terrain: Terrain) -> Sending:

@@ -37,6 +37,10 @@ if TYPE_CHECKING:
     from patrol.scenario import Scenario
 
 
+PolicyFailure = Callable[[int, str, BaseException | None], None]
+"""Takes a robot's number, how its policy has failed, and what it raised (None where it raised nothing)."""
+
+
 @dataclass(frozen=True, slots=True)
 class Outcome:
     """What a run left: its records, what they add up to (as in summary.json), and whether to believe it."""
@@ -61,6 +65,7 @@ class InProcessFleet:
         threads: int = 1,
         limit_s: float | None = None,
         company: Company | None = None,
+        failure: PolicyFailure = lambda _number, _reason, _error: None,
     ) -> None:
         """Take minds in.
 
@@ -72,8 +77,10 @@ class InProcessFleet:
             limit_s: Wall time, s, after which a decision counts as failed; None for no limit. It holds where minds
                 step in the main thread alone.
             company: In which the minds hear, where they share beliefs.
+            failure: Told of each policy that fails.
         """
         self._company = company
+        self._failure = failure
         self._minds = dict(minds)
         self._limit_s = limit_s if threads == 1 else None
         self._failed: dict[int, str] = {}
@@ -146,6 +153,7 @@ class InProcessFleet:
             self._minds[number] = self._make(number, incarnation)
         except PolicyFailed as failed:
             self._unmade[number] = str(failed)
+            self._failure(number, str(failed), failed.__cause__)
 
     def arrived(self, number: int) -> bool:
         """At once; a mind whose policy cannot be made raises NotStarted."""
@@ -179,7 +187,8 @@ class InProcessFleet:
                 with deadline(self._limit_s):
                     decision = self._decide(number, heard)
         except (PolicyFailed, Late) as failed:
-            self._failed[number] = policy_failure(k, failed)
+            self._failed[number] = reason = policy_failure(k, failed)
+            self._failure(number, reason, failed.__cause__)
             return None
         spent_ms = (time.perf_counter() - begun) * 1000.0
         return Reply(decision.command, str(decision.state), decision.refined, spent_ms, decision.rejected)
@@ -218,6 +227,7 @@ def run_in_process(
     watch: Callable[[World], Callable[[TickRecord], None]] | None = None,
     baseline_s: float | None = None,
     share: bool = True,
+    failure: PolicyFailure = lambda _number, _reason, _error: None,
 ) -> Outcome:
     """Run a scenario to its end, or until `stop` says so.
 
@@ -238,6 +248,7 @@ def run_in_process(
         watch: Makes, from the world before its first tick, what takes each tick's record after `progress`.
         baseline_s: What `fault_free_mfow` gives, for the verdict to judge recovery by.
         share: Whether minds whose beliefs are equal share them, which changes no trace.
+        failure: Told of each policy that fails, so that its traceback can be kept.
 
     Returns:
         The records, their summary and the verdict.
@@ -256,11 +267,14 @@ def run_in_process(
         threads = 1  # so that one which hangs can be stopped
     shared = shared_by(prepared, footprint, groups=threads, believe=share)
     make = mind_maker(prepared, fleet_key(prepared.scenario.radio.key), shared)
-    try:
-        minds = {number: make(number, FIRST_INCARNATION) for number in world.living}
-    except PolicyFailed as failed:
-        raise BadInput(str(failed)) from failed
-    fleet = InProcessFleet(minds, make, threads, None if kind.ours else DECISION_LIMIT_S, shared.company)
+    minds: dict[int, Mind] = {}
+    for number in world.living:
+        try:
+            minds[number] = make(number, FIRST_INCARNATION)
+        except PolicyFailed as failed:
+            failure(number, str(failed), failed.__cause__)
+            raise BadInput(str(failed)) from failed
+    fleet = InProcessFleet(minds, make, threads, None if kind.ours else DECISION_LIMIT_S, shared.company, failure)
     header = header_of(world, started)
     watchers: list[Callable[[TickRecord], None]] = [] if progress is None else [progress]
     if watch is not None:

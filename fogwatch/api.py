@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from fogwatch.launch.clerk_messages import JUDGING
 from fogwatch.launch.limits import check_limits
 from fogwatch.launch.live_table import CallbackDisplay, RunDisplay, SilentDisplay
-from fogwatch.launch.runfolder import RunFolder, fill, make_folder
+from fogwatch.launch.runfolder import PolicyNotMade, RunFolder, fill, make_folder
 from patrol.errors import BadInput
 from patrol.net.messages.telemetry import Metrics
 from patrol.process.lifeline import Interrupted
@@ -196,7 +196,8 @@ def execute(scenario: Scenario, options: RunOptions) -> Result:
         fleet_key(resolved.radio.key)  # an error in it is reported before any process starts
         return (_in_this_process if options.in_process else _as_processes)(resolved, folder, options)
     except (BadInput, KeyboardInterrupt) as error:
-        if folder.path.exists() and not folder.journal.exists():  # the ticks of a run that has begun are kept
+        begun = folder.journal.exists()  # the ticks of a run that has begun are kept
+        if folder.path.exists() and not begun and not isinstance(error, PolicyNotMade):
             folder.discard()
             if isinstance(error, BadInput):
                 raise BadInput(folder.naming_the_given_map(str(error), scenario)) from None
@@ -243,6 +244,13 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions)
         def on_event(event: Event) -> None:
             options.display.notice(shown[0].event(event))
 
+        def on_failure(number: int, reason: str, error: BaseException | None) -> None:
+            log = folder.keep_failure(scenario.roster[number - 1].name, reason, error)
+            if not shown:  # the mind of a run that has not begun
+                raise PolicyNotMade(reason, log)
+            if error is not None:
+                options.display.say(f"{scenario.roster[number - 1].name}: {reason}; the traceback is in {log}")
+
         try:
             with recording(folder.path):
                 outcome = run_in_process(
@@ -254,6 +262,7 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions)
                     stop=options.stop,
                     threads=min(len(scenario.roster), options.threads),
                     baseline_s=baseline_s,
+                    failure=on_failure,
                 )
         except Unwritten as unwritten:
             from fogwatch.launch.launcher import Failed

@@ -21,6 +21,7 @@ from patrol.net.messages.phases import FIRST_INCARNATION
 from patrol.printable import printable
 from patrol.process.starting.readiness import StartPipe, StartReport
 
+TRACEBACK = b"Traceback (most recent call last):"
 LOG_LINES = 5
 """Lines of a child's log that are quoted when it has ended."""
 TERM_S = 5.0
@@ -108,6 +109,14 @@ class Child:
         """The last line of its log, without its name in front; empty when the log is."""
         lines = self._last_lines(1)
         return lines[0].strip().removeprefix(f"{self.name}: ") if lines else ""
+
+    @property
+    def has_traceback(self) -> bool:
+        """Whether its log holds a traceback."""
+        try:
+            return TRACEBACK in self.log.read_bytes()
+        except OSError:
+            return False
 
     def _last_lines(self, count: int) -> list[str]:
         try:

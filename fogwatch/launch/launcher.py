@@ -23,7 +23,7 @@ from fogwatch.launch.free_port import free_port
 from fogwatch.launch.live_table import RunDisplay
 from fogwatch.launch.page_child import PAGE, PageChild
 from fogwatch.launch.private import Secrets
-from fogwatch.launch.runfolder import RunFolder
+from fogwatch.launch.runfolder import PolicyNotMade, RunFolder
 from patrol.errors import BadInput
 from patrol.net.keys import fleet_keys
 from patrol.net.link import Link, LinkDown, open_link
@@ -312,7 +312,7 @@ class Launch:
         return [*common, "--robot", name, "--incarnation", str(incarnation)]
 
     def _log(self, name: str) -> Path:
-        return self.folder.log(f"robot-{name}" if name in self.robots else LOGS[name])
+        return self.folder.robot_log(name) if name in self.robots else self.folder.log(LOGS[name])
 
     # --- watching ----------------------------------------------------------------------------------------------------
 
@@ -353,6 +353,8 @@ class Launch:
             self._reported.add(name)
             if not self.folder.journal.exists():
                 if child.code == BAD_INPUT and (why := child.last_words()):
+                    if child.has_traceback:
+                        raise PolicyNotMade(why, child.log)
                     raise BadInput(why)
                 raise Failed(f"the run could not begin: {child.describe_end()}")
             self.display.say(child.describe_end())

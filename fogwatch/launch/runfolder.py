@@ -20,7 +20,9 @@ from __future__ import annotations
 
 import json
 import shutil
+import traceback
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -35,6 +37,19 @@ from patrol.scenario.copying import MAP, keep_scenario
 from patrol.whole_file import write_whole
 
 RUNS = Path("runs")
+
+
+class PolicyNotMade(BadInput):
+    """A policy that raised before the run began; the run's folder is kept, since it holds the traceback."""
+
+    def __init__(self, why: str, log: Path) -> None:
+        """Say what was raised, and where the traceback is.
+
+        Args:
+            why: In one line.
+            log: Holds the traceback.
+        """
+        super().__init__(f"{why}; the traceback is in {log}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +121,33 @@ class RunFolder:
             name: The log's name, without its ending.
         """
         return self.logs / f"{name}.log"
+
+    def robot_log(self, name: str) -> Path:
+        """The log of a robot, whichever process its mind is in.
+
+        Args:
+            name: The robot's name.
+        """
+        return self.log(f"robot-{name}")
+
+    def keep_failure(self, name: str, reason: str, error: BaseException | None) -> Path:
+        """Append to a robot's log how its policy has failed in this process, as the robot's own process does.
+
+        Args:
+            name: The robot's name.
+            reason: In one line.
+            error: What the policy raised; None where it raised nothing.
+
+        Returns:
+            The log.
+        """
+        log = self.robot_log(name)
+        raised = "" if error is None else "".join(traceback.format_exception(error))
+        with suppress(OSError):  # the verdict has the reason
+            log.parent.mkdir(exist_ok=True)
+            with log.open("a", encoding="utf-8", errors="backslashreplace") as file:
+                file.write(f"{raised}{name}: {reason}\n")
+        return log
 
     def load(self) -> Scenario:
         """Read the scenario, as every process of the run does."""

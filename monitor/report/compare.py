@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from hashlib import sha256
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -55,8 +56,11 @@ def rows_of(runs: Sequence[Run]) -> list[tuple[str, ...]]:
 
 
 def differences(runs: Sequence[Run]) -> list[tuple[str, ...]]:
-    """The fields in which the scenarios differ, except the name: the dotted field, and its value in each run."""
-    flat = [dict(_leaves(run.journal.header.scenario)) for run in runs]
+    """The fields in which the scenarios differ, except the name: the dotted field, and its value in each run.
+
+    Files count by what is in them, not by where they lie: two copies of a policy or of a map are no difference.
+    """
+    flat = [_by_content(dict(_leaves(run.journal.header.scenario)), run) for run in runs]
     fields = sorted({field for leaves in flat for field in leaves} - {"name"})
     rows = []
     for field in fields:
@@ -147,6 +151,22 @@ def _leaves(node: object, above: str = "") -> list[tuple[str, object]]:
     if isinstance(node, dict):
         return [leaf for key, value in node.items() for leaf in _leaves(value, f"{above}.{key}" if above else str(key))]
     return [(above, node)]
+
+
+def _by_content(leaves: dict[str, object], run: Run) -> dict[str, object]:
+    """The fields of a run's scenario with what a file holds in place of its path.
+
+    For example "Greedy (sha256 5f2a9c81d3b0)" in place of "/home/ada/my_policy.py:Greedy".
+    """
+    if digest := leaves.pop("patrol.policy_sha256", None):
+        leaves["patrol.policy"] = f"{str(leaves['patrol.policy']).rpartition(':')[2]} (sha256 {str(digest)[:12]})"
+    if leaves.get("terrain.map"):
+        terrain = run.prepared.terrain
+        facts = terrain.passable.tobytes() + repr((terrain.shape, terrain.point, terrain.origin)).encode()
+        leaves["terrain.map"] = f"{terrain.name} (sha256 {sha256(facts).hexdigest()[:12]})"
+    if leaves.get("radio.key"):
+        leaves["radio.key"] = "given"
+    return leaves
 
 
 def _mfow(analyses: Sequence[Analysis], names: Sequence[str]) -> Figure:

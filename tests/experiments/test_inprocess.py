@@ -297,7 +297,7 @@ def test_a_policy_that_cannot_be_made_is_bad_input(tmp_path: Path) -> None:
     path = tmp_path / "failing.py"
     path.write_text(FAILING.replace("self.how = ", 'self.how = {}["two\\nlines"] or '), encoding="utf-8")
     made = scenario(robots=DISCS, patrol={"policy": f"{path}:Failing"})
-    with pytest.raises(BadInput, match=r"failing\.py:Failing: cannot be made: KeyError: 'two"):
+    with pytest.raises(BadInput, match=r"failing\.py:Failing: cannot be made for r1: KeyError: 'two"):
         run_in_process(made)
 
 

@@ -277,7 +277,7 @@ def test_what_names_no_policy_at_all_is_refused_when_the_scenario_is_read(policy
 def test_a_policy_that_cannot_be_made_fails_with_what_it_raises(write: Write) -> None:
     source = dedent(STILL).replace("self.options = setup.options", "raise KeyError('no idea')")
     prepared = prepare(load_scenario(write("./guard.py:Still", source)))
-    with pytest.raises(PolicyFailed, match=r"guard\.py:Still: cannot be made: KeyError: 'no idea'"):
+    with pytest.raises(PolicyFailed, match=r"Still: cannot be made for r1: KeyError: 'no idea' \(guard\.py:\d+\)"):
         build_mind(prepared, 1)
 
 

@@ -223,7 +223,7 @@ def test_an_error_in_a_map_names_the_map_and_not_its_copy(
         (["sweep"], "FILE is missing; for example: fogwatch sweep"),
         (
             ["fleet", "init", "a", "b"],
-            "--robots NAME,NAME is missing; for example: fogwatch fleet init yards-1 --robots",
+            "--robots NAME,NAME is missing; for example: fogwatch fleet init yards-1",
         ),
         (["fleet", "init", "a", "b", "--robots", "r1"], "b: not expected here; for example: fogwatch fleet init"),
         (["control", "RUN", "intruder"], "control intruder: give its place too, such as '[12, 30]'"),

@@ -73,6 +73,10 @@ def test_a_policy_that_fails_stops_its_robot_alone(
         failed = [check["detail"] for check in summary["verdict"]["checks"] if not check["ok"]]
         assert any(f"its policy failed at tick {FAILS_AT}: {WORDS[name]}" in detail for detail in failed), failed
         assert any("r2" in detail for detail in failed)
+        log = (out / "logs" / "robot-r2.log").read_text(encoding="utf-8")
+        assert f"its policy failed at tick {FAILS_AT}: {WORDS[name]}" in log
+        assert ("Traceback" in log) == (name in ("Raising", "Leaving"))
+        assert not [line for line in (out / "logs").glob("robot-r[13].log") if "Traceback" in line.read_text()]
         traces.append(summary["trace_hash"])
     assert traces[0] == traces[1]
 
@@ -107,8 +111,15 @@ def test_a_policy_that_cannot_be_made_is_bad_input_in_one_process_and_in_many(
     path.write_text(json.dumps(scenario(f"{HERE / 'policies_that_fail.py'}:Unmade")), encoding="utf-8")
     assert fogwatch("run", str(path), way, "--out", str(tmp_path / "out")) == 2
     last = capsys.readouterr().err.splitlines()[-1]
-    assert re.fullmatch(r"fogwatch: policy .*: cannot be made: ZeroDivisionError: no idea", last)
-    assert not (tmp_path / "out").exists()
+    where = r"policies_that_fail\.py:\d+"
+    raised = rf"policy .*:Unmade: cannot be made for r[123]: ZeroDivisionError: no idea \({where}\)"
+    said = re.fullmatch(rf"fogwatch: {raised}; the traceback is in (.*)", last)
+    assert said is not None, last
+    log = Path(said[1])
+    assert log.parent == tmp_path / "out" / "logs"
+    kept = log.read_text(encoding="utf-8").splitlines()
+    assert kept[0] == "Traceback (most recent call last):"
+    assert re.fullmatch(rf"r[123]: {raised}", kept[-1])
 
 
 def test_options_are_checked_before_anything_runs(

@@ -22,6 +22,7 @@ from monitor.report.document import drawings, report_html, write_page, write_rep
 from monitor.report.style import draw
 from patrol.best_tour import best_tour
 from patrol.errors import BadInput
+from tests.monitor.conftest import run_of
 
 SECTIONS = ("verdict", "fog", "visits", "robots", "paths", "links", "belief", "decisions", "scenario", "files")
 
@@ -190,6 +191,45 @@ def test_runs_side_by_side(quiet: Any, faulty: Any, hazy: Any) -> None:
     assert page.count("<svg") == len(made) == 6
     assert sections(page) == ["measures", "scenario", "fog", "visits", "maps", "faults"]
     assert all(name in page for name in names)
+
+
+POLICY = """
+from agent.ports import Stay
+
+
+class Lazy:
+    def __init__(self, setup):
+        pass
+
+    def decide(self, view):
+        return Stay()
+"""
+
+
+def test_two_copies_of_a_policy_and_of_a_map_are_no_difference(tmp_path: Path) -> None:
+    runs = []
+    for name, text in (("one", POLICY), ("two", POLICY), ("three", POLICY + "# changed")):
+        folder = tmp_path / name / "map"
+        folder.mkdir(parents=True)
+        (tmp_path / name / f"{name}.py").write_text(text, encoding="utf-8")
+        Image.new("L", (30, 20), 254).save(folder / "plan.png")
+        (folder / "plan.yaml").write_text(
+            "image: plan.png\nresolution: 1.0\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.6\nfree_thresh: 0.2\n",
+            encoding="utf-8",
+        )
+        facts = {
+            "terrain": {"map": str(folder / "plan.yaml")},
+            "duration": 5,
+            "point": 1.0,
+            "robots": {"count": 1, "model": "holonomic"},
+            "patrol": {"policy": f"{tmp_path / name / name}.py:Lazy"},
+        }
+        runs.append(run_of(tmp_path / name, facts).open())
+    assert differences(runs[:2]) == []
+    ((field, *values),) = differences(runs)
+    assert field == "patrol.policy"
+    assert values[0] == values[1] != values[2]
+    assert all(re.fullmatch(r"Lazy \(sha256 [0-9a-f]{12}\)", value) for value in values)
 
 
 def test_no_collision_is_drawn_as_none_of_one(quiet: Any) -> None:

@@ -9,6 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from PIL import Image
 
@@ -218,7 +219,6 @@ REFUSED: dict[str, dict[str, Any]] = {
     'fault.kind = "\\ud800": holds half of a character': {"do": "fault", "fault": {"kind": "\ud800"}},
     'key "\\ud800" of fault: holds half': {"do": "fault", "fault": {"kind": "kill", "\ud800": 1}},
     "place = [500, 40]: not on open, which spans x 0 to": {"do": "intruder", "place": [500, 40]},
-    "place = [0.2, 40]: in an obstacle of open; move it": {"do": "intruder", "place": [0.2, 40]},
     "place: missing; give [12, 30]": {"do": "intruder"},
     "fault = 3: expected a fault such as {kind: loss": {"do": "fault", "fault": 3},
     "at: unknown key; known are place, for": {"do": "intruder", "place": [30, 30], "at": 2},
@@ -268,6 +268,17 @@ def test_a_changed_scenario_that_cannot_be_kept_is_in_force_all_the_same() -> No
     assert answer.text.endswith("the changed scenario could not be written (No space left on device)")
     assert [event.kind for event in journal.events if event.kind == OPERATOR] == [OPERATOR]
     assert judge(journal, {}, prepared).valid
+
+
+def test_an_intruder_in_a_wall_is_refused() -> None:
+    prepared = prepare(load_scenario({**SMALL, "terrain": {"builtin": "yards"}}))
+    row, col = np.argwhere(~prepared.terrain.passable)[0]
+    place = prepared.terrain.centre(int(row), int(col))
+    journal, requests, *_ = run(prepared, {1: [{"do": "intruder", "place": list(place)}]}, ticks=3)
+    assert [(answer.done, "in an obstacle of yards; move it" in answer.text) for _, answer in requests.answers] == [
+        (False, True)
+    ]
+    assert not [event for event in journal.events if event.kind == OPERATOR]
 
 
 def test_robots_that_nobody_here_started_are_not_killed() -> None:
