@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from patrol.errors import BadInput
 from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.palette import rgb, with_walls
 from patrol.whole_file import replacing
 
 if TYPE_CHECKING:
@@ -30,6 +31,9 @@ LONGEST = 11.0
 
 LEGEND = 3.4
 """Width of the legend beside it, inches."""
+
+WALL_EDGE = 2
+"""Width of the edge of a wall, dots."""
 
 BAR_LOW, BAR_TOP = 0.12, 0.54
 """Where the colour bar begins and ends if the legend leaves room there, in heights of the drawing."""
@@ -111,14 +115,17 @@ def canvas(terrain: Terrain, title: str) -> tuple[Figure, Axes]:
     return figure, axes
 
 
-def paint(axes: Axes, terrain: Terrain, image: NDArray[np.uint8]) -> None:
+def paint(axes: Axes, terrain: Terrain, image: NDArray[np.uint8], walls: BoolGrid | None = None) -> None:
     """Draw an image over a terrain; where it is shrunk, colours mix.
 
     Args:
         axes: The axes.
         terrain: The terrain.
         image: The image, uint8 (height, width, 3), row 0 lowest.
+        walls: Walls to draw over it, with their edges, bool (height, width); None for none.
     """
+    if walls is not None:
+        image = with_walls(image, walls, round(LONGEST * DPI), WALL_EDGE)
     xmin, ymin, xmax, ymax = terrain.bounds
     axes.imshow(image, origin="lower", extent=(xmin, xmax, ymin, ymax), interpolation="antialiased")
 
@@ -137,15 +144,6 @@ def painted(shape: tuple[int, int], layers: Sequence[Layer]) -> NDArray[np.uint8
     for layer in layers:
         image[layer.mask] = rgb(layer.colour)
     return image
-
-
-def rgb(colour: str) -> tuple[int, int, int]:
-    """A colour as three numbers from 0 to 255.
-
-    Args:
-        colour: The colour, #rrggbb.
-    """
-    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
 
 
 def fog_scale(stalest: float) -> ScalarMappable:

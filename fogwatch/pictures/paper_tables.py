@@ -16,12 +16,12 @@ from experiments.paper.tables import FAR_OFF, Cell, TableComparison
 from fogwatch.pictures.drawing import Key, Layer, canvas, legend, paint, painted, save
 from patrol.errors import BadInput
 from patrol.ground.terrain import Terrain
+from patrol.palette import WALL
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-WALL = "#2b2f33"
 COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#f0e442", "#999999")
 """The colours of Okabe and Ito, which colour-blind people can tell apart."""
 

@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from fogwatch.pictures.drawing import Key, canvas, key_column, label, paint, rgb, save
+from fogwatch.pictures.drawing import Key, canvas, key_column, label, paint, save
 from patrol.ground.terrain import Terrain
+from patrol.palette import LIGHT, WALL, rgb
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from patrol.regions.split import RegionSplit
 
-WALL = "#2b2f36"
 BORDER = "#3b5b78"
-CONNECTION = "#c1121f"
+CONNECTION = LIGHT["alert"]
 COLOURS = ("#bcd9ea", "#f6dfb0", "#c8e3c0", "#f0c9cf", "#d6cdea", "#e3dccb", "#bfe3df", "#f3d3b8")
 """The colours of regions; paler where the body's centre does not fit."""
 

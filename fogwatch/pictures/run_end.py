@@ -20,7 +20,6 @@ from fogwatch.pictures.drawing import (
     label,
     paint,
     painted,
-    rgb,
     save,
 )
 from patrol.errors import BadInput
@@ -28,6 +27,7 @@ from patrol.ground.doors.rooms import Door
 from patrol.ground.fog import NEVER, Fog
 from patrol.journal import Journal, read_journal
 from patrol.journal.records import RobotFacts, RobotTick, Status
+from patrol.palette import LIGHT, NEVER_SEEN, ROBOTS, UNCOUNTED, WALL, rgb
 from patrol.pose import Pose
 from patrol.prepare import Prepared, prepare, sensor_footprint
 from patrol.scenario import load_scenario
@@ -36,18 +36,13 @@ from worldsim.truth import Truth
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-WALL = "#2b2f36"
 REACHABLE = "#d9ecf5"
 SEEN = "#8fc3dd"
 SEALED_SEEN = "#f6e3a1"
 SEALED = "#e79f3c"
-BLIND = "#b0306a"
 KEEP_OUT = "#9c8fb5"
-UNCOUNTED = "#c9ccd1"
 PASSES = "#1d5f8a"
-SHUT = "#c1121f"
-PATHS = ("#d55e00", "#56b4e9", "#009e73", "#cc79a7", "#e69f00", "#0072b2", "#f0e442", "#000000")
-"""The colours of Okabe and Ito, which colour-blind people can tell apart; more than eight robots share them."""
+SHUT = LIGHT["alert"]
 
 MOST_DOORS = 25
 """Doors drawn at most: first those too narrow for the body, then the narrowest of the others."""
@@ -80,11 +75,11 @@ def map_picture(report: MapReport, out: Path) -> None:
         Layer(KEEP_OUT, "keep-out area, but seen", seen & ~sealed & terrain.keep_out),
         Layer(SEALED_SEEN, "sealed off, but seen", sealed & seen),
         Layer(SEALED, "sealed off and never seen", sealed & unseen),
-        Layer(BLIND, "never seen: small parts, blind corners", unseen & ~sealed),
+        Layer(NEVER_SEEN, "never seen: small parts, blind corners", unseen & ~sealed),
     ]
     title = f"{terrain.name}: a body of {report.radius:g} m radius, a sensor of {report.sensor_range:g} m"
     figure, axes = canvas(terrain, title)
-    paint(axes, terrain, painted(terrain.shape, layers))
+    paint(axes, terrain, painted(terrain.shape, layers), ~terrain.passable)
     doors = sorted(report.doors, key=lambda door: (door.passes, door.width))[:MOST_DOORS]
     for door in doors:
         _draw_door(axes, door)
@@ -130,11 +125,11 @@ def run_picture(run_folder: Path, out: Path, prepared: Prepared | None = None) -
     layers = [
         Layer(WALL, "wall or unknown", ~terrain.passable),
         Layer(UNCOUNTED, "can never be seen, does not count", terrain.passable & ~counted),
-        Layer(BLIND, "never seen", never),
+        Layer(NEVER_SEEN, "never seen", never),
     ]
     for layer in layers:
         image[layer.mask] = rgb(layer.colour)
-    paint(axes, terrain, image)
+    paint(axes, terrain, image, ~terrain.passable)
     keys = [Key(layer.colour, layer.label) for layer in layers if layer.mask.any()]
     keys.append(Key("#ffffff", f"paths, with the last {RECENT_S:g} s stronger:", ""))
     recent = max(round(RECENT_S / scenario.step), 1)
@@ -144,7 +139,7 @@ def run_picture(run_folder: Path, out: Path, prepared: Prepared | None = None) -
         if facts.number not in scenario.spares or run.last[facts.number].status != Status.ABSENT
     ]
     for index, facts in enumerate(robots):
-        colour = PATHS[index % len(PATHS)]
+        colour = ROBOTS[index % len(ROBOTS)]
         _draw_path(axes, run.tracks[facts.number], recent, colour)
         if run.last[facts.number].status not in (Status.ABSENT, Status.LEFT):
             _draw_body(axes, run.last[facts.number], facts, colour)

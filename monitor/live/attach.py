@@ -180,4 +180,7 @@ def _of_robots(met: Meeting, scenario: Path, radio: str | None, wait_s: float, e
     on_air = check_radio(radio, "--radio", loaded.radio.via)
     callers = callers_of(met.keys, {spec.name: spec.number for spec in loaded.roster})
     links = open_links(met.router, on_air, wait_s, _LOG.info, lambda: bool(ending), met.credentials, callers)
-    return None if links is None else PositionsSource(met.keys, prepare(loaded), *links)
+    if links is None:
+        return None
+    may_stop = met.credentials is None or met.credentials.role.kind is Kind.OPERATOR
+    return PositionsSource(met.keys, prepare(loaded), *links, may_stop=may_stop)

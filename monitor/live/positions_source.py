@@ -19,6 +19,7 @@ from monitor.observation.traps import TrapWatch
 from patrol.errors import BadInput
 from patrol.journal.records import Event, RobotTick, Status, TickRecord
 from patrol.net.mailbox import Mailbox, Presence
+from patrol.net.messages.stop_orders import Order, ask_robots, robots_there
 from patrol.net.messages.telemetry import Telemetry, read_telemetry
 from patrol.prepare import inbox_of, sensor_footprint
 from patrol.radio.fleet_key import fleet_key
@@ -35,6 +36,8 @@ if TYPE_CHECKING:
     from patrol.prepare import Prepared
 
 MAX_TELEMETRY = 1 << 16
+ROBOTS_S = 5.0
+"""How long robots may take to answer an order, s."""
 CONNECTED, DISCONNECTED = "connected", "disconnected"
 """Kinds of events: a robot's process has connected, or has disconnected."""
 
@@ -43,7 +46,14 @@ class PositionsSource:
     """A `monitor.observation.source.Source` that only listens."""
 
     def __init__(
-        self, keys: FleetKeys, prepared: Prepared, link: Link, air: Air, now: Callable[[], float] = time.monotonic
+        self,
+        keys: FleetKeys,
+        prepared: Prepared,
+        link: Link,
+        air: Air,
+        now: Callable[[], float] = time.monotonic,
+        *,
+        may_stop: bool = False,
     ) -> None:
         """Start to listen.
 
@@ -53,7 +63,9 @@ class PositionsSource:
             link: The Zenoh session for telemetry and presence.
             air: The link on which robots send positions; may be the same.
             now: Wall clock, s.
+            may_stop: Whether this viewer may tell robots to stop: as an operator, or where no router asks who it is.
         """
+        self._keys, self._may_stop = keys, may_stop
         scenario = self._scenario = prepared.scenario
         self._prepared = prepared
         self._name = keys.fleet
@@ -107,6 +119,7 @@ class PositionsSource:
             live=True,
             layers=(HEARD,),
             direct=self._scenario.radio.via == "direct",
+            controls=tuple(Order) if self._may_stop else (),
             note=f"shown are the positions heard since this page was started; the true fog is unknown{self._unchecked}",
         )
 
@@ -156,9 +169,22 @@ class PositionsSource:
         """See `Source`; robots that have connected and disconnected."""
         return self._events[since:]
 
-    def control(self, control: Mapping[str, Any]) -> Answer:  # noqa: ARG002 - none is accepted
-        """See `Source`; every control is refused."""
-        return Answer(False, "robots without a world accept no controls")
+    def control(self, control: Mapping[str, Any]) -> Answer:
+        """See `Source`; only stop and release, for all robots, each of which answers for itself."""
+        order = next((order for order in Order if order == control.get("do")), None)
+        if order is None or not self._may_stop:
+            return Answer(False, "robots without a world accept stop and release only, from an operator's page")
+        link = self._links[0]
+        silent = set(robots_there(link, self._keys))
+        if not silent:
+            return Answer(False, "no robot is there")
+        done, says = True, []
+        for name, outcome in ask_robots(link, self._keys, sorted(silent), order, ROBOTS_S):
+            silent.discard(name)
+            done = done and outcome.done
+            says.append(f"{name}: {outcome.text}")
+        says += [f"{name}: no answer; use another way" for name in sorted(silent)]
+        return Answer(done and not silent, "; ".join(says))
 
     def close(self) -> None:
         """See `Source`."""

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from patrol.journal.records import Event
+from patrol.scenario.controls import intruder_name
 
-FAULT = "fault"
+if TYPE_CHECKING:
+    from patrol.scenario import Scenario
+
+FAULT, INTRUDER = "fault", "intruder"
 LOSSES = ("dead", "lost")
 """Events after which a robot is gone, for good or until it is restarted."""
 
@@ -72,6 +78,23 @@ def bands_of(events: Iterable[Event], step: float, end_s: float) -> tuple[Band, 
     return tuple(bands)
 
 
+def intruder_bands(scenario: Scenario, end_s: float) -> tuple[Band, ...]:
+    """The intruders of a run that came, as bands with their names and places.
+
+    Args:
+        scenario: With what operators have added.
+        end_s: End of the run, s.
+    """
+    bands = []
+    for place, intruder in enumerate(scenario.intruders):
+        (x, y), begin = intruder.place, intruder.at
+        end = end_s if intruder.stay is None else min(begin + intruder.stay, end_s)
+        first = math.ceil(begin / scenario.step - 1e-9) * scenario.step
+        if first < end:  # else it was taken away before its first tick, or never came
+            bands.append(Band(intruder_name(place), INTRUDER, begin, end, f"at ({x:g}, {y:g})"))
+    return tuple(bands)
+
+
 def lanes(bands: Sequence[Band], most: int) -> list[tuple[str, list[Band]]]:
     """Arrange faults in rows.
 
@@ -85,6 +108,7 @@ def lanes(bands: Sequence[Band], most: int) -> list[tuple[str, list[Band]]]:
     rows: dict[str, list[Band]] = {}
     by_fault = len({(band.id, band.kind) for band in bands}) <= most
     for band in bands:
-        name = f"{band.id} {band.kind}".strip() if by_fault else band.kind
+        by_id = "" if band.kind == INTRUDER else f" {band.kind}"
+        name = f"{band.id}{by_id}".strip() if by_fault else band.kind
         rows.setdefault(name, []).append(band)
     return list(rows.items())

@@ -32,6 +32,7 @@ def static_message(static: Static, may_control: bool) -> str:
         {
             "type": "static",
             "name": static.name,
+            "title": str(static.scenario.get("name", static.name)),
             "width": width,
             "height": height,
             "side": SIDE,

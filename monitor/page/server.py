@@ -21,6 +21,7 @@ from monitor.observation.source import Answer
 from monitor.page.authorisation import Authorisation
 from monitor.page.hub import Hub, Viewer
 from monitor.page.messages import answer_message, static_message
+from patrol import palette
 from patrol.errors import BadInput
 
 _EMPTY_STYLE = "'sha256-47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU='"
@@ -54,6 +55,9 @@ _TIME = re.compile(r"\d{1,9}(:\d{1,9}){0,2}(\.\d{1,9})?")
 """The time in the address of a page at which a replay opens; main.js reads the same."""
 
 _TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
+
+_MADE = {"palette.css": palette.css, "palette.js": palette.script}
+"""Files that are made when they are asked for."""
 
 
 class Server:
@@ -102,6 +106,8 @@ class Server:
         rules = self._authorisation
         if not (rules.view_without_key or rules.is_key(request.cookies.get(rules.cookie))):
             return _refused("this page needs its token; open the address exactly as printed")
+        if (made := _MADE.get(name)) is not None:
+            return Response(made(), media_type=_TYPES[Path(name).suffix], headers=HEADERS)
         path = self._files.get(name)
         if path is None:
             return PlainTextResponse("no such file\n", status_code=404, headers=HEADERS)

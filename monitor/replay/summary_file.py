@@ -68,6 +68,13 @@ class _Direct(_Part):
     unsaid: list[str] = []
 
 
+class _Intruder(_Part):
+    first_reported_s: float | None
+    reported_s: float
+    surrounded_s: float
+    most_robots: int
+
+
 class _Summary(_Part):
     trace_hash: str | None = None
     mfow_mean_s: float | None = None
@@ -76,6 +83,7 @@ class _Summary(_Part):
     stalest: _Places | None = None
     faults: dict[str, _Effects] | None = None
     direct: _Direct | None = None
+    intruders: list[_Intruder] | None = None
 
 
 def read_summary(path: Path) -> Mapping[str, Any] | None:

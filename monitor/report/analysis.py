@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from monitor.observation.fault_bands import Band, bands_of
+from monitor.observation.fault_bands import Band, bands_of, intruder_bands
 from monitor.replay.belief_errors import BeliefErrors, BeliefWatcher, exact_by_construction
 from monitor.replay.replay import Watcher, play
 from monitor.replay.run import Run
@@ -28,6 +28,7 @@ class Analysis:
     Attributes:
         run: The run.
         bands: Its faults over time.
+        intruders: Its intruders over time.
         visits: Statistics of the fog, point by point.
         beliefs: Believed fog compared with the true one. None if they must be equal, and if deliveries are unknown.
         untested: Whether beliefs accept frames without checking their tags, because the fleet's key is not known.
@@ -37,6 +38,7 @@ class Analysis:
 
     run: Run
     bands: tuple[Band, ...]
+    intruders: tuple[Band, ...]
     visits: Visits
     beliefs: BeliefErrors | None
     untested: bool
@@ -61,8 +63,10 @@ def analyse(run: Run, watchers: Sequence[Watcher] = ()) -> Analysis:
         beliefs = BeliefWatcher(run, footprint, run.key)
     along: list[Watcher] = [visits, *([beliefs] if beliefs else []), *watchers]
     wrong = play(run, along, footprint)
-    bands = bands_of(run.events, run.step, run.ticks * run.step)
-    return Analysis(run, bands, visits.result(), beliefs.result() if beliefs else None, untested, wrong)
+    end_s = run.ticks * run.step
+    bands = bands_of(run.events, run.step, end_s)
+    intruders = intruder_bands(run.prepared.scenario, end_s)
+    return Analysis(run, bands, intruders, visits.result(), beliefs.result() if beliefs else None, untested, wrong)
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.observation.fault_bands import Band, lanes
+from monitor.observation.fault_bands import INTRUDER, Band, lanes
 from monitor.replay.belief_errors import BeliefErrors
 from monitor.replay.run import Run
 from monitor.report.style import ACCENT, ALERT, GRID, INK, MUTED, colour, figure, plain
@@ -309,9 +309,9 @@ def _with_lanes(run: Run, bands: Sequence[Band], height: float, shade: bool = Tr
         plain(top, grid="none")
         for band in bands if shade else ():
             if band.lasts:
-                axes.axvspan(band.begin, band.end, color=ALERT, alpha=0.08, linewidth=0)
+                axes.axvspan(band.begin, band.end, color=_tone(band), alpha=0.08, linewidth=0)
             else:
-                axes.axvline(band.begin, color=ALERT, alpha=0.7, linewidth=0.9)
+                axes.axvline(band.begin, color=_tone(band), alpha=0.7, linewidth=0.9)
     axes.set_xlim(0.0, end)
     axes.set_xlabel("time (s)")
     plain(axes)
@@ -321,9 +321,15 @@ def _with_lanes(run: Run, bands: Sequence[Band], height: float, shade: bool = Tr
 def _mark(axes: Axes, band: Band, row: int, end: float) -> None:
     """Draw a fault in its row: a bar, or a mark for one without duration."""
     if band.lasts:
-        axes.barh(row, max(band.end - band.begin, 0.003 * end), left=band.begin, height=0.62, color=ALERT, alpha=0.75)
+        width = max(band.end - band.begin, 0.003 * end)
+        axes.barh(row, width, left=band.begin, height=0.62, color=_tone(band), alpha=0.75)
     else:
-        axes.plot(band.begin, row, marker="v", markersize=5, color=ALERT, clip_on=False)
+        axes.plot(band.begin, row, marker="v", markersize=5, color=_tone(band), clip_on=False)
+
+
+def _tone(band: Band) -> str:
+    """The colour of a band: intruders are no faults."""
+    return ACCENT if band.kind == INTRUDER else ALERT
 
 
 def _legend(axes: Axes, rows: int) -> None:

@@ -32,6 +32,7 @@ from monitor.report.analysis import (
 from monitor.report.radio_section import links_section
 from monitor.report.style import Drawing, draw
 from patrol.errors import BadInput
+from patrol.scenario.controls import intruder_name
 from patrol.whole_file import write_whole
 from patrol.yaml_text import read_text
 
@@ -49,9 +50,10 @@ def drawings(analysis: Analysis) -> list[Drawing]:
     Raises:
         BadInput: matplotlib is not installed.
     """
-    run, bands, visits = analysis.run, analysis.bands, analysis.visits
+    run, visits = analysis.run, analysis.visits
+    bands = (*analysis.bands, *analysis.intruders)
     terrain, counted, step = run.prepared.terrain, run.prepared.patrolled, run.step
-    red = " Red: faults." if bands else ""
+    red = (" Red: faults." if analysis.bands else "") + (" Blue: intruders." if analysis.intruders else "")
     tour_s = best_tour_s(run)
     made = [
         draw(
@@ -143,6 +145,7 @@ def report_html(analysis: Analysis, figures: Sequence[Drawing], going: bool = Fa
         html.section("belief", "Belief error", _belief(analysis), html.figure(of.get("belief"))),
         html.section("decisions", "Decision times", html.figure(of.get("decisions"))),
         html.section("faults", "Faults", _faults(analysis)),
+        html.section("intruders", "Intruders", _intruders(analysis)),
         html.section("events", "Events", _events(run)),
         html.section("scenario", "Scenario", _scenario(run)),
     ]
@@ -316,6 +319,24 @@ def _faults(analysis: Analysis) -> str:
         numbers = _fault_counts(band.kind, facts) if isinstance(facts, dict) else ""
         rows.append((band.id, band.kind, f"{band.begin:g}", until, band.text, numbers))
     return html.table(("id", "kind", "from (s)", "to (s)", "details", "frames"), rows, numbers=(2, 3)) if rows else ""
+
+
+def _intruders(analysis: Analysis) -> str:
+    """Who stood where and when, and, from the summary, how soon it was reported and how well it was surrounded."""
+    specs, counted = analysis.run.prepared.scenario.intruders, (analysis.run.summary or {}).get("intruders") or ()
+    facts = dict(zip(map(intruder_name, range(len(specs))), counted, strict=False))
+    rows = []
+    for band in analysis.intruders:
+        numbers = ("-", "-", "-", "-")
+        if found := facts.get(band.id):
+            first = found["first_reported_s"]
+            reported = "never" if first is None else f"{first:g}"
+            surrounded = f"{found['surrounded_s']:g}"
+            numbers = (reported, f"{found['reported_s']:g}", surrounded, f"{found['most_robots']}")
+        rows.append((band.id, band.text, f"{band.begin:g}", f"{band.end:g}", *numbers))
+    heads = ("intruder", "place (m)", "from (s)", "to (s)", "first reported at (s)", "reported for (s)")
+    more = ("surrounded for (s)", "robots around it at most")
+    return html.table((*heads, *more), rows, numbers=range(2, 8)) if rows else ""
 
 
 def _fault_counts(kind: str, facts: Mapping[str, Any]) -> str:

@@ -7,6 +7,7 @@ from html import escape
 from importlib.resources import files
 
 from monitor.report.style import Drawing
+from patrol import palette
 
 
 class Markup(str):
@@ -26,7 +27,7 @@ def page(title: str, body: Iterable[str]) -> str:
         title: Title of the document.
         body: HTML elements.
     """
-    style = files("monitor.report").joinpath("report.css").read_text(encoding="utf-8")
+    style = palette.css() + files("monitor.report").joinpath("report.css").read_text(encoding="utf-8")
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'

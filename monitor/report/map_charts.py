@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor.replay.run import Run
-from monitor.report.style import INK, MUTED, NEVER, UNCOUNTED, WALL, colour, figure, plain
+from monitor.report.style import INK, MUTED, UNCOUNTED, colour, figure, plain
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.journal.records import Status
+from patrol.palette import NEVER_SEEN, rgb, with_walls
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,7 +26,10 @@ MOST_STEPS = 2500
 """Most points of a path."""
 
 _LONGEST = 1600
-"""Most pixels along the longer side of a map; larger maps are thinned."""
+"""Pixels along the longer side of a map; larger maps are thinned."""
+
+MAP_EDGE, PANEL_EDGE = 3, 5
+"""Of these pixels, those by which a wall's edge surrounds it, on a map and on the smaller panels of paths."""
 
 
 def fog_chart(
@@ -54,11 +58,10 @@ def fog_chart(
     most = float(fog_s[counted].max(initial=0.0)) if most is None else most
     scale = ScalarMappable(Normalize(0.0, max(most, 1e-9)), colormaps["cividis"].reversed())
     every = -(-max(terrain.shape) // _LONGEST)
-    image = scale.to_rgba(_thinned(np.where(counted, fog_s, 0.0), every))
-    image[~_thinned(counted, every)] = UNCOUNTED
-    image[_thinned(counted & never, every)] = NEVER
-    image[_thinned(~terrain.passable, every)] = WALL
-    _lay(axes, terrain, image)
+    image = scale.to_rgba(_thinned(np.where(counted, fog_s, 0.0), every), bytes=True)
+    image[~_thinned(counted, every)] = [round(255 * part) for part in UNCOUNTED]
+    image[_thinned(counted & never, every)] = (*rgb(NEVER_SEEN), 255)
+    _lay(axes, terrain, with_walls(image, _thinned(~terrain.passable, every), _LONGEST, MAP_EDGE))
     made.colorbar(scale, ax=axes, label=label, shrink=0.85, pad=0.02)
     return made
 
@@ -115,15 +118,12 @@ def _frame(axes: Axes, terrain: Terrain) -> None:
 def _ground(axes: Axes, terrain: Terrain) -> None:
     every = -(-max(terrain.shape) // (_LONGEST // 2))
     walls = _thinned(~terrain.passable, every)
-    image = np.zeros((*walls.shape, 4))
-    image[walls] = WALL
-    _lay(axes, terrain, image)
+    _lay(axes, terrain, with_walls(np.zeros((*walls.shape, 4), dtype=np.uint8), walls, _LONGEST, PANEL_EDGE))
 
 
-def _lay(axes: Axes, terrain: Terrain, image: NDArray[np.float64]) -> None:
+def _lay(axes: Axes, terrain: Terrain, image: NDArray[np.uint8]) -> None:
     xmin, ymin, xmax, ymax = terrain.bounds
-    small: NDArray[np.uint8] = np.asarray(image * 255.0, dtype=np.uint8)
-    axes.imshow(small, origin="lower", extent=(xmin, xmax, ymin, ymax), interpolation="antialiased")
+    axes.imshow(image, origin="lower", extent=(xmin, xmax, ymin, ymax), interpolation="antialiased")
 
 
 def _path(axes: Axes, run: Run, place: int, width: float) -> None:

@@ -16,27 +16,19 @@ from typing import TYPE_CHECKING, Any
 from xml.sax.saxutils import quoteattr
 
 from patrol.errors import BadInput
+from patrol.palette import LIGHT, ROBOTS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-INK = "#1c2127"
-MUTED = "#5b6571"
-GRID = "#dde2e7"
-ALERT = "#c1121f"
-ACCENT = "#1f6fb2"
-"""Colours that a page replaces by variables. They must differ from the colours of `SERIES`."""
+INK, MUTED, GRID, ALERT, ACCENT = (LIGHT[name] for name in ("ink", "muted", "grid", "alert", "accent"))
+"""Colours that a page replaces by variables. They must differ from the colours of `ROBOTS`."""
 
 _VARIABLES = {INK: "--ink", MUTED: "--muted", GRID: "--grid", ALERT: "--alert", ACCENT: "--accent"}
 
-SERIES = ("#0077bb", "#e69f00", "#009e73", "#d55e00", "#b25f97", "#3aa5dd", "#8a6d3b", "#7f7f7f")
-"""Colours of robots and runs, after Okabe and Ito, with more contrast on white and black; they repeat after eight."""
-
-WALL = (0.45, 0.48, 0.52, 1.0)
 UNCOUNTED = (0.5, 0.5, 0.5, 0.22)
-NEVER = (0.69, 0.19, 0.42, 1.0)
-"""Colours of maps, as red, green, blue and opacity, for light and dark themes."""
+"""Ground of maps that no robot can see, as red, green, blue and opacity, for light and dark themes."""
 
 DPI = 200
 """Resolution of PNG files."""
@@ -157,7 +149,7 @@ def figure(width: float, height: float) -> Figure:
 
 def colour(place: int) -> str:
     """The colour of a robot or a run, by its place."""
-    return SERIES[place % len(SERIES)]
+    return ROBOTS[place % len(ROBOTS)]
 
 
 def plain(axes: Axes, *, grid: str = "y") -> None:

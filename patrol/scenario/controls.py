@@ -23,7 +23,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import AliasChoices, ConfigDict, Discriminator, Field, TypeAdapter, ValidationError
+from pydantic import ConfigDict, Discriminator, Field, TypeAdapter, ValidationError, model_validator
 
 from patrol.errors import BadInput, did_you_mean, in_flow, quoted
 from patrol.half_characters import refuse_half_characters
@@ -104,11 +104,14 @@ class AddIntruder(Section):
 
     do: Literal["intruder"]
     place: Corner
-    stay: Positive | None = Field(
-        None,
-        validation_alias=AliasChoices("for", "stay"),  # "stay": in older journals
-        serialization_alias="for",
-    )
+    stay: Positive | None = Field(None, alias="for")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _as_in_older_journals(cls, says: Any) -> Any:
+        if isinstance(says, Mapping) and "stay" in says and "for" not in says:
+            return {("for" if name == "stay" else name): value for name, value in says.items()}
+        return says
 
 
 Control = Pause | Go | Step | Pace | AddFault | Heal | AddIntruder
@@ -159,12 +162,12 @@ def read_control(says: object) -> Control:
     except ValidationError as error:
         problem = error.errors(include_url=False)[0]
         field = ".".join(str(part) for part in problem["loc"][1:] if not str(part).startswith("=")) or do
-        known = EXAMPLES.get(do, {})
+        fields: Mapping[str, str] = EXAMPLES.get(do, {})
         match problem["type"]:
             case "missing":
-                raise BadInput(f"control: {field}: missing; give {known[field]}") from None
+                raise BadInput(f"control: {field}: missing; give {fields.get(field, do)}") from None
             case "extra_forbidden":
-                remedy = did_you_mean(field, tuple(known)) if known else f"{do} takes no value; leave it out"
+                remedy = did_you_mean(field, tuple(fields)) if fields else f"{do} takes no value; leave it out"
                 raise BadInput(f"control: {field}: unknown key; {remedy}") from None
         what = problem.get("ctx", {}).get("what")
         problem_text = f"expected {what}" if what else problem["msg"][:1].lower() + problem["msg"][1:]

@@ -41,7 +41,7 @@ export class Chart {
     });
     const traces = [
       line("MFoW", store.series.mfow, colours.accent, 1.8),
-      line("mean fog", store.series.mean, colours.dark ? "#f0b35a" : "#b45f06", 1.6),
+      line("mean fog", store.series.mean, colours.mean, 1.6),
     ];
     const axis = {
       gridcolor: colours.grid, zerolinecolor: colours.grid, linecolor: colours.grid, tickfont: { size: 11, color: colours.muted },

@@ -1,5 +1,7 @@
 // Colours of the map. Cividis looks even and reads the same to colour-blind eyes; fresh is bright, stale is dark.
 
+import { NEVER_DOT, NEVER_SEEN, WALL, WALL_EDGE } from "./palette.js";
+
 const CIVIDIS = [
   "fee838", "f8df3c", "efd748", "e6d051", "ddc858", "d4c15f", "ccba64", "c3b369", "bbad6d", "b3a670", "aaa073",
   "a29975", "9a9376", "928d78", "8b8778", "838179", "7c7b78", "757575", "6e6f73", "676a71", "60646f", "595e6e",
@@ -7,7 +9,6 @@ const CIVIDIS = [
 ].map(parse);
 const DIFFERENCE = ["0b4f8a", "5aa2d4", "f2f2f0", "f0a04b", "9a3f00"].map(parse);
 
-export const SERIES = ["#0077bb", "#e69f00", "#009e73", "#d55e00", "#b25f97", "#3aa5dd", "#8a6d3b", "#7f7f7f"];
 export const STEPS = 256;
 
 function parse(hex) {
@@ -30,8 +31,10 @@ function pixel(r, g, b, a = 255) {
   return ((a << 24) | (b << 16) | (g << 8) | r) >>> 0;
 }
 
-/** Never-seen ground: the colour that reports and pictures give it, and dots for those who cannot tell it from grey. */
-const NEVER_SEEN = pixel(...parse("b0306a")), NEVER_DOT = pixel(...parse("e59bbf"));
+/** A pixel of a colour #rrggbb. */
+export function opaque(colour) {
+  return pixel(...parse(colour.slice(1)));
+}
 
 export const AGES = ramp(CIVIDIS);
 export const DIFFERENCES = ramp(DIFFERENCE);
@@ -42,11 +45,10 @@ export function themed() {
   const css = (name) => style.getPropertyValue(name).trim();
   return {
     dark,
-    wall: dark ? pixel(104, 113, 123) : pixel(116, 123, 132),
-    stripe: dark ? pixel(58, 65, 73) : pixel(190, 197, 204),
-    never: NEVER_SEEN, dot: NEVER_DOT,
-    outside: dark ? pixel(38, 43, 49) : pixel(214, 219, 224),
-    ink: css("--ink"), muted: css("--muted"), grid: css("--grid"), card: css("--card"),
+    wall: WALL, edge: WALL_EDGE,
+    never: opaque(NEVER_SEEN), dot: opaque(NEVER_DOT),
+    stripe: opaque(css("--stripe")), outside: opaque(css("--uncounted")),
+    mean: css("--mean"), ink: css("--ink"), muted: css("--muted"), grid: css("--grid"), card: css("--card"),
     accent: css("--accent"), alert: css("--alert"), warn: css("--warn"),
   };
 }

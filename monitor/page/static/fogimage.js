@@ -1,6 +1,6 @@
 // The fog as an image, row 0 at the bottom. Ages come from last-seen ticks, so the page ages the map itself.
 
-import { AGES, DIFFERENCES, STEPS, themed } from "./colours.js";
+import { AGES, DIFFERENCES, STEPS, opaque, themed } from "./colours.js";
 import { NEVER, OUTSIDE, certainSince } from "./store.js";
 
 const PASSABLE = 1, COUNTED = 2;
@@ -22,6 +22,9 @@ export class FogImage {
     this.canvas.width = wide;
     this.canvas.height = high;
     this.context = this.canvas.getContext("2d", { alpha: false });
+    this.walls = document.createElement("canvas");
+    this.walls.width = wide;
+    this.walls.height = high;
     this.image = this.context.createImageData(wide, high);
     this.pixels = new Uint32Array(this.image.data.buffer);
     this.ramp = new Uint32Array(1);
@@ -34,6 +37,8 @@ export class FogImage {
     const { width, height, stride } = this;
     const { width: wide, height: high } = this.canvas;
     const from = [], to = [], unknown = [], never = [], middle = stride >> 1;
+    const wallContext = this.walls.getContext("2d"), wallImage = wallContext.createImageData(wide, high);
+    const walls = new Uint32Array(wallImage.data.buffer), wall = opaque(colours.wall);
     // A thin wall must not disappear between the points sampled.
     const isWalled = (top, left) => {
       for (let r = top; r < Math.min(top + stride, height); r++) {
@@ -52,10 +57,12 @@ export class FogImage {
           unknown.push((row + col) % STRIPE < STRIPE / 2 ? colours.outside : colours.stripe);
           never.push(row % DOT === 0 && col % DOT === (row % (2 * DOT)) / 2 ? colours.dot : colours.never);
         } else {
-          this.pixels[out] = what & PASSABLE ? colours.outside : colours.wall;
+          this.pixels[out] = what & PASSABLE ? colours.outside : wall;
+          if (!(what & PASSABLE)) walls[out] = wall;
         }
       }
     }
+    wallContext.putImageData(wallImage, 0, 0);
     this.from = Int32Array.from(from);
     this.to = Int32Array.from(to);
     this.unknown = Uint32Array.from(unknown);

@@ -134,8 +134,8 @@ function changed(topic, message) {
 
 function begin() {
   const { facts } = store;
-  document.title = `${facts.name} · fogwatch`;
-  $("name").textContent = facts.name;
+  document.title = `${facts.title} · ${facts.live ? "" : "replay · "}fogwatch`;
+  $("name").textContent = facts.title;
   $("name").title = facts.name;
   note(facts.note);
   map.reset();

@@ -5,6 +5,8 @@ import { FogImage } from "./fogimage.js";
 import { drawCross, drawRobots, drawScaleBar, drawStalest, PASSABLE } from "./marks.js";
 import { NEVER, OUTSIDE, seconds, certainSince } from "./store.js";
 
+/** By how many pixels of the page a wall's edge surrounds it. */
+const EDGE = 1.2;
 /** Most points along a side of a pixel of the fog's image. */
 const COARSEST = 8;
 
@@ -15,6 +17,8 @@ export class MapView {
     this.store = store;
     this.callbacks = callbacks;
     this.context = canvas.getContext("2d", { alpha: false });
+    this.walls = document.createElement("canvas").getContext("2d");
+    this.wallsShown = "";
     this.zoom = 1;
     this.centre = null;
     this.shown = { kind: "ages", layers: [0], oldest: 100 };
@@ -89,7 +93,9 @@ export class MapView {
     const pixel = this.fog.stride * point, { width, height } = this.fog.canvas;
     const [left, top] = this.toScreen(origin[0], origin[1] + height * pixel);
     context.imageSmoothingEnabled = this.scale * point < 2;
-    context.drawImage(this.fog.canvas, left, top, width * pixel * this.scale, height * pixel * this.scale);
+    const place = [left, top, width * pixel * this.scale, height * pixel * this.scale];
+    context.drawImage(this.fog.canvas, ...place);
+    this.#paintWalls(place, context.imageSmoothingEnabled);
     drawScaleBar(this);
     if (store.state) {
       drawRobots(this);
@@ -119,6 +125,7 @@ export class MapView {
     const { fog } = this;
     if (!this.terrainDone) {
       fog.base(store.terrain);
+      this.wallsShown = "";
       this.terrainDone = true;
       this.dirtyFog = true;
     }
@@ -129,6 +136,29 @@ export class MapView {
     else if (shown.kind === "difference") fog.difference(...fogs, shown.oldest);
     else this.unseen = fog.ages(fogs[0], shown.oldest);
     this.dirtyFog = false;
+  }
+
+  /** Draw the walls with their edges; anew only where they are elsewhere on the screen than before. */
+  #paintWalls(place, smooth) {
+    const { canvas, colours } = this, layer = this.walls.canvas;
+    const shown = [...place, canvas.width, canvas.height].join();
+    if (this.wallsShown !== shown) {
+      this.wallsShown = shown;
+      layer.width = canvas.width;
+      layer.height = canvas.height;
+      const { walls: context } = this, [left, top, ...size] = place, reach = EDGE * this.ratio;
+      context.imageSmoothingEnabled = smooth;
+      for (let i = 0; i < 8; i++) {
+        const angle = (i * Math.PI) / 4;
+        context.drawImage(this.fog.walls, left + reach * Math.cos(angle), top + reach * Math.sin(angle), ...size);
+      }
+      context.globalCompositeOperation = "source-in";
+      context.fillStyle = colours.edge;
+      context.fillRect(0, 0, canvas.width, canvas.height);
+      context.globalCompositeOperation = "source-over";
+      context.drawImage(this.fog.walls, ...place);
+    }
+    this.context.drawImage(layer, 0, 0);
   }
 
   #hover() {

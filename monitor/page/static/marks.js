@@ -1,6 +1,6 @@
 // What is drawn on the map: robots with footprint, trail and goal, intruders, the stalest point, the cross, the scale bar.
 
-import { SERIES } from "./colours.js";
+import { ROBOTS } from "./palette.js";
 import { robotStatus, stalestAge } from "./store.js";
 
 const LEAST = 5;
@@ -97,7 +97,7 @@ function trail(map, place) {
     c.lineWidth = (place === map.selected ? 4 : 3) * map.ratio;
     c.stroke();
   }
-  c.strokeStyle = SERIES[place % SERIES.length];
+  c.strokeStyle = ROBOTS[place % ROBOTS.length];
   c.lineWidth = (place === map.selected ? 2.4 : 1.4) * map.ratio;
   c.stroke();
 }
@@ -106,7 +106,7 @@ function goal(map, [status, , pose, goal], place) {
   if (!goal || !pose || status !== 1 || !inFull(map, place)) return;
   const c = map.context, r = map.ratio;
   const [x0, y0] = map.toScreen(pose[0], pose[1]), [x, y] = map.toScreen(goal[0], goal[1]);
-  for (const [colour, wide] of [["rgb(255 255 255 / 70%)", 3.4], [SERIES[place % SERIES.length], 1.6]]) {
+  for (const [colour, wide] of [["rgb(255 255 255 / 70%)", 3.4], [ROBOTS[place % ROBOTS.length], 1.6]]) {
     c.strokeStyle = colour;
     c.lineWidth = wide * r;
     c.setLineDash([4 * r, 4 * r]);
@@ -135,7 +135,7 @@ function body(map, robot, facts, place) {
   if (place === map.selected) ring(c, x, y, size + 5 * r, map.colours.accent, 3 * r);
   c.beginPath();
   c.arc(x, y, size, 0, 2 * Math.PI);
-  c.fillStyle = gone ? "#2b2f36" : SERIES[place % SERIES.length];
+  c.fillStyle = gone ? "#2b2f36" : ROBOTS[place % ROBOTS.length];
   c.fill();
   c.lineWidth = 2 * r;
   c.strokeStyle = "#ffffff";

@@ -16,6 +16,12 @@ export class FaultsPanel {
   static html = `
     <p id="viewonly" class="small" hidden></p>
     <form id="controls">
+      <fieldset id="every"><legend>all robots</legend>
+        <div class="row">
+          <button type="button" id="stopall">stop all robots</button>
+          <button type="button" id="releaseall">release all robots</button>
+        </div>
+      </fieldset>
       <fieldset id="one"><legend>one robot</legend>
         <label>robot <select id="who"></select></label>
         <div class="row">
@@ -34,6 +40,10 @@ export class FaultsPanel {
           <button type="button" id="join">add a robot</button>
           <button type="button" id="intruder" aria-pressed="false">place an intruder</button>
         </div>
+        <div class="row" id="there" hidden>
+          <select id="which" aria-label="intruder"></select>
+          <button type="button" id="remove">remove</button>
+        </div>
       </fieldset>
     </form>
     <p id="answer" class="small" role="status"></p>`;
@@ -44,6 +54,7 @@ export class FaultsPanel {
     this.operate = operate;
     this.expected = new Map();
     this.joining = new Map();
+    this.intruders = "";
     this.lossTimer = 0;
     this.lossWanted = null;
     this.settingLoss = false;
@@ -56,13 +67,17 @@ export class FaultsPanel {
     $("join").addEventListener("click", () => this.#join());
     $("intruder").addEventListener("click", () => this.aim(!this.map.aiming));
     $("who").addEventListener("change", () => this.update());
+    $("remove").addEventListener("click", () => this.operate({ do: "heal", id: $("which").value }, "intruder removed"));
+    $("stopall").addEventListener("click", () => this.#all("stop", "pause"));
+    $("releaseall").addEventListener("click", () => this.#all("release", "resume"));
   }
 
   reset() {
     const { facts } = this.store;
     const can = (what) => facts.controls.includes(what);
     $("tab-faults").hidden = !facts.live;
-    $("controls").hidden = !can("fault");
+    $("controls").hidden = !can("fault") && !can("stop");
+    for (const id of ["one", "radio", "more"]) $(id).hidden = !can("fault");
     $("viewonly").hidden = can("fault");
     $("viewonly").textContent = facts.mayControl
       ? "Faults are not available: no world simulates these robots."
@@ -78,6 +93,8 @@ export class FaultsPanel {
     const { facts, state } = this.store;
     if (!state || !facts.live) return;
     if ($("who").options.length !== this.store.listed.length) this.#listRobots();
+    this.#listIntruders();
+    if (!facts.controls.includes("fault")) return;
     const away = this.#away().length, status = state.robots[Number($("who").value)]?.[0];
     write($("join"), `add a robot${away ? ` (${away} can join)` : ""}`);
     $("kill").disabled = ![ALIVE, PAUSED].includes(status);
@@ -89,6 +106,25 @@ export class FaultsPanel {
     $("silence").setAttribute("aria-pressed", String(inForce.some((fault) => silences(fault, this.#who()))));
     if (!this.lossTimer && !this.settingLoss) this.#showLoss(Math.max(0, ...inForce.filter(losesEverywhere).map((fault) => fault.rate)));
     $("silence").disabled = AWAY.includes(status);
+    const statuses = state.robots.map(([one]) => one);
+    $("stopall").disabled = !statuses.includes(ALIVE);
+    $("releaseall").disabled = !statuses.includes(PAUSED);
+  }
+
+  /** Stop or release all robots: by an order to robots that no world simulates, else by a fault of their processes. */
+  #all(order, kind) {
+    if (this.store.facts.controls.includes(order)) this.operate({ do: order }, `${order}: requested`);
+    else this.#fault({ kind, who: "all" });
+  }
+
+  #listIntruders() {
+    const there = this.store.state.intruders, names = there.map(([, , name]) => name).join();
+    $("there").hidden = !there.length;
+    if (this.intruders === names) return;
+    this.intruders = names;
+    const before = $("which").value;
+    $("which").replaceChildren(...there.map(([x, y, name]) => new Option(`${name} at ${x.toFixed(1)}, ${y.toFixed(1)} m`, name)));
+    if (there.some(([, , name]) => name === before)) $("which").value = before;
   }
 
   #listRobots() {
@@ -109,7 +145,7 @@ export class FaultsPanel {
 
   #place(x, y) {
     this.aim(false);
-    this.operate({ do: "intruder", place: [Math.round(x * 100) / 100, Math.round(y * 100) / 100], stay: null }, "intruder placed");
+    this.operate({ do: "intruder", place: [Math.round(x * 100) / 100, Math.round(y * 100) / 100] }, "intruder placed");
   }
 
   key(key) {

@@ -1,6 +1,6 @@
 // The table of robots.
 
-import { SERIES } from "./colours.js";
+import { ROBOTS } from "./palette.js";
 import { $ } from "./dom.js";
 import { seconds, robotStatus } from "./store.js";
 
@@ -34,7 +34,7 @@ export class RobotsPanel {
       const cells = [0, 1, 2, 3].map(() => row.insertCell());
       const dot = document.createElement("span");
       dot.className = "dot";
-      dot.style.background = SERIES[place % SERIES.length];
+      dot.style.background = ROBOTS[place % ROBOTS.length];
       const name = document.createElement("button");
       name.type = "button";
       name.textContent = facts.name;

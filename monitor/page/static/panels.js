@@ -18,6 +18,8 @@ import { LinksPanel } from "./panel_links.js";
 import { RobotsPanel } from "./panel_robots.js";
 import { $ } from "./dom.js";
 
+/** Where the panels are below the map; page.css has the same number. An opened panel is then scrolled to. */
+const NARROW = matchMedia("(max-width: 820px)");
 const PANELS = [RobotsPanel, LinksPanel, EventsPanel, FaultsPanel];
 
 export class Panels {
@@ -68,6 +70,7 @@ export class Panels {
       $(one.getAttribute("aria-controls")).hidden = !chosen;
     }
     this.update("open");
+    if (NARROW.matches) scrollBy({ top: $("tabs").getBoundingClientRect().top - document.querySelector("header").offsetHeight });
   }
 
   #move(event, tab) {

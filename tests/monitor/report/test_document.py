@@ -232,6 +232,31 @@ def test_two_copies_of_a_policy_and_of_a_map_are_no_difference(tmp_path: Path) -
     assert all(re.fullmatch(r"Lazy \(sha256 [0-9a-f]{12}\)", value) for value in values)
 
 
+def test_a_report_shows_intruders_with_their_numbers(tmp_path: Path) -> None:
+    intruders = [{"place": [20, 10], "at": 1, "for": 6}, {"place": [30, 40], "at": 9.0}, {"place": [1, 1], "at": 9.1}]
+    robots = [{"model": "holonomic", "start": [20, 14]}, {"model": "holonomic", "start": [24, 10]}]
+    facts = {"terrain": {"builtin": "open"}, "duration": 10, "point": 1.0, "robots": robots, "intruders": intruders}
+    run = run_of(tmp_path, {**facts, "patrol": {"dilatation": 0}}).open()
+    analysis = analyse(run)
+    assert [(band.id, band.begin, band.end) for band in analysis.intruders] == [
+        ("intruder1", 1.0, 7.0),
+        ("intruder2", 9.0, 10.0),
+        ("intruder3", 9.1, 10.0),
+    ]
+    made = drawings(analysis)
+    page = report_html(analysis, made)
+    assert "Blue: intruders." in page
+    assert "Red: faults." not in page
+    shown = page.partition('<section id="intruders">')[2].partition("</section>")[0]
+    rows = [re.findall(r"<td[^>]*>(.*?)</td>", row) for row in re.findall(r"<tr>(.*?)</tr>", shown)][1:]
+    counted = run.summary["intruders"][0]
+    assert counted["first_reported_s"] == 1.0
+    assert rows[0][:6] == ["intruder1", "at (20, 10)", "1", "7", "1", f"{counted['reported_s']:g}"]
+    assert rows[1][4] == "never"
+    without = report_html(analyse(replace(run, summary=None)), ())
+    assert "<td>intruder1</td><td>at (20, 10)</td>" in without
+
+
 def test_no_collision_is_drawn_as_none_of_one(quiet: Any) -> None:
     run = quiet.open()
     assert run.bumped.sum() == 0
