@@ -76,7 +76,7 @@ class ProcessParser(argparse.ArgumentParser):
         self.exit(BAD_INPUT, f"{self.prog}: {message}; all options: {self.prog} --help\n")
 
 
-def fleet_parser(package: str, description: str, epilog: str, others: str) -> argparse.ArgumentParser:
+def fleet_parser(package: str, description: str, epilog: str, others: str) -> ProcessParser:
     """A parser of the options that all have; the caller adds its own.
 
     Args:

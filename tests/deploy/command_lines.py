@@ -15,7 +15,7 @@ from worldsim.options import WorldOptions, parse_options
 DEPLOY = Path(__file__).parents[2] / "deploy"
 Options = Namespace | WorldOptions
 READERS: dict[str, Callable[[Sequence[str]], Options]] = {
-    "agent": lambda words: (options_of if wanted(words) else agent.process._options)(words),
+    "agent": lambda words: (options_of if wanted(words) else agent.process.simulated_parser().parse_args)(words),
     "fogwatch.router": fogwatch.router._options,
     "monitor": monitor.process._options,
     "worldsim": parse_options,

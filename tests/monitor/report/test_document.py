@@ -249,6 +249,7 @@ def test_a_report_shows_intruders_with_their_numbers(tmp_path: Path) -> None:
     assert "Red: faults." not in page
     shown = page.partition('<section id="intruders">')[2].partition("</section>")[0]
     rows = [re.findall(r"<td[^>]*>(.*?)</td>", row) for row in re.findall(r"<tr>(.*?)</tr>", shown)][1:]
+    assert run.summary is not None
     counted = run.summary["intruders"][0]
     assert counted["first_reported_s"] == 1.0
     assert rows[0][:6] == ["intruder1", "at (20, 10)", "1", "7", "1", f"{counted['reported_s']:g}"]

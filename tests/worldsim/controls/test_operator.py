@@ -307,8 +307,8 @@ def test_what_an_operator_has_asked_for_is_in_force_until_it_ends() -> None:
 
 def test_an_intruder_leaves_when_it_is_healed() -> None:
     scenario = load_scenario({**SMALL, "intruders": [{"place": [30, 30], "at": 2, "for": 4}]})
-    for control in ({"place": [40, 30]}, {"place": [50, 30], "for": 3.0}):
-        scenario, text = amended(scenario, 6, read_control({"do": "intruder", **control}))
+    scenario, _ = amended(scenario, 6, read_control({"do": "intruder", "place": [40, 30]}))
+    scenario, text = amended(scenario, 6, read_control({"do": "intruder", "place": [50, 30], "for": 3.0}))
     assert text == "intruder3 at (50, 30) from tick 6 on"
 
     def names(k: int) -> list[str]:
