@@ -24,8 +24,8 @@ from patrol.process.starting.readiness import StartPipe, StartReport
 TRACEBACK = b"Traceback (most recent call last):"
 LOG_LINES = 5
 """Lines of a child's log that are quoted when it has ended."""
-TERM_S = 5.0
-"""How long a process may take to heed a signal before it is killed."""
+TERM_S = 20.0
+"""How long a process may take to heed a signal before it is killed, which fails the verdict."""
 _POLL_S = 0.01
 _REPORT_S = 0.05
 

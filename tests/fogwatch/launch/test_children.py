@@ -15,7 +15,7 @@ from patrol.process.starting.readiness import StartFailure, StartReport
 
 pytestmark = pytest.mark.processes
 
-PATIENCE_S = 60.0
+PATIENCE_S = 300.0
 
 
 @pytest.fixture

@@ -23,7 +23,7 @@ from patrol.process.starting.readiness import StartFailure, StartPipe, StartRepo
 
 pytestmark = [pytest.mark.processes, pytest.mark.skipif(not can_fork(), reason="this system has no fork server")]
 
-PATIENCE_S = 120.0
+PATIENCE_S = 300.0
 SCENARIO = "duration: 10\nterrain: {builtin: open}\npoint: 1.0\nrobots: [{}, {}]\n"
 
 

@@ -35,7 +35,7 @@ from tests.ros2_hub import Hub
 
 STILL = messages.Twist(0.0, 0.0, 0.0)
 STEP_S = 0.5
-PATIENCE_S = 60.0
+PATIENCE_S = 300.0
 
 
 class Ticks:

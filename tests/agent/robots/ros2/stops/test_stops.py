@@ -18,7 +18,7 @@ from patrol.ros2.messages import Bool
 from patrol.ros2.names import LATCHED
 from tests.ros2_hub import Hub
 
-PATIENCE_S = 60.0
+PATIENCE_S = 300.0
 OPERATOR = "stopped by an operator (fogwatch control ... release)"
 TOPIC = "stopped by the topic /stop (publish false there to release it)"
 
