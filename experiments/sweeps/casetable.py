@@ -14,6 +14,7 @@ from experiments.sweeps.runner import SweepOutcome
 from experiments.sweeps.stats import Estimate, estimate
 from experiments.sweeps.worker import software
 from patrol.errors import BadInput, quoted
+from patrol.whole_file import write_whole
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,7 +154,7 @@ def write_text(path: Path, text: str) -> None:
     """
     make_folder(path.parent)
     try:
-        path.write_text(text, encoding="utf-8")
+        write_whole(path, text)
     except OSError as error:
         raise BadInput(f"{path}: cannot be written ({error.strerror}); choose another --out") from None
 

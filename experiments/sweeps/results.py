@@ -167,7 +167,9 @@ def open_results(folder: Path) -> Iterator[Results]:
     path = folder / FILE
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        flags = os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_NONBLOCK | os.O_CLOEXEC
+        flags = os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOFOLLOW
+        if path.is_symlink():  # it would be made, or its last line cut off, wherever the link leads
+            raise BadInput(f"{path}: is a link; put the file itself there, or choose another --out")
         file = FileIO(os.open(path, flags, 0o666), "r+b")
     except OSError as error:
         raise BadInput(f"{path}: cannot be written ({error.strerror}); choose another --out") from None

@@ -77,6 +77,8 @@ class Recorder:
         self._run = run
         self._out = out
         self._part = out.with_name(f"{out.name}.part")
+        with suppress(OSError):
+            self._part.unlink()  # a stranger's folder may have a link there
         self._file = RosFile(self._part, out, chunk=CHUNK)
         self._ros = self._file.encoder
         self._ros_names = ros_names(run.names)

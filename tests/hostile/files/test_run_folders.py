@@ -12,6 +12,8 @@ from typing import Any
 
 import pytest
 
+from experiments.sweeps.casetable import write_text
+from experiments.sweeps.results import FILE, open_results
 from monitor.replay.run import open_run
 from monitor.report.compare import names_of, rows_of
 from patrol.scenario import dump_scenario, load_scenario
@@ -191,3 +193,42 @@ def test_a_journal_that_was_cut_off_anywhere_is_read(strange: Path) -> None:
         assert run.ticks > 0
         assert run.ended is None
         assert run.summary is None
+
+
+def test_nothing_is_written_through_a_link_of_a_strange_folder(
+    strange: Path, tmp_path: Path, fogwatch: Callable[..., int]
+) -> None:
+    """Whoever made the folder knows which files a command writes into it."""
+    victim = tmp_path / "victim"
+    victim.write_text("mine", encoding="utf-8")
+    for name in ("report.html", "recording.mcap"):
+        (strange / name).unlink(missing_ok=True)
+        for link in (name, f"{name}.part", f".{name}.part"):
+            (strange / link).symlink_to(victim)
+    assert fogwatch("report", str(strange)) == 0
+    assert fogwatch("record", str(strange)) == 0
+    assert victim.read_text(encoding="utf-8") == "mine"
+    assert (strange / "report.html").read_bytes().startswith(b"<!")
+    assert not (strange / "recording.mcap").is_symlink()
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_no_file_is_cut_or_made_through_a_link_of_a_strange_sweep(there: bool, tmp_path: Path) -> None:
+    """The last line of results is cut off where it is not whole."""
+    victim, folder = tmp_path / "victim", tmp_path / "sweep"
+    folder.mkdir()
+    if there:
+        victim.write_text("a line without an end", encoding="utf-8")
+    (folder / FILE).symlink_to(victim)
+
+    def opened() -> None:
+        with open_results(folder):
+            pass
+
+    assert one_line(opened) == f"{folder / FILE}: is a link; put the file itself there, or choose another --out"
+    assert victim.exists() == there
+    assert not there or victim.read_text(encoding="utf-8") == "a line without an end"
+    (folder / "summary.csv").symlink_to(victim)
+    write_text(folder / "summary.csv", "new")
+    assert not there or victim.read_text(encoding="utf-8") == "a line without an end"
+    assert not (folder / "summary.csv").is_symlink()

@@ -88,7 +88,10 @@ def folder_of(path: Path, name: str) -> Path:
 def results_of(path: Path) -> None:
     folder = Path("sweep").absolute()
     folder.mkdir()
-    (folder / FILE).symlink_to(path)
+    if path.is_fifo() or path.is_file():
+        path.rename(folder / FILE)
+    else:
+        (folder / FILE).symlink_to(path)
     with open_results(folder):
         pass
 
