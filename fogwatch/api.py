@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from fogwatch.launch.launcher import Launch
     from patrol.journal import Event, Journal, TickRecord
     from patrol.prepare import Prepared
+    from patrol.process.starting.compiling import Compiled
     from worldsim.run_record import RunRecord
     from worldsim.verdict.judge import Verdict
     from worldsim.world import World
@@ -95,6 +96,7 @@ class RunOptions:
         report: Whether to write report.html when the run has ended.
         recovery: Whether to run the scenario without its faults too, in one process, to judge the recovery.
         page: Whether to serve a live page while the processes run.
+        show_kernels: Shows how far compiling the kernels is; None for a line every few seconds.
     """
 
     out: Path | None = None
@@ -111,6 +113,7 @@ class RunOptions:
     report: bool = False
     recovery: bool = False
     page: bool = False
+    show_kernels: Callable[[Compiled], None] | None = None
 
 
 def run(
@@ -184,7 +187,7 @@ def execute(scenario: Scenario, options: RunOptions) -> Result:
     """
     watched = options.recording or options.report or options.page
     packages = (*PACKAGES, "monitor") if watched else PACKAGES
-    warm(packages, options.display.say, seldom_kernels(scenario))
+    warm(packages, options.display.say, seldom_kernels(scenario), options.show_kernels)
     if scenario.patrol.policy != PAPER or scenario.patrol.options:  # else it loads much and cannot fail
         from agent.policies.found import policy_of
 

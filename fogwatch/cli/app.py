@@ -234,6 +234,7 @@ def run(
     from rich.console import Console
 
     from fogwatch.api import RunOptions, execute
+    from fogwatch.launch.kernel_bar import kernel_bar
     from fogwatch.launch.launcher import Failed
     from fogwatch.launch.live_table import make_display
     from fogwatch.launch.summary_text import print_summary
@@ -260,6 +261,7 @@ def run(
         report=report,
         page=served,
         recovery=recovery,
+        show_kernels=None if quiet else kernel_bar(Console(stderr=True)),
     )
     try:
         result = execute(scenario, run_options)

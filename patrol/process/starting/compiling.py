@@ -24,8 +24,6 @@ MOST_WORKERS = 8
 """More processes gain little: the slowest modules alone take as long."""
 LOOK_S = 0.5
 """Time between two looks at the clock."""
-FEW = 0.1
-"""The share of the work that is done before the time to go is estimated."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,8 +132,9 @@ def compile_modules(modules: Mapping[str, Path], show: Callable[[Compiled], None
                         worker.give(todo.pop())
                     else:
                         answers.unregister(key.fileobj)
-                share = sum(work.size for work in done) / size
-                left_s = None if share < FEW else (time.monotonic() - begun) * (1.0 - share) / share
+                half_done = [worker.work for worker in workers if worker.work is not None and worker.work not in done]
+                share = (sum(work.size for work in done) + 0.5 * sum(work.size for work in half_done)) / size
+                left_s = None if not done else (time.monotonic() - begun) * (1.0 - share) / share
                 show(Compiled(sum(work.kernels for work in done), of, left_s))
         finally:
             for worker in workers:

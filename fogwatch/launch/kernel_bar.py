@@ -1,0 +1,35 @@
+"""The bar that shows on a terminal how far compiling the kernels is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from rich.console import Console
+from rich.control import Control
+from rich.progress_bar import ProgressBar
+from rich.segment import ControlType
+from rich.text import Text
+
+from patrol.process.starting.compiling import Compiled
+from patrol.process.starting.warmup import progress_line
+
+WIDTH = 30
+"""Of the bar, in characters."""
+
+
+def kernel_bar(console: Console) -> Callable[[Compiled], None] | None:
+    """A function that draws the bar over the last one, and removes it in the end; None where there is no terminal.
+
+    Args:
+        console: Where to draw it.
+    """
+    if not console.is_terminal:
+        return None
+
+    def show(compiled: Compiled) -> None:
+        console.control(Control(ControlType.CARRIAGE_RETURN, (ControlType.ERASE_IN_LINE, 2)))
+        if compiled.kernels < compiled.of:
+            console.print(ProgressBar(total=compiled.of, completed=compiled.kernels, width=WIDTH), end=" ")
+            console.print(Text(progress_line(compiled)), end="", no_wrap=True, overflow="crop")
+
+    return show

@@ -1,0 +1,23 @@
+from __future__ import annotations
+
+from io import StringIO
+
+from rich.console import Console
+
+from fogwatch.launch.kernel_bar import kernel_bar
+from patrol.process.starting.compiling import Compiled
+
+
+def test_a_terminal_gets_a_bar_with_the_time_to_go_that_is_removed_in_the_end() -> None:
+    file = StringIO()
+    show = kernel_bar(Console(file=file, force_terminal=True, width=100))
+    assert show is not None
+    show(Compiled(20, 80, 12.0))
+    assert "compiling the kernels: 20 of 80, about 12 s to go" in file.getvalue()
+    assert "\n" not in file.getvalue()
+    show(Compiled(80, 80, 0.0))
+    assert file.getvalue().endswith("\r\x1b[2K")
+
+
+def test_there_is_no_bar_without_a_terminal() -> None:
+    assert kernel_bar(Console(file=StringIO())) is None
