@@ -32,15 +32,13 @@ from patrol.scenario.policy_file import PAPER
 if TYPE_CHECKING:
     from fogwatch.launch.clerk_child import ClerkChild
     from fogwatch.launch.launcher import Launch
-    from patrol.journal import Event, Journal, TickRecord
+    from patrol.journal import Event, TickRecord
     from patrol.prepare import Prepared
     from patrol.process.starting.compiling import Compiled
     from worldsim.run_record import RunRecord
     from worldsim.verdict.judge import Verdict
     from worldsim.world import World
 
-PICTURE = "drawing fog.png"
-"""A step of a run's end, as people read it."""
 EAGER = 16
 """Fleets of up to this many robots are started before the check that they fit, which saves time."""
 PACKAGES = ("patrol", "agent", "worldsim")
@@ -359,10 +357,7 @@ def _ended_as_processes(
             summary = summarise(journal, verdict, wall_s, operated)
         options.display.progress(JUDGING, 1.0)
     except Interrupted:
-        options.display.say(
-            f"interrupted before the run was judged; `fogwatch judge {folder.path}` judges it, and `fogwatch report` "
-            "and `fogwatch record` write its files"
-        )
+        options.display.say(f"interrupted before the run was judged; `fogwatch judge {folder.path}` judges it")
         raise
     summary = {**summary, "exit_codes": dict(exit_codes)}
     return _result(folder, operated, journal, verdict, summary, options, clerk)
@@ -424,85 +419,18 @@ def _result(
     clerk: ClerkChild | None = None,
 ) -> Result:
     """Write the summary and the files that are made from the journal, the report by the clerk where there is one."""
+    from fogwatch.launch.derived import Wanted, write_files
+    from patrol.journal import Journal
     from worldsim.run_record import INTERRUPTED
 
+    assert isinstance(journal, Journal)  # every run of this module writes one
     try:
         folder.write_summary(summary)
     except OSError as error:
         options.display.say(f"{folder.summary}: cannot be written ({error.strerror}); the summary is shown only")
-    step = prepared.scenario.step
-    mfow_s = np.array([record.mfow for record in journal.ticks], dtype=np.float64) * step
+    mfow_s = np.array([record.mfow for record in journal.ticks], dtype=np.float64) * prepared.scenario.step
     interrupted = journal.end is not None and journal.end.reason == INTERRUPTED
+    wanted = Wanted(options.picture, options.recording, options.report)
     if len(mfow_s):
-        try:
-            _write_files(folder, prepared, journal, summary, options, clerk)
-        except Interrupted:
-            interrupted = True
-            options.display.say(
-                f"interrupted: not all files are written; `fogwatch report {folder.path}` and `fogwatch record "
-                f"{folder.path}` write them"
-            )
+        interrupted |= not write_files(folder, prepared, journal, summary, wanted, options.display, clerk)
     return Result(summary, folder.path, mfow_s, verdict, interrupted)
-
-
-def _write_files(
-    folder: RunFolder,
-    prepared: Prepared,
-    journal: RunRecord,
-    summary: Mapping[str, Any],
-    options: RunOptions,
-    clerk: ClerkChild | None,
-) -> None:
-    """Write recording, report and picture."""
-    from patrol.journal import Journal
-
-    assert isinstance(journal, Journal)  # every run of this module writes one
-    display = options.display
-    recording = folder.recording if options.recording else None
-    report = folder.report if options.report else None
-    by_clerk = report is not None and clerk is not None and clerk.begin_report(summary)
-    _derive(journal, prepared, summary, recording, None if by_clerk else report, display)
-    if options.picture:
-        display.progress(PICTURE)
-        _draw(folder, prepared, options)
-        display.progress(PICTURE, 1.0)
-    if by_clerk and clerk is not None:
-        written = clerk.report_written()
-        if written is None:
-            _derive(journal, prepared, summary, None, report, display)
-        elif written.problem:
-            display.say(written.problem)
-
-
-def _derive(
-    journal: Journal,
-    prepared: Prepared,
-    summary: Mapping[str, Any],
-    recording: Path | None,
-    report: Path | None,
-    display: RunDisplay,
-) -> None:
-    """Write a recording and a report, each unless it is None, and show how far that is."""
-    files = [file.name for file in (recording, report) if file is not None]
-    if not files:
-        return
-    from fogwatch.launch.derived import derive
-
-    step, ticks = f"writing {' and '.join(files)}", prepared.scenario.ticks
-
-    def progress(k: int) -> None:
-        display.progress(step, k / ticks if k < ticks else None)
-
-    derive(journal, prepared, summary, recording, report, display.say, progress)
-    display.progress(step, 1.0)
-
-
-def _draw(folder: RunFolder, prepared: Prepared, options: RunOptions) -> None:
-    try:
-        from fogwatch.pictures.run_end import run_picture
-
-        run_picture(folder.path, folder.picture, prepared)
-    except ImportError as error:
-        options.display.say(f"no picture: {error.name} is not installed (pip install 'fogwatch[sim]')")
-    except (BadInput, OSError) as error:
-        options.display.say(f"no picture: {error}")

@@ -106,16 +106,15 @@ class ClerkChild:
         self._give_up()
 
     def _start(self) -> None:
-        ours, theirs = socket.socketpair()
-        with theirs:
-            arguments = ["--run", str(self._folder.path), "--talk", str(theirs.fileno()), "--nice", str(NICE)]
+        try:
+            ours, theirs = socket.socketpair()
             self._connection = Connection(ours.detach())
-            try:
-                log = self._folder.log("clerk")
-                inherit = [theirs.fileno()]
+            with theirs:
+                arguments = ["--run", str(self._folder.path), "--talk", str(theirs.fileno()), "--nice", str(NICE)]
+                log, inherit = self._folder.log("clerk"), [theirs.fileno()]
                 self._children.spawn(CLERK, "fogwatch.clerk", arguments, log, inherit=inherit, reports_start=True)
-            except OSError:  # the system has no room for one more process
-                self._give_up()
+        except OSError:  # the system has no room for one more process, file or descriptor
+            self._give_up()
 
     def _send(self, message: VerdictAsked | ReportAsked) -> None:
         if self._connection is not None:

@@ -1,20 +1,29 @@
-"""The files made from a run's journal when it has ended: a recording for viewers, and a report for people."""
+"""The files made from a run's journal when it has ended: a picture, a recording for viewers, a report for people."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from patrol.errors import BadInput
 from patrol.journal import Journal
+from patrol.process.lifeline import Interrupted
 from patrol.process.starting.warmup import warm
 from patrol.radio.fleet_key import fleet_key
 
 if TYPE_CHECKING:
+    from fogwatch.launch.clerk_child import ClerkChild
+    from fogwatch.launch.live_table import RunDisplay
+    from fogwatch.launch.runfolder import RunFolder
     from patrol.ground.fog import Fog
     from patrol.ground.footprint import View
     from patrol.prepare import Prepared
+
+
+PICTURE = "drawing fog.png"
+"""A step of a run's end, as people read it."""
 
 
 class _Progress:
@@ -30,6 +39,78 @@ class _Progress:
         """Say that a tick is done."""
         del fog
         self._progress(k + 1)
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """The files that a run is to have.
+
+    Attributes:
+        picture: Whether to draw fog.png.
+        recording: Whether to write recording.mcap.
+        report: Whether to write report.html.
+    """
+
+    picture: bool
+    recording: bool
+    report: bool
+
+
+def write_files(
+    folder: RunFolder,
+    prepared: Prepared,
+    journal: Journal,
+    summary: Mapping[str, Any],
+    wanted: Wanted,
+    display: RunDisplay,
+    clerk: ClerkChild | None,
+) -> bool:
+    """Write the files of a run that has ended, and show how far that is.
+
+    Args:
+        folder: The run folder.
+        prepared: The run's scenario with its static fields.
+        journal: The run's journal.
+        summary: The summary, as in summary.json.
+        wanted: Which files.
+        display: Shows the progress.
+        clerk: Writes the report meanwhile, if it can; None for nobody.
+
+    Returns:
+        False when a signal has ended it.
+    """
+    try:
+        _write_files(folder, prepared, journal, summary, wanted, display, clerk)
+    except Interrupted:
+        later = f"`fogwatch report {folder.path}` and `fogwatch record {folder.path}` write them"
+        display.say(f"interrupted: not all files are written; {later}")
+        return False
+    return True
+
+
+def _write_files(
+    folder: RunFolder,
+    prepared: Prepared,
+    journal: Journal,
+    summary: Mapping[str, Any],
+    wanted: Wanted,
+    display: RunDisplay,
+    clerk: ClerkChild | None,
+) -> None:
+    recording = folder.recording if wanted.recording else None
+    report = folder.report if wanted.report else None
+    by_clerk = report is not None and clerk is not None and clerk.begin_report(summary)
+    _shown(journal, prepared, summary, recording, None if by_clerk else report, display)
+    if wanted.picture:
+        display.progress(PICTURE)
+        _draw(folder, prepared, display.say)
+        display.progress(PICTURE, 1.0)
+    if by_clerk and clerk is not None:
+        written = clerk.report_written()
+        if written is None:
+            _shown(journal, prepared, summary, None, report, display)
+        elif written.problem:
+            display.say(written.problem)
 
 
 def derive(
@@ -102,3 +183,35 @@ def _derive(
         raise
     if report is not None and analysis is not None:
         write_report(analysis, report)
+
+
+def _shown(
+    journal: Journal,
+    prepared: Prepared,
+    summary: Mapping[str, Any],
+    recording: Path | None,
+    report: Path | None,
+    display: RunDisplay,
+) -> None:
+    """Write a recording and a report, each unless it is None, and show how far that is."""
+    files = [file.name for file in (recording, report) if file is not None]
+    if not files:
+        return
+    step, ticks = f"writing {' and '.join(files)}", prepared.scenario.ticks
+
+    def progress(k: int) -> None:
+        display.progress(step, k / ticks if k < ticks else None)
+
+    derive(journal, prepared, summary, recording, report, display.say, progress)
+    display.progress(step, 1.0)
+
+
+def _draw(folder: RunFolder, prepared: Prepared, say: Callable[[str], None]) -> None:
+    try:
+        from fogwatch.pictures.run_end import run_picture
+
+        run_picture(folder.path, folder.picture, prepared)
+    except ImportError as error:
+        say(f"no picture: {error.name} is not installed (pip install 'fogwatch[sim]')")
+    except (BadInput, OSError) as error:
+        say(f"no picture: {error}")

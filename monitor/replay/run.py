@@ -6,7 +6,6 @@ written, gives the ticks that it has.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 from monitor.observation.frames import count_frames
 from monitor.replay.run_files import SCENARIO, SUMMARY, journal_in
 from monitor.replay.summary_file import read_summary
-from patrol.errors import BadInput, quoted
+from patrol.errors import BadInput
 from patrol.ground.maps import load_terrain
 from patrol.journal import Journal, TraceHash
 from patrol.journal.records import DEAD_END, FORGED, Event, RobotFacts, Status, TickRecord, sent_at, standing_after
@@ -175,32 +174,6 @@ class Run:
         """Whether the fleet tags its messages with a key that is not known here."""
         return self.prepared.scenario.radio.key is not None and self.key is None
 
-    @cached_property
-    def disagreements(self) -> tuple[str, ...]:
-        """The fields of the summary that the journal does not confirm, one line each, as far as it is quick to tell.
-
-        `fogwatch judge` compares every field, the verdict among them.
-        """
-        end = self.journal.end
-        mean = float(self.mfow.mean()) * self.step
-        found = {
-            "trace_hash": self.trace if end is not None else None,
-            "ended": None if end is None else end.reason,
-            "ticks": self.ticks,
-            "mfow_mean_s": mean,
-            "mfow_max_s": float(self.mfow.max()) * self.step,
-            "mfow_end_s": float(self.mfow[-1]) * self.step,
-        }
-        stated = self.summary or {}
-        lines = [
-            f"{SUMMARY} states {field} = {quoted(stated[field])}, and the journal gives {quoted(value)}"
-            for field, value in found.items()
-            if field in stated and not _equal(stated[field], value)
-        ]
-        if end is not None and end.trace_hash != self.trace:
-            lines.append("the journal's ticks do not have the trace hash that its end states")
-        return tuple(lines)
-
     @property
     def dead_end_share(self) -> NDArray[np.float64]:
         """float64 (n,), the share of each robot's decisions in which it was leaving a dead end; 0 without any."""
@@ -333,13 +306,6 @@ def read_run(
         index=index,
         key=key,
     )
-
-
-def _equal(stated: object, found: object) -> bool:
-    """Whether two values are equal, numbers but for the rounding of another machine."""
-    if isinstance(stated, int | float) and isinstance(found, int | float):
-        return math.isclose(stated, found, rel_tol=1e-9)
-    return stated == found
 
 
 class _Unfit(Exception):

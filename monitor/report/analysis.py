@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -12,8 +13,10 @@ from monitor.observation.fault_bands import Band, bands_of, intruder_bands
 from monitor.replay.belief_errors import BeliefErrors, BeliefWatcher, exact_by_construction
 from monitor.replay.replay import Watcher, play
 from monitor.replay.run import Run
+from monitor.replay.run_files import SUMMARY
 from monitor.replay.visits import VisitCounter, Visits
 from patrol.best_tour import NO_BOUND, best_tour
+from patrol.errors import quoted
 from patrol.journal.records import Status
 from patrol.prepare import sensor_footprint
 
@@ -152,10 +155,35 @@ def warnings_of(run: Run) -> Sequence[str]:
 
 
 def disagreement(run: Run) -> str:
-    """One line for a run whose summary its journal does not confirm; empty where it does."""
-    if not run.disagreements:
-        return ""
-    return f"{'; '.join(run.disagreements)}. `fogwatch judge` compares the rest, and judges the run again."
+    """One line for a run whose summary its journal does not confirm, as far as it is quick to tell; else empty.
+
+    Args:
+        run: The run.
+    """
+    stated, end = run.summary or {}, run.journal.end
+    found = {
+        "trace_hash": None if end is None else run.trace,
+        "ended": None if end is None else end.reason,
+        "ticks": run.ticks,
+        "mfow_mean_s": float(run.mfow.mean()) * run.step,
+        "mfow_max_s": float(run.mfow.max()) * run.step,
+        "mfow_end_s": float(run.mfow[-1]) * run.step,
+    }
+    lines = [
+        f"{SUMMARY} states {field} = {quoted(stated[field])}, and the journal gives {quoted(value)}"
+        for field, value in found.items()
+        if field in stated and not _equal(stated[field], value)
+    ]
+    if end is not None and end.trace_hash != run.trace:
+        lines.append("the journal's ticks do not have the trace hash that its end states")
+    return f"{'; '.join(lines)}. `fogwatch judge` compares the rest, and judges the run again." if lines else ""
+
+
+def _equal(stated: object, found: object) -> bool:
+    """Whether two values are equal, numbers but for the rounding of another machine."""
+    if isinstance(stated, int | float) and isinstance(found, int | float):
+        return math.isclose(stated, found, rel_tol=1e-9)
+    return stated == found
 
 
 def outcome_of(run: Run) -> str:

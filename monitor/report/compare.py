@@ -120,7 +120,7 @@ def compare_html(analyses: Sequence[Analysis], figures: Sequence[Drawing]) -> st
         for name, analysis in zip(names, analyses, strict=True)
         if analysis.wrong_from is not None
     ]
-    mismatches += [f"{name}: {disagreement(run)}" for name, run in zip(names, runs, strict=True) if run.disagreements]
+    mismatches += [f"{name}: {line}" for name, run in zip(names, runs, strict=True) if (line := disagreement(run))]
     heads = ("run", "fault", "from (s)", "to (s)", "details")
     faulty = [(name, analysis.bands) for name, analysis in zip(names, analyses, strict=True) if analysis.bands]
     faults = [
