@@ -37,7 +37,8 @@ def print_summary(console: Console, summary: Mapping[str, Any], folder: Path) ->
     if left_out := _left_out(summary["robots"]):
         console.print(f"and {left_out} more robots, which are in summary.json", highlight=False)
     print_verdict(console, summary["verdict"])
-    console.print(f"trace       {summary['trace_hash']}", markup=False, highlight=False, soft_wrap=True)
+    if trace_hash := summary["trace_hash"]:  # a run that was cut off has none
+        console.print(f"trace       {trace_hash}", markup=False, highlight=False, soft_wrap=True)
     files = ", ".join(sorted(path.name for path in folder.iterdir()))
     console.print(printable(f"files       {folder}: {files}"), markup=False, highlight=False, soft_wrap=True)
 

@@ -65,15 +65,21 @@ def test_quiet_prints_the_folder_and_nothing_else(
     assert (shown.out, shown.err) == (f"{tmp_path / 'out'}\n", "")
 
 
-def interrupt(*_: object, **__: object) -> None:
-    """Press Ctrl-C, in place of something that takes long."""
+def interrupt(*arguments: object, **_: object) -> None:
+    """Press Ctrl-C in the middle of something that takes long; a file that it was to write has been begun."""
+    for file in arguments:
+        if isinstance(file, Path) and file.suffix == ".part":
+            file.write_bytes(b"begun")
     os.kill(os.getpid(), signal.SIGINT)
     time.sleep(PATIENCE_S)
 
 
 @pytest.mark.parametrize(
-    ("step", "left"),
-    [("monitor.report.document.write_report", {"recording.mcap"}), ("matplotlib.figure.Figure.savefig", set())],
+    ("step", "without", "left"),
+    [
+        ("monitor.report.document.write_report", [], {"recording.mcap"}),
+        ("matplotlib.figure.Figure.savefig", ["--no-recording", "--no-report"], set()),
+    ],
 )
 def test_ctrl_c_while_files_are_written_ends_that_at_once(
     fogwatch: Callable[..., int],
@@ -81,10 +87,11 @@ def test_ctrl_c_while_files_are_written_ends_that_at_once(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     step: str,
+    without: list[str],
     left: set[str],
 ) -> None:
     monkeypatch.setattr(step, interrupt)
-    assert fogwatch("run", "open", "--robots", "2", "--in-process", "--out", "out", *SHORT) == 130
+    assert fogwatch("run", "open", "--robots", "2", "--in-process", "--out", "out", *SHORT, *without) == 130
     shown = capsys.readouterr()
     (told,) = [line for line in shown.err.splitlines() if line.startswith("interrupted")]
     assert f"`fogwatch report {tmp_path / 'out'}`" in told

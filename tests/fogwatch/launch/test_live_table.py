@@ -77,6 +77,7 @@ SUMMARY: dict[str, Any] = {
         "late_commands": {"anna": 2, "bert": 3},
         "slipped_s": 0.0,
     },
+    "trace_hash": "0123456789abcdef" * 4,
     "verdict": {
         "outcome": "invalid",
         "valid": False,
@@ -286,6 +287,7 @@ def test_the_report_says_what_matters(tmp_path: Path) -> None:
         "missed by 5 commands and 1 frames; 1 of them came too late",
         "verdict     invalid",
         "nobody lost: bert",
+        "trace       0123456789abcdef",
         f"{tmp_path}: fog.png, summary.json",
     ):
         assert words in shown
