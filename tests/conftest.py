@@ -42,6 +42,12 @@ KINDS = ("closed fleet", "direct radio", "lockstep", "page", "paced", "ros2")
 PACKAGES = ("patrol", "agent", "worldsim", "monitor")
 """Packages that have kernels."""
 
+TERMINAL = (
+    *("CLICOLOR", "CLICOLOR_FORCE", "COLUMNS", "FORCE_COLOR", "GITHUB_ACTIONS", "LINES", "NO_COLOR", "PY_COLORS"),
+    *("TERM", "TTY_COMPATIBLE", "TTY_INTERACTIVE"),
+)
+"""Environment variables by which rich and typer choose colours and widths."""
+
 MARK = "FOGWATCH_TEST_SESSION"
 GRACE_S = 60.0
 """How long the last processes may take to leave, on a machine with much else to do."""
@@ -100,6 +106,12 @@ def is_quick(item: pytest.Item, times_s: Mapping[str, float]) -> bool:
     if item.get_closest_marker("kind") is not None:
         return True
     return not any(item.get_closest_marker(name) for name in SLOW) and times_s.get(item.nodeid, 0.0) <= QUICK_S
+
+
+def pytest_sessionstart() -> None:
+    """Forget what somebody's terminal is like, before any library is loaded that asks for it only then."""
+    for name in TERMINAL:
+        os.environ.pop(name, None)
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

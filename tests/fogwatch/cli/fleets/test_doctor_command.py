@@ -58,7 +58,7 @@ def test_a_robot_on_a_router(form: Format, fogwatch: Fogwatch, capsys: pytest.Ca
         options = ["--connect", where, "--namespace", "robot1", "--domain", str(form.domain), "--seconds", "2"]
         needed = ("a patrol could start", "/robot1/odom", "odom -> base_link", "/map: a latched map of")
         end = time.monotonic() + PATIENCE_S
-        shown = ""
+        shown, code = "", None
         while not all(words in shown for words in needed):  # on a slow machine two seconds may be too short
             assert time.monotonic() < end, shown
             code = fogwatch("doctor", *options)

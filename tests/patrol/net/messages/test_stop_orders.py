@@ -148,7 +148,7 @@ def test_a_robot_that_does_not_answer_is_named(
     fleet.join("r4", STOPPED)
     fleet.ready()
     end = time.monotonic() + PATIENCE_S
-    out = ""
+    out = errors = ""
     while out != "r4: stopped by an operator\n":  # on a slow machine it may take longer to answer
         assert time.monotonic() < end
         assert stop_all(fleet) == 3
