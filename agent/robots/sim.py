@@ -18,6 +18,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import islice
 
 from agent.ports import Decision, State
 from patrol.exchange import Reply, Sensed
@@ -151,7 +152,8 @@ class SimRobot:
         while self._next is None:
             if not self._receive():
                 return None
-        self._take_waiting()
+        for _, message in islice(iter(self._mailbox.get, None), _BACKLOG):
+            self._take(message)
         phase, self._next = self._next, None
         self._transcript.note(phase.k, PHASE_A, phase.digest)
         self._answered, self._k = self._k, phase.k
@@ -249,16 +251,10 @@ class SimRobot:
             if arrived is not None:
                 self._take(arrived[1])
                 return not self.farewell
-        self._take_waiting()  # a farewell that has come before the signal counts
+        for _, message in islice(iter(self._mailbox.get, None), _BACKLOG):
+            self._take(message)  # a farewell that has come before the signal counts
         self._leave(self._ending.reason, orderly=False)
         return False
-
-    def _take_waiting(self) -> None:
-        """Process the messages that have come, without waiting for more."""
-        for _ in range(_BACKLOG):
-            if (arrived := self._mailbox.get()) is None:
-                return
-            self._take(arrived[1])
 
     def _take(self, message: ToRobot | Presence) -> None:
         if isinstance(message, Presence):
@@ -278,8 +274,7 @@ class SimRobot:
     def _is_for_me(self, message: PhaseA | PhaseB | Stop) -> bool:
         if (message.incarnation, message.instance) != (self._identity.incarnation, self._identity.instance):
             return False
-        turned_away = not self._offers and isinstance(message, Stop)
-        return turned_away or message.run in self._offers
+        return message.run in self._offers or (not self._offers and isinstance(message, Stop))
 
     def _has_begun(self, message: PhaseA | PhaseB) -> bool:
         """Whether a message's tick has begun; the first run that proves one is this robot's own."""
