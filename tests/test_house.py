@@ -308,6 +308,7 @@ OWN_FILES = {
     "experiments/bench/tools/procfs.py": "the kernel's facts about its own children",
     "experiments/paper/printed.py": "data of the package",
     "experiments/sweeps/results.py": "the file that it goes on with, checked like others",
+    "fogwatch/cli/main.py": "what stands in for a standard stream that is closed",
     "fogwatch/certificates.py": "the certificate of the authority that it has made",
     "fogwatch/hostile/run.py": "logs of its own children",
     "fogwatch/hostile/watch.py": "the kernel's facts about its own children",
