@@ -9,14 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
-from patrol.scenario.policy_file import PAPER
-
 if TYPE_CHECKING:
     from patrol.scenario import Scenario
 
 
 def _follows_forces(scenario: Scenario) -> bool:
     """Whether robots sum forces, or may: a policy of another kind can build on anything."""
+    from patrol.scenario.policy_file import PAPER  # here, as processes that compile need no scenario
+
     return scenario.patrol.commitment == "none" or scenario.patrol.policy != PAPER
 
 

@@ -205,7 +205,7 @@ def test_a_server_that_loads_dies_with_its_launcher(died_before: bool, tmp_path:
         "import sys, time\n"
         "from pathlib import Path\n"
         "from agent import fork_server\n"
-        "def load():\n"
+        "def load(_kernels):\n"
         "    Path(sys.argv[-1]).touch()\n"
         "    time.sleep(3600)\n"
         "fork_server._load = load\n"
