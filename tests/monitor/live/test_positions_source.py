@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from monitor.live.positions_source import PositionsSource
 from monitor.observation.source import Trapped
-from patrol.net.keys import fleet_keys
+from patrol.net.keys import WORLD, fleet_keys
 from patrol.net.mailbox import Mailbox
 from patrol.net.messages.telemetry import TRAPPED
 from patrol.pose import Pose
@@ -44,6 +44,17 @@ class Ears:
     def close(self) -> None:
         pass
 
+    def seen(self, key: str, most: int) -> list[str]:
+        """The robots that are there."""
+        del most
+        return [key.replace("*", name) for name in ("anna", "bert", WORLD)]
+
+    def answers_of(self, keys: tuple[str, ...], order: bytes, longest: int, wait_s: float) -> Iterator[Any]:
+        """One robot answers; the other one does not."""
+        del longest, wait_s
+        self.ordered = (keys, order)
+        yield keys[0], b"done stopped by an operator"
+
 
 def test_a_robot_that_stays_is_said_to_be_trapped_and_how_long_it_has_been_is_unknown() -> None:
     keys, ears, clock = fleet_keys("real-1"), Ears(), [0.0]
@@ -60,3 +71,18 @@ def test_a_robot_that_stays_is_said_to_be_trapped_and_how_long_it_has_been_is_un
     (event,) = source.events(0)
     assert (event.kind, event.robot) == (TRAPPED, 1)
     assert "since before 0 s" in event.detail
+
+
+def test_only_an_operators_page_stops_robots_and_each_answers_for_itself() -> None:
+    keys, ears = fleet_keys("real-1"), Ears()
+    prepared = prepare(load_scenario(SCENARIO))
+    viewer = PositionsSource(keys, prepared, ears, ears)  # type: ignore[arg-type]
+    assert viewer.static().controls == ()
+    assert not viewer.control({"do": "stop"}).done
+    operator = PositionsSource(keys, prepared, ears, ears, may_stop=True)  # type: ignore[arg-type]
+    assert operator.static().controls == ("stop", "release")
+    answer = operator.control({"do": "stop"})
+    assert ears.ordered == ((keys.stop("anna"), keys.stop("bert")), b"stop")
+    assert not answer.done
+    assert answer.text == "anna: stopped by an operator; bert: no answer; use another way"
+    assert not operator.control({"do": "fault", "fault": {"kind": "loss"}}).done
