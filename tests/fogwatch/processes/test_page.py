@@ -113,11 +113,20 @@ def places_an_intruder_by_keys(look: Look) -> None:
     for key in ("ArrowRight", "ArrowRight", "Shift+ArrowUp"):
         look.press(key)
     look.press("Enter")
-    look.until(f"{said}.includes('intruder at')")
+    look.until(f"/intruder[0-9]+ at/.test({said})")
     x, y = (float(part) for part in look.evaluate(said).partition("(")[2].partition(")")[0].split(","))
     # 12 pixels to the right and 60 up; the tip rounds to 0.1 m.
     assert x > x0 + 0.5
     assert abs((y - y0) - 5.0 * (x - x0)) < 0.5
+
+
+def stops_and_releases_all_robots(look: Look) -> None:
+    disabled = "document.getElementById('%s').disabled"
+    look.page.click("#tab-faults")
+    look.page.click("#stopall")
+    look.until(f"{disabled % 'stopall'} && !({disabled % 'releaseall'})")
+    look.page.click("#releaseall")
+    look.until(f"!({disabled % 'stopall'}) && {disabled % 'releaseall'}")
 
 
 @pytest.mark.kind("page")
@@ -138,7 +147,10 @@ def test_buttons_break_a_fleet_and_the_journal_knows_who_did_it(chromium: Any, s
 
         look.page.click("#intruder")
         look.page.click("#canvas", position={"x": 455, "y": 300})
-        look.until("document.getElementById('answer').textContent.includes('intruder at')")
+        look.until("document.getElementById('answer').textContent.includes('intruder1 at')")
+        look.until("document.getElementById('which').value === 'intruder1'")
+        look.page.click("#remove")
+        look.until("document.getElementById('there').hidden")
 
         look.page.click("#tab-links")
         look.until("document.querySelector('#matrix').height > 100")
@@ -160,6 +172,7 @@ def test_buttons_break_a_fleet_and_the_journal_knows_who_did_it(chromium: Any, s
         adds_robots(look, run)
         keeps_what_is_in_force(look)
         places_an_intruder_by_keys(look)
+        stops_and_releases_all_robots(look)
 
         look.page.click("#play")
         look.until("document.getElementById('mode').textContent === 'paused'")
