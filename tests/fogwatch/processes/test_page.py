@@ -120,6 +120,15 @@ def places_an_intruder_by_keys(look: Look) -> None:
     assert abs((y - y0) - 5.0 * (x - x0)) < 0.5
 
 
+def places_and_removes_an_intruder(look: Look) -> None:
+    look.page.click("#intruder")
+    look.page.click("#canvas", position={"x": 455, "y": 300})
+    look.until("document.getElementById('answer').textContent.includes('intruder1 at')")
+    look.until("document.getElementById('which').value === 'intruder1'")
+    look.page.click("#remove")
+    look.until("document.getElementById('there').hidden")
+
+
 def stops_and_releases_all_robots(look: Look) -> None:
     disabled = "document.getElementById('%s').disabled"
     look.page.click("#tab-faults")
@@ -145,12 +154,7 @@ def test_buttons_break_a_fleet_and_the_journal_knows_who_did_it(chromium: Any, s
         look.until("document.querySelectorAll('#rows tr')[1].textContent.includes('dead')")
         assert "r2" not in run.children()
 
-        look.page.click("#intruder")
-        look.page.click("#canvas", position={"x": 455, "y": 300})
-        look.until("document.getElementById('answer').textContent.includes('intruder1 at')")
-        look.until("document.getElementById('which').value === 'intruder1'")
-        look.page.click("#remove")
-        look.until("document.getElementById('there').hidden")
+        places_and_removes_an_intruder(look)
 
         look.page.click("#tab-links")
         look.until("document.querySelector('#matrix').height > 100")
