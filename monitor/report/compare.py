@@ -156,7 +156,7 @@ def _leaves(node: object, above: str = "") -> list[tuple[str, object]]:
 def _by_content(leaves: dict[str, object], run: Run) -> dict[str, object]:
     """The fields of a run's scenario with what a file holds in place of its path.
 
-    For example "Greedy (sha256 5f2a9c81d3b0)" in place of "/home/ada/my_policy.py:Greedy".
+    For example "Greedy (sha256 5f2a9c81d3b0)" in place of "elsewhere/my_policy.py:Greedy".
     """
     if digest := leaves.pop("patrol.policy_sha256", None):
         leaves["patrol.policy"] = f"{str(leaves['patrol.policy']).rpartition(':')[2]} (sha256 {str(digest)[:12]})"
