@@ -246,11 +246,10 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions)
             options.display.notice(shown[0].event(event))
 
         def on_failure(number: int, reason: str, error: BaseException | None) -> None:
-            log = folder.keep_failure(scenario.roster[number - 1].name, reason, error)
+            log = folder.keep_failure(name := scenario.roster[number - 1].name, reason, error)
             if not shown:  # the mind of a run that has not begun
                 raise PolicyNotMade(reason, log)
-            if error is not None:
-                options.display.say(f"{scenario.roster[number - 1].name}: {reason}; the traceback is in {log}")
+            options.display.say(f"{name}: {reason}; more in {log}")
 
         try:
             with recording(folder.path):

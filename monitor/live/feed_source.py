@@ -34,16 +34,8 @@ from patrol.journal.records import End, Event, Header, Status, TickRecord
 from patrol.net.messages.feed import Batch, Garbled, SoFar, read_so_far
 from patrol.pose import Pose
 from patrol.prepare import prepare, sensor_footprint
-from patrol.scenario.controls import (
-    CONTROLS,
-    OPERATOR,
-    amended,
-    control_in,
-    in_force,
-    intruders_there,
-    read_control,
-    worded,
-)
+from patrol.scenario.control_words import worded
+from patrol.scenario.controls import CONTROLS, OPERATOR, amended, control_in, in_force, intruders_there, read_control
 
 if TYPE_CHECKING:
     from monitor.live.feed_client import FeedClient

@@ -26,7 +26,8 @@ from patrol.pose import Pose, command_of
 from patrol.prepare import Prepared, prepare
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import load_scenario
-from patrol.scenario.controls import prepared_as_operated, worded
+from patrol.scenario.control_words import worded
+from patrol.scenario.controls import prepared_as_operated
 
 CAME = ("alive", "lost")
 """Events by which a robot joins."""

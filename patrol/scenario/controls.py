@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import ConfigDict, Discriminator, Field, TypeAdapter, ValidationError, model_validator
 
-from patrol.errors import BadInput, did_you_mean, in_flow, quoted
+from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.half_characters import refuse_half_characters
 from patrol.journal.records import Event
 from patrol.scenario import Scenario, load_scenario
@@ -308,50 +308,6 @@ def intruders_there(scenario: Scenario, k: int) -> tuple[tuple[float, float, str
         for place, intruder in enumerate(scenario.intruders)
         if intruder.is_there(k * scenario.step)
     )
-
-
-def worded(event: Event) -> Event:
-    """An event with its detail for people.
-
-    Args:
-        event: Of the journal.
-    """
-    return replace(event, detail=described(event)) if event.kind == OPERATOR else event
-
-
-def described(event: Event) -> str:
-    """An event's detail for people.
-
-    Args:
-        event: Of the journal.
-
-    Returns:
-        One line, such as "loss: rate 0.5, who r1" or "ends op1".
-    """
-    if event.kind != OPERATOR:
-        return event.detail
-    try:
-        control = control_in(event)
-    except BadInput:
-        return event.detail
-    match control:
-        case AddFault():
-            fault = dict(control.fault)
-            values = [f"{name} {in_flow(value)}" for name, value in fault.items() if name != "kind"]
-            values += [f"instead of {control.instead}"] if control.instead else []
-            text = f"{fault.get('kind')}{': ' if values else ''}{', '.join(values)}"
-        case Heal():
-            text = f"ends {control.id}"
-        case AddIntruder():
-            text = f"places an intruder at ({control.place[0]:g}, {control.place[1]:g})"
-            text += "" if control.stay is None else f" for {control.stay:g} s"
-        case Pace():
-            text = "as fast as it goes" if control.factor is None else f"pace {control.factor:g}"
-        case Step():
-            text = f"step {control.ticks}"
-        case _:
-            text = control.do
-    return text
 
 
 def _with_fault(scenario: Scenario, k: int, control: AddFault) -> tuple[Scenario, str]:

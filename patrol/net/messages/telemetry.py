@@ -18,7 +18,7 @@ import msgpack
 
 from patrol.journal import Event, Status, TickRecord
 from patrol.journal.records import MAX_TICKS
-from patrol.scenario.controls import described
+from patrol.scenario.control_words import described
 
 METRICS = "metrics"
 EVENTS = "events"

@@ -20,6 +20,7 @@ from patrol.journal.records import Event, Status, TickRecord
 from patrol.net.messages.phases import FIRST_INCARNATION
 from patrol.prepare import Prepared, prepare
 from patrol.scenario import Scenario, load_scenario, scenario_hash
+from patrol.scenario.control_words import worded
 from patrol.scenario.controls import (
     OPERATOR,
     Answer,
@@ -29,7 +30,6 @@ from patrol.scenario.controls import (
     intruders_there,
     prepared_as_operated,
     read_control,
-    worded,
 )
 from patrol.scenario.copying import FILE, keep_scenario
 from worldsim.controls.operator import ControlRequest, Operator
