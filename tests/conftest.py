@@ -33,7 +33,7 @@ SLOW = ("processes", "browser")
 TIMES = Path(__file__).with_name("times.tsv")
 """Processor time of each test that takes long, as ``--times`` measured it: seconds, a tab, the test's name."""
 
-QUICK_S = 2.0
+QUICK_S = 1.0
 """Processor time up to which a test is quick (s)."""
 
 KINDS = ("closed fleet", "direct radio", "lockstep", "page", "paced", "ros2")
@@ -118,7 +118,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Drop tests of the other suite and those that run only where ``-m`` names their marker; shuffle on demand."""
     unnamed = [name for name in SELDOM if name not in config.option.markexpr]
     suite, times_s = config.option.suite, read_times()
-    kept, dropped = [], []
+    kept: list[pytest.Item] = []
+    dropped: list[pytest.Item] = []
     for item in items:
         seldom = any(item.get_closest_marker(name) for name in unnamed)
         other_suite = suite != "all" and is_quick(item, times_s) != (suite == "quick")

@@ -239,8 +239,8 @@ def test_report_and_compare_say_where_a_summary_disagrees(
         ('"mfow_mean_s": ', '"mfow_mean_s": 1e999, "was": ', "mfow_mean_s is too large for a number"),
         ('"mfow_mean_s": ', '"mfow_mean_s": "1e999", "was": ', "mfow_mean_s"),
         ('"mfow_mean_s": ', '"other": [[1e999]], "mfow_mean_s": ', "other.0.0 is too large"),
-        ('"name": "small"', '"name": "\\ud800"', "name = '\\ud800': holds half a character"),
-        ('"name": "small"', '"\\udfff": 1, "name": "small"', "half a character"),
+        ('"name": "small"', '"name": "\\ud800"', r'name = "\ud800": holds half of a character'),
+        ('"name": "small"', '"\\udfff": 1, "name": "small"', "half of a character"),
         ('"outcome": "valid"', '"outcome": "\\ud800"', "verdict.outcome"),
     ],
 )
