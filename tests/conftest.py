@@ -7,7 +7,7 @@ import os
 import signal
 import time
 import uuid
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Set
 from contextlib import suppress
 from pathlib import Path
 from resource import RUSAGE_CHILDREN, RUSAGE_SELF, getrusage
@@ -31,10 +31,7 @@ SLOW = ("processes", "browser")
 """Markers of tests that `make test` leaves to `make test-all`, unless they are also marked ``kind``."""
 
 TIMES = Path(__file__).with_name("times.tsv")
-"""Processor time of each test that takes long, as ``--times`` measured it: seconds, a tab, the test's name."""
-
-QUICK_S = 1.0
-"""Processor time up to which a test is quick (s)."""
+"""Tests that take long, as `make times` found them: processor time in s, a tab, the test's name."""
 
 KINDS = ("closed fleet", "direct radio", "lockstep", "page", "paced", "ros2")
 """Kinds of real fleets; the quick suite runs one test of each, the one marked ``kind``."""
@@ -54,8 +51,8 @@ GRACE_S = 60.0
 
 
 def pytest_xdist_auto_num_workers() -> int:
-    """Two workers more than there are processors: many tests wait for processes."""
-    return len(os.sched_getaffinity(0)) + 2
+    """Return the number of workers: one more than there are processors, because some tests wait for processes."""
+    return len(os.sched_getaffinity(0)) + 1
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -95,17 +92,16 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
     return result
 
 
-def read_times() -> dict[str, float]:
-    """Return the processor times listed in `TIMES` by test, s."""
-    rows = (line.split("\t", 1) for line in TIMES.read_text(encoding="utf-8").splitlines())
-    return {name: float(time_s) for time_s, name in rows}
+def read_slow_tests() -> set[str]:
+    """Return the names of the tests listed in `TIMES`."""
+    return {line.split("\t", 1)[1] for line in TIMES.read_text(encoding="utf-8").splitlines()}
 
 
-def is_quick(item: pytest.Item, times_s: Mapping[str, float]) -> bool:
+def is_quick(item: pytest.Item, slow: Set[str]) -> bool:
     """Return whether `make test` runs a test: one of each kind of fleet, and what takes little time in one process."""
     if item.get_closest_marker("kind") is not None:
         return True
-    return not any(item.get_closest_marker(name) for name in SLOW) and times_s.get(item.nodeid, 0.0) <= QUICK_S
+    return not any(item.get_closest_marker(name) for name in SLOW) and item.nodeid not in slow
 
 
 def pytest_sessionstart() -> None:
@@ -117,12 +113,12 @@ def pytest_sessionstart() -> None:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Drop tests of the other suite and those that run only where ``-m`` names their marker; shuffle on demand."""
     unnamed = [name for name in SELDOM if name not in config.option.markexpr]
-    suite, times_s = config.option.suite, read_times()
+    suite, slow = config.option.suite, read_slow_tests()
     kept: list[pytest.Item] = []
     dropped: list[pytest.Item] = []
     for item in items:
         seldom = any(item.get_closest_marker(name) for name in unnamed)
-        other_suite = suite != "all" and is_quick(item, times_s) != (suite == "quick")
+        other_suite = suite != "all" and is_quick(item, slow) != (suite == "quick")
         (dropped if seldom or other_suite else kept).append(item)
     if dropped:
         config.hook.pytest_deselected(items=dropped)

@@ -69,7 +69,9 @@ def test_the_container_file_copies_what_exists_and_runs_as_nobody_in_particular(
     copied = [
         word for line in lines if line.startswith("COPY ") and "--from" not in line for word in line.split()[1:-1]
     ]
-    assert {"requirements-run.lock", "pyproject.toml", "patrol", "agent", "worldsim", "monitor", "fogwatch"} <= set(copied)
+    assert {"requirements-run.lock", "pyproject.toml", "patrol", "agent", "worldsim", "monitor", "fogwatch"} <= set(
+        copied
+    )
     assert not [name for name in copied if not (ROOT / name).exists()]
     assert sum(line.startswith("FROM ") for line in lines) == 2
     users = [line.split()[1] for line in lines if line.startswith("USER ")]
