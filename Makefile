@@ -42,7 +42,7 @@ pictures: develop ## make the README's pictures of the page again (needs Chromiu
 # Several processes share the tests: one more than there are processors (`tests/conftest.py`), up to four.
 # On a developer's machine nothing is installed unasked: without a Chromium pytest skips the tests of the page and says so.
 # The tests start hundreds of processes, each of which would compile all sources anew where PYTHONDONTWRITEBYTECODE is set.
-PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist worksteal
+PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4
 
 .PHONY: test test-rest test-all
 test: export PYTHONDONTWRITEBYTECODE :=

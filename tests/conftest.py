@@ -123,6 +123,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if dropped:
         config.hook.pytest_deselected(items=dropped)
         items[:] = kept
+    items.sort(key=lambda item: item.get_closest_marker("kind") is None)  # real fleets first: nothing long comes last
     if (seed := config.option.shuffle) is not None:
         items.sort(key=lambda item: (_shuffled(seed, str(item.path)), _shuffled(seed, item.nodeid)))
 
