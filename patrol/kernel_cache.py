@@ -23,8 +23,8 @@ import json
 import os
 import platform
 import shutil
+import stat
 import sys
-import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -33,7 +33,7 @@ from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from importlib.metadata import version
 from pathlib import Path
-from types import FunctionType, ModuleType
+from types import CodeType, FunctionType, ModuleType
 
 from patrol.errors import BadInput
 
@@ -80,7 +80,7 @@ def load_alone(name: str, source: Path) -> None:
 
 
 def is_stored(name: str, source: Path) -> bool:
-    """Whether a module's entry is there; its files may be damaged, which is noticed when they are loaded.
+    """Return whether a module's entry is there; damaged files are noticed when they are loaded.
 
     Args:
         name: Its full name.
@@ -89,14 +89,17 @@ def is_stored(name: str, source: Path) -> bool:
     Raises:
         BadInput: There is no folder for the cache.
     """
-    return (_entry(name, source) / _LIST).is_file()
+    try:
+        return (_entry(name, source.read_bytes()) / _LIST).is_file()
+    except OSError:  # such as a folder that this user may not read
+        return False
 
 
 def cache_home() -> Path:
-    """The folder of the cache: below ``NUMBA_CACHE_DIR``, or else the user's cache folder; it may not exist yet.
+    """Return the folder of the cache: below ``NUMBA_CACHE_DIR``, or else the user's cache folder; it may not exist yet.
 
     Raises:
-        BadInput: No such folder is known.
+        BadInput: No such folder is known, or another user may write to it: what lies there is code that is executed.
     """
     given = os.environ.get("NUMBA_CACHE_DIR")
     try:
@@ -105,7 +108,17 @@ def cache_home() -> Path:
         raise BadInput(
             "the compiled kernels cannot be stored: this user has no home folder; set NUMBA_CACHE_DIR to a folder"
         ) from None
-    return Path(given) / "fogwatch" if given else user / "fogwatch" / "kernels"
+    home = Path(given) / "fogwatch" if given else user / "fogwatch" / "kernels"
+    try:
+        facts = home.stat()
+    except OSError:  # it is made later, or cannot be
+        return home
+    if facts.st_uid not in (0, os.geteuid()) or facts.st_mode & stat.S_IWOTH:
+        raise BadInput(
+            f"the compiled kernels in {home} are not used: another user may have written them; set NUMBA_CACHE_DIR to "
+            "a folder of your own"
+        )
+    return home
 
 
 @contextmanager
@@ -138,10 +151,22 @@ _FINDER = _KernelFinder()
 
 
 class _KernelLoader(SourceFileLoader):
-    """Executes a kernel module while numba reads, or makes, the files of its entry."""
+    """Executes a kernel module while numba reads, or makes, the files of its entry.
+
+    The source is read once, so that the code that is executed is the code that the entry's digest stands for. Python's
+    own cache of byte code goes by time and size, and can hold another source's.
+    """
+
+    _source = b""
+
+    def get_code(self, _fullname: str) -> CodeType:
+        """Return the byte code of the source as it was read."""
+        return self.source_to_code(self._source, self.path)
 
     def exec_module(self, module: ModuleType) -> None:
-        entry = _entry(self.name, Path(self.path))
+        """Execute the module; compile it first where its entry is missing or damaged."""
+        self._source = Path(self.path).read_bytes()
+        entry = _entry(self.name, self._source)
         if not _is_intact(entry):
             with storing():
                 entry.parent.mkdir(parents=True, exist_ok=True)
@@ -156,7 +181,8 @@ class _KernelLoader(SourceFileLoader):
     def _make(self, entry: Path, module: ModuleType) -> None:
         """Compile the module and store its entry; no other process makes an entry of this module meanwhile."""
         _clean(entry)
-        part = Path(tempfile.mkdtemp(prefix=_UNFINISHED, dir=entry.parent))
+        part = entry.parent / f"{_UNFINISHED}{os.getpid()}"
+        part.mkdir()  # with the user's own umask: others may be meant to read the cache
         try:
             self._execute(module, part)
             listed = {file.name: _digest(file) for file in part.iterdir()}
@@ -212,9 +238,9 @@ def _register_locator() -> None:
     CacheImpl._locator_classes.insert(0, _KernelLocator)
 
 
-def _entry(name: str, source: Path) -> Path:
-    """The folder of a module's entry, whether it is there or not."""
-    facts = (name, hashlib.sha256(source.read_bytes()).hexdigest(), _platform(), _settings())
+def _entry(name: str, source: bytes) -> Path:
+    """Return the folder of a module's entry, whether it is there or not."""
+    facts = (name, hashlib.sha256(source).hexdigest(), _platform(), _settings())
     return cache_home() / name / hashlib.sha256(repr(facts).encode()).hexdigest()[:32]
 
 

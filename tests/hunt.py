@@ -94,8 +94,8 @@ def let_go(thread: int, number: int) -> None:
 
 
 @contextlib.contextmanager
-def stopped(process: int) -> Iterator[None]:
-    """Have every thread of a process stand still meanwhile, as far as it may be traced.
+def stopped(process: int) -> Iterator[bool]:
+    """Have every thread of a process stand still meanwhile, as far as it may be traced; yield whether one does.
 
     The main thread is the first to be stopped and the last to go on: its end is reported after that of all others.
     """
@@ -110,7 +110,7 @@ def stopped(process: int) -> Iterator[None]:
                 seized[thread] = 0
                 if trace(INTERRUPT, thread):
                     seized[thread] = await_stop(thread) or 0
-        yield
+        yield bool(seized)
     finally:
         for thread in sorted(seized, key=lambda thread: thread == process):
             let_go(thread, seized[thread])
@@ -127,18 +127,24 @@ def victims(mark: str) -> list[int]:
     return sorted(found)
 
 
-def disturb(pytest: subprocess.Popen[bytes], mark: str, seed: int) -> None:
+def disturb(pytest: subprocess.Popen[bytes], mark: str, seed: int) -> int:
     """Stop one process after the other until pytest ends; the seed decides which, when and for how long.
 
     Not pytest's first process: its end is to be reported to `subprocess` alone, and its workers run the tests.
+
+    Returns:
+        The number of stops.
     """
+    stops = 0
     for turn in range(sys.maxsize):
         with contextlib.suppress(subprocess.TimeoutExpired):
             pytest.wait(LONGEST_GAP_S * draw(seed, turn, 0))
-            return
+            return stops
         if processes := [process for process in victims(mark) if process != pytest.pid]:
-            with stopped(processes[int(draw(seed, turn, 1) * len(processes))]):
+            with stopped(processes[int(draw(seed, turn, 1) * len(processes))]) as stands:
+                stops += stands
                 time.sleep(LONGEST_STOP_S * draw(seed, turn, 2))
+    return stops
 
 
 @contextlib.contextmanager
@@ -174,13 +180,18 @@ def hunt(seed: int, folder: Path, loops: int, arguments: list[str]) -> list[Fail
     with log.open("wb") as output, busy_loops(loops):
         pytest = subprocess.Popen(command, cwd=ROOT, env=environment, stdout=output, stderr=subprocess.STDOUT)
         try:
-            disturb(pytest, f"{MARK}={number}", seed)
+            stops = disturb(pytest, f"{MARK}={number}", seed)
         finally:
             if pytest.poll() is None:
                 pytest.send_signal(signal.SIGINT)  # it ends what its tests have started
                 pytest.wait()
     lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
-    print(f"seed {seed}: exit code {pytest.returncode}, {lines[-1].strip('= ') if lines else 'no output'}", flush=True)
+    if not stops:
+        raise SystemExit("no process could be stopped: allow ptrace(2), without which the hunt shows little")
+    print(
+        f"seed {seed}: exit code {pytest.returncode}, {stops} stops, {lines[-1].strip('= ') if lines else 'no output'}",
+        flush=True,
+    )
     try:
         tests = sorted(json.loads((cache / "v" / "cache" / "lastfailed").read_text(encoding="utf-8")))
     except FileNotFoundError:

@@ -12,11 +12,14 @@ ANSWER_S = 60.0
 """How long the world waits in lockstep for a robot's answer, s of wall time: longer than on any machine that is only
 busy, and than in the first tick, in which robots may still load what they need."""
 
-DECISION_LIMIT_S = 8.0
-"""Wall time, s, that a policy of one's own may take to decide. Generous, and less than the world waits in lockstep."""
+DECISION_LIMIT_S = 30.0
+"""Wall time, s, that a policy of one's own may take to decide: enough on a busy machine, and less than the world waits
+in lockstep."""
 
 _SLICES = 32
-"""Slices of a limit, of which each counts once: a process that stands still for long uses up one or two."""
+"""How often the time is looked at within a limit."""
+_MOST_AT_ONCE = 0.25
+"""The share of a limit that counts between two looks: a process that is stopped for long uses up this much at most."""
 
 
 class Late(BaseException):
@@ -41,12 +44,13 @@ def deadline(limit_s: float | None) -> Iterator[None]:
         yield
         return
 
-    slices = 0
+    used_s, looked = 0.0, time.monotonic()
 
     def ring(_signal: int, _frame: object) -> None:
-        nonlocal slices
-        slices += 1
-        if slices == _SLICES:
+        nonlocal used_s, looked
+        before, looked = looked, time.monotonic()
+        used_s += min(looked - before, _MOST_AT_ONCE * limit_s)
+        if used_s >= limit_s:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
             raise Late(f"took longer than {limit_s:g} s to decide")
 

@@ -313,6 +313,8 @@ def intruders_there(scenario: Scenario, k: int) -> tuple[tuple[float, float, str
 def _with_fault(scenario: Scenario, k: int, control: AddFault) -> tuple[Scenario, str]:
     if len(scenario.faults) >= MOST_FAULTS:
         raise BadInput(f"control: fault: this run has {MOST_FAULTS} faults already and takes no more")
+    if control.instead is not None and _intruder_of(scenario, control.instead) is not None:
+        raise BadInput(f"control: instead = {control.instead}: an intruder is no fault to replace; heal it")
     if control.instead is not None and not _is_over(scenario, k, control.instead):
         scenario = _healed(scenario, k, control.instead)
     entry = dict(control.fault)

@@ -204,16 +204,19 @@ class LauncherControl:
 
 
 def has_ended(ask: Callable[[bytes], bytes], number: int) -> bool:
-    """Return whether a robot's process has ended, which its launcher knows.
+    """Return whether a robot's process is known to have ended, which its launcher says.
 
     Args:
         ask: Sends a line to the launcher and returns its answer.
         number: The robot's number.
 
-    Raises:
-        ControlFailed: The launcher cannot say.
+    Returns:
+        False also where the launcher cannot say.
     """
-    return _have_done(ask, Request("look", number)) == ENDED
+    try:
+        return _have_done(ask, Request("look", number)) == ENDED
+    except ControlFailed:
+        return False
 
 
 def _have_done(ask: Callable[[bytes], bytes], request: Request) -> str:

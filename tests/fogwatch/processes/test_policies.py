@@ -21,7 +21,7 @@ WORDS = {
     "Raising": "raised ZeroDivisionError: no idea",
     "Leaving": "raised SystemExit: 3",
     "Nonsense": "returned Bearing with bearings = nan",
-    "Sleeping": "took longer than 8 s to decide",
+    "Sleeping": "took longer than 30 s to decide",
 }
 
 

@@ -293,3 +293,23 @@ def test_the_cache_is_where_the_user_wants_it(tmp_path: Path, monkeypatch: pytes
 def test_the_progress_names_kernels_and_the_time_to_go() -> None:
     assert progress_line(Compiled(3, 40, None)) == "compiling the kernels: 3 of 40"
     assert progress_line(Compiled(20, 40, 12.4)) == "compiling the kernels: 20 of 40, about 12 s to go"
+
+
+def test_a_cache_that_others_may_write_is_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    home = cache_home()
+    home.mkdir()
+    assert cache_home() == home
+    home.chmod(0o777)
+    with pytest.raises(BadInput, match="another user may have written them; set NUMBA_CACHE_DIR"):
+        cache_home()
+
+
+@pytest.mark.processes
+def test_another_source_of_the_same_size_and_time_is_not_taken_for_the_first(toy: Path) -> None:
+    source = toy / "toy" / "kernels" / "sums.py"
+    os.utime(source, (1, 1))
+    assert said(start(IMPORT, PYTHONDONTWRITEBYTECODE="")) == COMPILED
+    source.write_text(KERNEL.replace("2 * n", "3 * n"), encoding="utf-8")
+    os.utime(source, (1, 1))
+    assert said(start(IMPORT, PYTHONDONTWRITEBYTECODE="")) == ["63", "0"]
