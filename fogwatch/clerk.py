@@ -11,11 +11,12 @@ from __future__ import annotations
 
 import argparse
 import os
+import threading
 import time
 from collections.abc import Sequence
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from fogwatch.launch.clerk_messages import (
     JUDGING,
@@ -42,27 +43,56 @@ NEWS_S = 0.2
 
 
 class News:
-    """Sends the progress of a step now and then."""
+    """Tells the launcher how far the clerk is, again and again from a question until its answer.
 
-    def __init__(self, connection: Connection, step: str, total: int) -> None:
-        """Say that a step begins.
+    A thread sends it, so that a clerk is heard whatever it is busy with. Without a question it sends nothing: the
+    launcher does not listen then, and the socket would fill up.
+    """
+
+    def __init__(self, connection: Connection, total: int) -> None:
+        """Begin with the judging.
 
         Args:
             connection: To the launcher.
-            step: As in `Progress`.
-            total: How many ticks the step takes.
+            total: How many ticks each step takes.
         """
         self._connection = connection
-        self._step = step
         self._total = max(total, 1)
-        self._due = time.monotonic()
-        self(0)
+        self._sending = threading.Lock()
+        self._latest = Progress(JUDGING)
+        self._asked = False
+        threading.Thread(target=self._tell, daemon=True).start()
 
     def __call__(self, done: int) -> None:
-        """Say how many ticks are done, if the last message was long enough ago."""
-        if time.monotonic() >= self._due:
-            self._due = time.monotonic() + NEWS_S
-            self._connection.send(Progress(self._step, done / self._total if done < self._total else None))
+        """Take note of how many ticks of the step are done."""
+        self._latest = Progress(self._latest.step, done / self._total if done < self._total else None)
+
+    def question(self) -> Any:
+        """Wait for the launcher's next question."""
+        question = self._connection.recv()
+        self._asked = True
+        return question
+
+    def answer(self, message: Judged | ReportWritten, following: str) -> None:
+        """Answer the question.
+
+        Args:
+            message: The answer.
+            following: The step that the next question asks for.
+        """
+        with self._sending:
+            self._connection.send(message)
+            self._latest, self._asked = Progress(following), False
+
+    def _tell(self) -> None:
+        try:
+            while True:
+                time.sleep(NEWS_S)
+                with self._sending:
+                    if self._asked or self._connection.poll():
+                        self._connection.send(self._latest)
+        except (OSError, EOFError):
+            return  # the launcher has hung up
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -98,32 +128,32 @@ def _serve(options: argparse.Namespace, connection: Connection) -> None:
     folder = RunFolder(options.run)
     prepared = Prepared.load(folder.load(), folder.static)
     report_ready(options.ready, "")
+    news = News(connection, prepared.scenario.ticks)
     best_tour(prepared)  # summary and report show it, and on new ground it takes long
     live = LiveJudge(folder.journal, prepared)
     while not connection.poll(PERIOD_S):
-        live.read_on()
-    connection.send(_judged(live, connection.recv(), connection))
-    connection.send(_report_written(live, connection.recv(), connection))
+        live.read_on(news)
+    news.answer(_judged(live, news.question(), news), REPORT)
+    news.answer(_report_written(live, news.question(), news), REPORT)
     connection.recv()  # nothing comes but the end
 
 
-def _judged(live: LiveJudge, asked: VerdictAsked, connection: Connection) -> Judged:
+def _judged(live: LiveJudge, asked: VerdictAsked, news: News) -> Judged:
     """Judge the rest of a run that has ended."""
     from worldsim.output.summary import summarise
 
-    verdict = live.verdict(asked.exit_codes, News(connection, JUDGING, live.prepared.scenario.ticks))
+    verdict = live.verdict(asked.exit_codes, news)
     end = live.journal.end
     summary = summarise(live.journal, verdict, end.notes.get("wall_s") if end else None, live.prepared)
     return Judged(verdict, summary)
 
 
-def _report_written(live: LiveJudge, asked: ReportAsked, connection: Connection) -> ReportWritten:
+def _report_written(live: LiveJudge, asked: ReportAsked, news: News) -> ReportWritten:
     """Write a run's report."""
     from fogwatch.launch.derived import derive
 
     problems: list[str] = []
-    progress = News(connection, REPORT, live.prepared.scenario.ticks)
-    derive(live.journal, live.prepared, asked.summary, None, asked.out, problems.append, progress)
+    derive(live.journal, live.prepared, asked.summary, None, asked.out, problems.append, news)
     return ReportWritten("; ".join(problems))
 
 

@@ -5,7 +5,7 @@ Whatever becomes of the clerk, the run goes on, and the launcher can do without 
 
 from __future__ import annotations
 
-import pickle
+import signal
 import socket
 import time
 from collections.abc import Mapping
@@ -22,7 +22,7 @@ CLERK = "the clerk"
 AFTER_S = 5.0
 """How long a run has gone on when its clerk is started, s: a shorter one is judged before a process has started."""
 SILENT_S = 20.0
-"""A clerk that says nothing for this long is given up, s; its longest work without a word is the search for a tour."""
+"""A clerk that says nothing for this long is given up, s: one that works says so several times in a second."""
 NICE = 5
 """How much lower the clerk's priority is than the fleet's: it takes what the fleet leaves."""
 _POLL_S = 0.1
@@ -133,7 +133,7 @@ class ClerkChild:
                         self._give_up()
                     continue
                 message = self._connection.recv()
-            except (OSError, EOFError, pickle.UnpicklingError):
+            except Exception:  # noqa: BLE001 - unpickling a damaged message may raise anything
                 self._give_up()
                 continue
             until = time.monotonic() + SILENT_S
@@ -144,6 +144,10 @@ class ClerkChild:
         return None
 
     def _give_up(self) -> None:
+        """Do without the clerk: it ends at once, since the launcher may be about to write the same file."""
+        self._children.signal([CLERK], signal.SIGKILL)
+        if (clerk := self._children.by_name.get(CLERK)) is not None:
+            clerk.process.wait()
         if self._connection is not None:
             self._connection.close()
             self._connection = None
