@@ -33,8 +33,8 @@ def differences(stated: Mapping[str, Any], found: Mapping[str, Any]) -> list[Dif
     """Compare a summary with one that was made from the journal, field by field.
 
     A field that the stated summary lacks is no difference: earlier versions wrote fewer. Of the verdict's checks, those
-    are compared that both have, by name; a check that only one of them could judge is left out. The exit codes of the
-    processes are in no journal, so they are not compared.
+    are compared that both have, by name; a check that only one of them could judge is left out, with its warnings and
+    with what follows from its failure. The exit codes of the processes are in no journal, so they are not compared.
 
     Args:
         stated: As in summary.json.
@@ -52,10 +52,37 @@ def differences(stated: Mapping[str, Any], found: Mapping[str, Any]) -> list[Dif
     return differing
 
 
+def not_repeated(stated: Mapping[str, Any], found: Mapping[str, Any]) -> list[str]:
+    """Names of the checks that the summary states a result of, and that could not be judged again.
+
+    That is for want of a second run without faults, or of the fleet's key.
+
+    Args:
+        stated: As for `differences`.
+        found: As for `differences`.
+    """
+    verdict = stated.get("verdict")
+    if not isinstance(verdict, Mapping):
+        return []
+    return [check["name"] for check in _unrepeated(verdict, found["verdict"])]
+
+
+def _unrepeated(stated: Mapping[str, Any], found: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The stated results of checks that could not be judged again."""
+    unjudged = {check["name"] for check in found["checks"] if not check["judged"]}
+    return [check for check in stated["checks"] if check["name"] in unjudged and check.get("judged", True)]
+
+
 def _between_verdicts(stated: Mapping[str, Any], found: Mapping[str, Any]) -> Iterator[Difference]:
-    for field in ("outcome", "valid", "warnings"):
-        if field in stated:
+    unrepeated = _unrepeated(stated, found)
+    failed = found["outcome"] == "valid" and any(not check["ok"] for check in unrepeated)
+    for field, if_failed in (("outcome", "invalid"), ("valid", False)):
+        if field in stated and not (failed and stated[field] == if_failed):
             yield from _between(stated[field], found[field], f"verdict.{field}")
+    if "warnings" in stated:
+        unchecked = [line for check in unrepeated for line in check.get("warnings", ())]
+        warnings = [line for line in stated["warnings"] if line not in unchecked]
+        yield from _between(warnings, found["warnings"], "verdict.warnings")
     checks = {check["name"]: check for check in stated["checks"]}
     for check in found["checks"]:
         said = checks.get(check["name"])

@@ -47,7 +47,7 @@ def judge(
     from monitor.replay.summary_file import read_summary
     from patrol.journal import trace_hash
     from patrol.process.starting.warmup import warm
-    from worldsim.verdict.agreement import differences
+    from worldsim.verdict.agreement import differences, not_repeated
 
     journal = journal_in(run)
     stated = read_summary(run / SUMMARY)
@@ -56,6 +56,7 @@ def judge(
     codes = (stated or {}).get("exit_codes") or {}
     verdict, found = _judged(journal, loaded, codes)
     differing = [] if stated is None else differences(stated, found)
+    unrepeated = [] if stated is None else not_repeated(stated, found)
     edited = not _same_scenario(loaded, journal)
     trace = trace_hash(journal.ticks, loaded.scenario.spares)
     if as_json:
@@ -67,10 +68,11 @@ def judge(
             "scenario_agrees": not edited,
             "summary_agrees": None if stated is None else not differing,
             "differences": [asdict(difference) for difference in differing],
+            "not_repeated": unrepeated,
         }
         typer.echo(json.dumps(facts, indent=2))
     else:
-        _print(found, trace, codes, stated is not None, differing, edited)
+        _print(found, trace, codes, stated is not None, differing, unrepeated, edited)
     return verdict.exit_code or (DISAGREES if differing or edited else 0)
 
 
@@ -110,6 +112,7 @@ def _print(
     codes: Mapping[str, int | None],
     has_summary: bool,
     differing: list[Difference],
+    unrepeated: list[str],
     edited: bool,
 ) -> None:
     from rich.console import Console
@@ -127,6 +130,8 @@ def _print(
     if not has_summary:
         typer.echo("summary     there is no summary.json, or it is not complete")
         return
+    if unrepeated:
+        typer.echo(printable(f"checks      not repeated: {', '.join(unrepeated)}"))
     if not differing:
         typer.echo("summary     agrees with the journal in every field")
         return
