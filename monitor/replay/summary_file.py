@@ -99,7 +99,7 @@ def read_summary(path: Path) -> Mapping[str, Any] | None:
         BadInput: It is no regular file, too large, or holds something else than a summary.
     """
     try:
-        says = json.loads(read_untrusted(path, SUMMARY), parse_constant=_no_number)
+        says = json.loads(read_untrusted(path, SUMMARY), parse_int=_integer, parse_constant=_no_number)
     except FileNotFoundError:
         return None
     except OSError as error:
@@ -135,6 +135,12 @@ def _values(node: object, field: str) -> Iterator[tuple[str, object]]:
             waiting += [(f"{field}.{place}", value) for place, value in enumerate(node)]
         else:
             yield field, node
+
+
+def _integer(digits: str) -> int | float:
+    """An integer; infinity for one that is too large for a float, which the search for such values then refuses."""
+    number = float(digits)
+    return int(digits) if math.isfinite(number) else number
 
 
 def _no_number(constant: str) -> float:

@@ -237,6 +237,8 @@ def test_report_and_compare_say_where_a_summary_disagrees(
     ("old", "new", "wrong"),
     [
         ('"mfow_mean_s": ', '"mfow_mean_s": 1e999, "was": ', "mfow_mean_s is too large for a number"),
+        ('"ticks": ', f'"ticks": 1{"0" * 400}, "was": ', "ticks is too large for a number"),
+        ('"ticks": ', f'"ticks": 1{"0" * 9000}, "was": ', "ticks is too large for a number"),
         ('"mfow_mean_s": ', '"mfow_mean_s": "1e999", "was": ', "mfow_mean_s"),
         ('"mfow_mean_s": ', '"other": [[1e999]], "mfow_mean_s": ', "other.0.0 is too large"),
         ('"name": "small"', '"name": "\\ud800"', r'name = "\ud800": holds half of a character'),
