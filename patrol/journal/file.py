@@ -155,12 +155,16 @@ class Journal:
         end: End | None = None
         for record in records:
             if isinstance(record, Event):
-                events.append(record)
-                if len(events) > MOST_EVENTS:
-                    raise BadInput(f"{self.path}: has more than {MOST_EVENTS} events; {REMEDY}")
+                self._take(record, events)
             elif isinstance(record, End):
                 end = record
         return _Rest(tuple(events), end, records.truncated)
+
+    def _take(self, event: Event, events: list[Event]) -> None:
+        """Add an event to those read, of which there may not be too many."""
+        events.append(event)
+        if len(events) > MOST_EVENTS:
+            raise BadInput(f"{self.path}: has more than {MOST_EVENTS} events; {REMEDY}")
 
 
 def read_journal(path: Path) -> Journal:
@@ -181,7 +185,8 @@ class GrowingJournal(Journal):
     def __init__(self, path: Path) -> None:
         super().__init__(path)
         self._records = _Records(path, self._robots)
-        self._events: tuple[Event, ...] = ()
+        self._events: list[Event] = []
+        self._told: tuple[Event, ...] = ()
         self._end: End | None = None
 
     def read_on(self) -> Iterator[Record]:
@@ -192,14 +197,16 @@ class GrowingJournal(Journal):
         """
         for record in self._records:
             if isinstance(record, Event):
-                self._events += (record,)
+                self._take(record, self._events)
             elif isinstance(record, End):
                 self._end = record
             yield record
 
     @property
     def _rest(self) -> _Rest:
-        return _Rest(self._events, self._end, self._records.truncated)
+        if len(self._told) != len(self._events):  # a tuple for each event would take a time that grows as the square
+            self._told = tuple(self._events)
+        return _Rest(self._told, self._end, self._records.truncated)
 
 
 class _Records:

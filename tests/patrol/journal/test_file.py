@@ -30,7 +30,7 @@ from patrol.journal import (
     read_journal,
 )
 from patrol.journal.decode import FARTHEST
-from patrol.journal.file import MAGIC
+from patrol.journal.file import MAGIC, GrowingJournal
 from patrol.scenario import as_mapping, load_scenario
 
 HEADER = Header(
@@ -268,3 +268,21 @@ def test_too_long_a_record_is_refused(tmp_path: Path, monkeypatch: pytest.Monkey
             journal.write(tick(0, robots=100))
         journal.write(tick(0))
     assert [record.k for record in read_journal(tmp_path / "journal").ticks] == [0]
+
+
+@pytest.mark.parametrize("events", [3, 4])
+def test_too_many_events_are_refused_however_they_are_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, events: int
+) -> None:
+    monkeypatch.setattr("patrol.journal.file.MOST_EVENTS", 3)
+    told = [Event(k, "over") for k in range(events)]
+    path = write(tmp_path / "journal", *told)
+    growing = GrowingJournal(path)
+    if events == 3:
+        assert len(list(growing.read_on())) == 4, "the header too"
+        assert growing.events == read_journal(path).events == tuple(told)
+        return
+    with pytest.raises(BadInput, match="more than 3 events"):
+        list(growing.read_on())
+    with pytest.raises(BadInput, match="more than 3 events"):
+        _ = read_journal(path).events
