@@ -127,6 +127,22 @@ def test_a_verdict_that_was_changed_in_the_summary(folder: Path, judged: Judging
     assert fields_of(said) == {"verdict.outcome", "verdict.valid"}
 
 
+def test_a_recovery_that_failed_is_not_repeated(
+    folder: Path, judged: Judging, command: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    def failed(summary: dict[str, Any]) -> None:
+        verdict = summary["verdict"]
+        verdict.update(outcome="invalid", valid=False)
+        (recovery,) = [check for check in verdict["checks"] if check["name"] == "recovery"]
+        recovery.update(ok=False, judged=True, detail="not every point was seen again; at most 9 s are allowed")
+
+    edit_summary(folder, failed)
+    code, said = judged(folder)
+    assert (code, said["differences"], said["not_repeated"]) == (0, [], ["recovery"])
+    assert command("judge", folder) == 0
+    assert "not repeated: recovery" in capsys.readouterr().out
+
+
 def test_a_lower_mfow_in_the_summary(folder: Path, judged: Judging) -> None:
     edit_summary(folder, lambda summary: summary.update(mfow_mean_s=summary["mfow_mean_s"] - 1e-6))
     code, said = judged(folder)
