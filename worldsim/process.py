@@ -55,7 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _LOG.error(str(bad))
         return BAD_INPUT
     options.supervision.begin_log(_LOG.process)
-    ending = heed(options.lifeline)
+    ending = heed(options.lifeline, lambda: _remove_static(options))
     try:
         return _follow(options, ending)
     except BadInput as bad:
@@ -65,9 +65,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _LOG.error(str(unwritten))
         return UNKNOWN
     finally:
-        if options.launched and options.static is not None and ending:
-            for static in (options.static, options.static.with_suffix(".part")):  # its launcher may be gone
-                shutil.rmtree(static, ignore_errors=True)
+        if ending:
+            _remove_static(options)
+
+
+def _remove_static(options: WorldOptions) -> None:
+    """Remove the static fields of a run that a launcher began, which may be gone."""
+    if options.launched and options.static is not None:
+        for static in (options.static, options.static.with_suffix(".part")):
+            shutil.rmtree(static, ignore_errors=True)
 
 
 def _follow(options: WorldOptions, ending: Ending) -> int:

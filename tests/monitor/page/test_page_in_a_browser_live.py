@@ -135,8 +135,8 @@ def test_a_loss_that_is_moved_before_a_state_is_told_is_asked_for_with_it(chromi
             """async () => {
                 const { FaultsPanel } = await import('/panel_faults.js');
                 const loss = document.getElementById('loss'), asked = [];
-                const facts = { live: true, controls: [], robots: [] };
-                const told = { robots: [], faults: [{ kind: 'loss', id: 'before', rate: 0.2 }] };
+                const facts = { live: true, controls: ['fault'], robots: [] };
+                const told = { robots: [], intruders: [], faults: [{ kind: 'loss', id: 'before', rate: 0.2 }] };
                 let state = null, looks = 0;
                 const store = { facts, listed: [], get state() { looks++; return state; } };
                 const operate = (control) => {
