@@ -359,7 +359,8 @@ def _ended_as_processes(
         options.display.say(f"interrupted before the run was judged; `fogwatch judge {folder.path}` judges it")
         raise
     summary = {**summary, "exit_codes": dict(exit_codes)}
-    return _result(folder, operated, journal, verdict, summary, options, clerk)
+    # A clerk that has not judged the run does not expect to be asked for the report.
+    return _result(folder, operated, journal, verdict, summary, options, clerk if judged is not None else None)
 
 
 def _announce(scenario: Scenario, folder: RunFolder, options: RunOptions) -> None:
