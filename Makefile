@@ -42,7 +42,7 @@ pictures: develop ## make the README's pictures of the page again (needs Chromiu
 # Several processes share the tests: one more than there are processors (`tests/conftest.py`), up to four.
 # On a developer's machine nothing is installed unasked: without a Chromium pytest skips the tests of the page and says so.
 # The tests start hundreds of processes, each of which would compile all sources anew where PYTHONDONTWRITEBYTECODE is set.
-PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4
+PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist worksteal
 
 .PHONY: test test-rest test-all
 test: export PYTHONDONTWRITEBYTECODE :=
@@ -68,7 +68,7 @@ N ?= 1
 .PHONY: test-hard
 test-hard: export PYTHONDONTWRITEBYTECODE :=
 test-hard: develop ## hunt for tests that depend on speed, order or neighbours (hours; N=5 rounds, TESTS="tests/agent")
-	$(BIN)/python -m tests.hunt --times $(N) $(if $(SEED),--seed $(SEED)) -- -n auto --maxprocesses 4 $(TESTS)
+	$(BIN)/python -m tests.hunt --times $(N) $(if $(SEED),--seed $(SEED)) -- -n auto --maxprocesses 4 --dist worksteal $(TESTS)
 
 # Tests of code that runs kernels, and those that call the kernels themselves, without whole patrols and large maps: these
 # take about a minute, compiling included.

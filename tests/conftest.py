@@ -123,9 +123,14 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if dropped:
         config.hook.pytest_deselected(items=dropped)
         items[:] = kept
-    items.sort(key=lambda item: item.get_closest_marker("kind") is None)  # real fleets first: nothing long comes last
+    items.sort(key=_is_short)  # nothing long comes last, when the other workers have nothing left to do
     if (seed := config.option.shuffle) is not None:
         items.sort(key=lambda item: (_shuffled(seed, str(item.path)), _shuffled(seed, item.nodeid)))
+
+
+def _is_short(item: pytest.Item) -> bool:
+    """Return whether a test of the quick suite is neither a check of all sources nor a real fleet."""
+    return item.path.name != "test_house.py" and item.get_closest_marker("kind") is None
 
 
 def _shuffled(seed: str, name: str) -> bytes:

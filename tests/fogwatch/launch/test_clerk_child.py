@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from multiprocessing import Pipe
@@ -39,8 +40,8 @@ class Unreadable:
 def test_a_clerk_whose_message_cannot_be_read_is_killed(tmp_path: Path, pair: tuple[Connection, Connection]) -> None:
     """It does not heed SIGTERM, so it would go on to write its files."""
     ours, theirs = pair
-    script = "trap '' TERM; echo; while :; do sleep 600 & wait; done"
-    process = subprocess.Popen(["sh", "-c", script], stdout=subprocess.PIPE)
+    script = "import signal; signal.signal(signal.SIGTERM, signal.SIG_IGN); print(flush=True); signal.pause()"
+    process = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE)
     assert process.stdout is not None
     process.stdout.readline()
     clerk = ClerkChild(RunFolder(tmp_path), SilentDisplay())

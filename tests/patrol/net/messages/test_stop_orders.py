@@ -157,8 +157,9 @@ def test_a_robot_that_does_not_answer_is_named(
 
 
 def test_robots_that_a_world_simulates_are_held_by_other_words(
-    fleet: Fleet, capsys: pytest.CaptureFixture[str]
+    fleet: Fleet, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("fogwatch.cli.fleets.control.ROBOTS_S", SHORT_S)
     fleet.join("r1", None)
     fleet.ready()
     with closing(open_link(fleet.endpoint, PATIENCE_S)) as world:
