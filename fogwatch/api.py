@@ -334,6 +334,7 @@ def _ended_as_processes(
     clerk: ClerkChild,
 ) -> Result:
     """Judge a run whose processes have ended, and write its files."""
+    from fogwatch.launch.derived import load
     from fogwatch.launch.launcher import Failed
     from patrol.journal import read_journal
     from worldsim.output.summary import summarise
@@ -346,8 +347,12 @@ def _ended_as_processes(
     operated = prepared_as_operated(prepared, journal.events)
     try:
         options.display.progress(JUDGING)
-        # A recovery is judged by a second run, of which the clerk does not know.
-        judged = None if options.recovery else clerk.judged(exit_codes)
+        judged = None
+        if not options.recovery:  # which is judged by a second run, of which the clerk does not know
+            clerk.begin_verdict(exit_codes)
+            if options.picture or options.recording or options.report:
+                load()
+            judged = clerk.judged()
         if judged is not None:
             verdict, summary = judged.verdict, judged.summary
         else:
@@ -428,9 +433,9 @@ def _result(
         folder.write_summary(summary)
     except OSError as error:
         options.display.say(f"{folder.summary}: cannot be written ({error.strerror}); the summary is shown only")
-    mfow_s = np.array([record.mfow for record in journal.ticks], dtype=np.float64) * prepared.scenario.step
     interrupted = journal.end is not None and journal.end.reason == INTERRUPTED
     wanted = Wanted(options.picture, options.recording, options.report)
-    if len(mfow_s):
+    if summary["ticks"]:
         interrupted |= not write_files(folder, prepared, journal, summary, wanted, options.display, clerk)
+    mfow_s = np.array([record.mfow for record in journal.ticks], dtype=np.float64) * prepared.scenario.step
     return Result(summary, folder.path, mfow_s, verdict, interrupted)

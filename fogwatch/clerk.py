@@ -121,6 +121,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _serve(options: argparse.Namespace, connection: Connection) -> None:
+    from fogwatch.launch.derived import load
     from patrol.best_tour import best_tour
     from patrol.prepare import Prepared
     from worldsim.verdict.live import LiveJudge
@@ -131,6 +132,7 @@ def _serve(options: argparse.Namespace, connection: Connection) -> None:
     news = News(connection, prepared.scenario.ticks)
     best_tour(prepared)  # summary and report show it, and on new ground it takes long
     live = LiveJudge(folder.journal, prepared)
+    load()
     while not connection.poll(PERIOD_S):
         live.read_on(news)
     news.answer(_judged(live, news.question(), news), REPORT)

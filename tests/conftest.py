@@ -33,6 +33,9 @@ SLOW = ("processes", "browser")
 TIMES = Path(__file__).with_name("times.tsv")
 """Tests that take long, as `make times` found them: processor time in s, a tab, the test's name."""
 
+WAITING = ("agent/robots", "hostile", "patrol/net", "patrol/process", "patrol/ros2")
+"""Folders whose tests wait for other processes, threads and routers more than they work."""
+
 KINDS = ("closed fleet", "direct radio", "lockstep", "page", "paced", "ros2")
 """Kinds of real fleets; the quick suite runs one test of each, the one marked ``kind``."""
 
@@ -123,14 +126,17 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if dropped:
         config.hook.pytest_deselected(items=dropped)
         items[:] = kept
-    items.sort(key=_is_short)  # nothing long comes last, when the other workers have nothing left to do
+    items.sort(key=_place)
     if (seed := config.option.shuffle) is not None:
         items.sort(key=lambda item: (_shuffled(seed, str(item.path)), _shuffled(seed, item.nodeid)))
 
 
-def _is_short(item: pytest.Item) -> bool:
-    """Return whether a test of the quick suite is neither a check of all sources nor a real fleet."""
-    return item.path.name != "test_house.py" and item.get_closest_marker("kind") is None
+def _place(item: pytest.Item) -> int:
+    """Return a sort key by which workers have something to do to the end: what is long or waits comes first."""
+    if item.path.name == "test_house.py" or item.get_closest_marker("kind") is not None:
+        return 0
+    folder = item.path.relative_to(TIMES.parent).as_posix()
+    return 1 if folder.startswith(WAITING) else 2
 
 
 def _shuffled(seed: str, name: str) -> bytes:

@@ -63,18 +63,22 @@ class ClerkChild:
         report = None if clerk is None or clerk.start is None else clerk.start.report()
         return self._connection is not None and report is not None and report.ready
 
-    def judged(self, exit_codes: Mapping[str, int | None]) -> Judged | None:
-        """Ask for the verdict of the run, which has ended.
+    def begin_verdict(self, exit_codes: Mapping[str, int | None]) -> None:
+        """Have the run judged, which has ended.
 
         Args:
             exit_codes: As for `worldsim.verdict.judge.judge`.
-
-        Returns:
-            What the clerk says; None where there is no clerk that could.
         """
         if not self.loaded:
             self._give_up()
         self._send(VerdictAsked(exit_codes))
+
+    def judged(self) -> Judged | None:
+        """Wait for the verdict.
+
+        Returns:
+            What the clerk says; None where there is no clerk that could.
+        """
         return self._await(Judged)
 
     def begin_report(self, summary: Mapping[str, Any]) -> bool:

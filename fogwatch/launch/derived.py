@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -80,7 +81,20 @@ def write_files(
         False when a signal has ended it.
     """
     try:
-        _write_files(folder, prepared, journal, summary, wanted, display, clerk)
+        recording = folder.recording if wanted.recording else None
+        report = folder.report if wanted.report else None
+        by_clerk = report is not None and clerk is not None and clerk.begin_report(summary)
+        _shown(journal, prepared, summary, recording, None if by_clerk else report, display)
+        if wanted.picture:
+            display.progress(PICTURE)
+            _draw(folder, prepared, display.say)
+            display.progress(PICTURE, 1.0)
+        if by_clerk and clerk is not None:
+            written = clerk.report_written()
+            if written is None:
+                _shown(journal, prepared, summary, None, report, display)
+            elif written.problem:
+                display.say(written.problem)
     except Interrupted:
         later = f"`fogwatch report {folder.path}` and `fogwatch record {folder.path}` write them"
         display.say(f"interrupted: not all files are written; {later}")
@@ -88,29 +102,12 @@ def write_files(
     return True
 
 
-def _write_files(
-    folder: RunFolder,
-    prepared: Prepared,
-    journal: Journal,
-    summary: Mapping[str, Any],
-    wanted: Wanted,
-    display: RunDisplay,
-    clerk: ClerkChild | None,
-) -> None:
-    recording = folder.recording if wanted.recording else None
-    report = folder.report if wanted.report else None
-    by_clerk = report is not None and clerk is not None and clerk.begin_report(summary)
-    _shown(journal, prepared, summary, recording, None if by_clerk else report, display)
-    if wanted.picture:
-        display.progress(PICTURE)
-        _draw(folder, prepared, display.say)
-        display.progress(PICTURE, 1.0)
-    if by_clerk and clerk is not None:
-        written = clerk.report_written()
-        if written is None:
-            _shown(journal, prepared, summary, None, report, display)
-        elif written.problem:
-            display.say(written.problem)
+def load() -> None:
+    """Import what the files are made with, which takes a second or two: for a process that has to wait anyway."""
+    with suppress(ImportError):  # said when a file is asked for
+
+        import monitor.recording.run_recorder
+        import monitor.report.document  # noqa: F401
 
 
 def derive(

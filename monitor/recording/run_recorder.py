@@ -213,8 +213,9 @@ def grid_values(fog: Fog, k: int, scale: float) -> NDArray[np.int8]:
     Returns:
         int8 (h, w), from 0 for an age of 0 to 100 for `scale` or more, -1 for points that are not patrolled.
     """
-    ages = fog.age(k)
-    shown: NDArray[np.int8] = np.minimum(np.rint(ages * (100.0 / scale)), 100.0).astype(np.int8)
+    ages = k - np.arange(k + 1)
+    by_last_seen = np.minimum(np.rint(ages * (100.0 / scale)), 100.0).astype(np.int8)
+    shown: NDArray[np.int8] = by_last_seen[np.maximum(fog.last_seen, 0)]
     shown[fog.patrolled == 0] = ros.UNKNOWN
     return shown
 

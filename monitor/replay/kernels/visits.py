@@ -52,6 +52,9 @@ def visit(last_seen, tracked, upto, sums, worst, looked, gaps, view, row0, col0,
             if first >= tick:
                 continue
             since = max(last_seen[r, c], 0)
+            if since == tick - 1:  # most points: seen in the last tick, up to which all is in the sums
+                upto[r, c] = since
+                continue
             sums[r, c] += (tick - first) * (first + tick - 1 - 2 * since) // 2
             worst[r, c] = max(worst[r, c], tick - 1 - since)
             upto[r, c] = tick - 1
