@@ -105,7 +105,6 @@ def write_files(
 def load() -> None:
     """Import what the files are made with, which takes a second or two: for a process that has to wait anyway."""
     with suppress(ImportError):  # said when a file is asked for
-
         import monitor.recording.run_recorder
         import monitor.report.document  # noqa: F401
 
