@@ -132,11 +132,10 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def _place(item: pytest.Item) -> int:
-    """Return a sort key by which workers have something to do to the end: what is long or waits comes first."""
-    if item.path.name == "test_house.py" or item.get_closest_marker("kind") is not None:
-        return 0
-    folder = item.path.relative_to(TIMES.parent).as_posix()
-    return 1 if folder.startswith(WAITING) else 2
+    """Return a sort key by which workers have something to do to the end: what waits or takes long comes first."""
+    long = item.path.name == "test_house.py" or item.get_closest_marker("kind") is not None
+    waits = item.path.relative_to(TIMES.parent).as_posix().startswith(WAITING)
+    return 1 if long else 0 if waits else 2
 
 
 def _shuffled(seed: str, name: str) -> bytes:

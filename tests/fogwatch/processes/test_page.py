@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from patrol.journal import Status, read_journal
+from patrol.journal import Journal, Status, read_journal
 from tests.browser import Look, browser_or_skip, looking
 
 if TYPE_CHECKING:
@@ -138,22 +138,39 @@ def stops_and_releases_all_robots(look: Look) -> None:
     look.until(f"!({disabled % 'stopall'}) && {disabled % 'releaseall'}")
 
 
+def ended(run: Run) -> tuple[Journal, list[str]]:
+    """The journal of a run that is interrupted, which is valid, and what operators asked of it."""
+    run.process.send_signal(signal.SIGINT)
+    assert run.end() == 130, run.errors
+    assert run.summary()["verdict"]["valid"]
+    journal = read_journal(run.folder / "journal")
+    return journal, [event.detail for event in journal.events if event.kind == "operator"]
+
+
 @pytest.mark.kind("page")
-def test_buttons_break_a_fleet_and_the_journal_knows_who_did_it(chromium: Any, start: Callable[..., Run]) -> None:
+def test_a_button_kills_a_robot_and_the_journal_knows_who_did_it(chromium: Any, start: Callable[..., Run]) -> None:
     run = start(FLEET, "--page")
     with Look(chromium, address_of(run)) as look:
-        look.until("document.querySelectorAll('#chart .scatterlayer .trace').length === 2")
-        points = "document.querySelector('#chart .scatterlayer .trace path').getAttribute('d').length"
-        before = look.evaluate(points)
-        look.until(f"{points} > {before}")
-
+        look.until("document.getElementById('mode').textContent === 'live'")
         assert "r2" in run.children()
         look.page.click("#tab-faults")
         look.page.select_option("#who", "1")
         look.page.click("#kill")
         look.until("document.querySelectorAll('#rows tr')[1].textContent.includes('dead')")
         assert "r2" not in run.children()
+    journal, asked = ended(run)
+    assert list(journal.ticks)[-1].robots[1].status is Status.DEAD
+    assert any("kill" in detail for detail in asked), asked
 
+
+def test_buttons_do_what_they_say_and_the_journal_knows_who_did_it(chromium: Any, start: Callable[..., Run]) -> None:
+    run = start(FLEET, "--page")
+    with Look(chromium, address_of(run)) as look:
+        look.until("document.querySelectorAll('#chart .scatterlayer .trace').length === 2")
+        points = "document.querySelector('#chart .scatterlayer .trace path').getAttribute('d').length"
+        before = look.evaluate(points)
+        look.until(f"{points} > {before}")
+        look.page.click("#tab-faults")
         places_and_removes_an_intruder(look)
 
         look.page.click("#tab-links")
@@ -187,13 +204,7 @@ def test_buttons_break_a_fleet_and_the_journal_knows_who_did_it(chromium: Any, s
         look.until("document.getElementById('mode').textContent === 'live'")
         held = run.ticks()
         run.until(lambda: run.ticks() > held)  # the journal has what was asked for once a tick has followed
-    run.process.send_signal(signal.SIGINT)
-    assert run.end() == 130, run.errors
-    journal = read_journal(run.folder / "journal")
-    last = list(journal.ticks)[-1]
-    assert last.robots[1].status is Status.DEAD
-    asked = [event.detail for event in journal.events if event.kind == "operator"]
-    for word in ("kill", "join", "silence", "loss", "intruder", "pause", "step", "go"):
+    _, asked = ended(run)
+    for word in ("join", "silence", "loss", "intruder", "pause", "step", "go"):
         assert any(word in detail for detail in asked), word
-    assert run.summary()["verdict"]["valid"]
     assert (run.folder / "timeline.yaml").exists()
