@@ -281,14 +281,13 @@ def run_in_process(
         watchers.append(watch(world))
     if look is not None:
         watchers.append(lambda _: look(world, fleet.minds))
-    begun = time.perf_counter()
     if journal is None and not keep:
         memory = MemoryJournal(header, keep)
         judging = Judge(memory, {}, prepared, verify_fog=verify_fog, baseline_s=baseline_s, fog=world.truth.fog)
         totals = Totals(header)
         _run(world, fleet, memory, (judging.tick, totals.tick, *watchers), events, stop)
         verdict = judging.verdict()
-        return Outcome(memory, totals.summary(memory, verdict, time.perf_counter() - begun, prepared), verdict)
+        return Outcome(memory, totals.summary(memory, verdict, prepared), verdict)
     record: RunRecord
     if journal is None:
         record = memory = MemoryJournal(header)
@@ -297,9 +296,8 @@ def run_in_process(
         with JournalWriter(journal, header) as writer:
             _run(world, fleet, writer, watchers, events, stop)
         record = read_journal(journal)
-    wall_s = time.perf_counter() - begun
     verdict = judge(record, {}, prepared, baseline_s=baseline_s)
-    return Outcome(record, summarise(record, verdict, wall_s, prepared), verdict)
+    return Outcome(record, summarise(record, verdict, prepared), verdict)
 
 
 def fault_free_mfow(prepared: Prepared, stop: Callable[[], bool] = lambda: False) -> float | None:
@@ -338,6 +336,7 @@ def _run(
         if events is not None:
             events(event)
 
+    began = time.perf_counter()
     try:
         with spared():
             reason = run_ticks(world, fleet, on_tick, on_event, stop, fleet)
@@ -346,4 +345,4 @@ def _run(
         with suppress(OSError):  # it may be the journal's disk that is full
             recorder.end(INTERRUPTED if asked else f"failed: {type(error).__name__}: {error}")
         raise
-    recorder.end(reason)
+    recorder.end(reason, {"wall_s": time.perf_counter() - began})

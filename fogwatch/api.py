@@ -357,8 +357,7 @@ def _ended_as_processes(
             verdict, summary = judged.verdict, judged.summary
         else:
             verdict = judge(journal, exit_codes, prepared, baseline_s=_baseline(operated, options))
-            wall_s = journal.end.notes.get("wall_s") if journal.end else None
-            summary = summarise(journal, verdict, wall_s, operated)
+            summary = summarise(journal, verdict, operated)
         options.display.progress(JUDGING, 1.0)
     except Interrupted:
         options.display.say(f"interrupted before the run was judged; `fogwatch judge {folder.path}` judges it")

@@ -145,9 +145,7 @@ def _judged(live: LiveJudge, asked: VerdictAsked, news: News) -> Judged:
     from worldsim.output.summary import summarise
 
     verdict = live.verdict(asked.exit_codes, news)
-    end = live.journal.end
-    summary = summarise(live.journal, verdict, end.notes.get("wall_s") if end else None, live.prepared)
-    return Judged(verdict, summary)
+    return Judged(verdict, summarise(live.journal, verdict, live.prepared))
 
 
 def _report_written(live: LiveJudge, asked: ReportAsked, news: News) -> ReportWritten:

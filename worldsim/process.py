@@ -116,7 +116,7 @@ def _run(options: WorldOptions, met: Meeting, ending: Ending, vitals: Vitals) ->
             return EXIT_INTERRUPTED
         try:
             listener = wiring.listener()
-            wall_s = _record(wiring, prepared, wiring.gather(token), listener, token)
+            _record(wiring, prepared, wiring.gather(token), listener, token)
         except Interrupted:
             return EXIT_INTERRUPTED
         except Missing as missing:
@@ -125,7 +125,7 @@ def _run(options: WorldOptions, met: Meeting, ending: Ending, vitals: Vitals) ->
     if options.launched:
         return 0  # the journal is complete; the launcher judges it
     notifier.busy(JUDGING_S)
-    code = _judge(options.out, prepared, wall_s)
+    code = _judge(options.out, prepared)
     return EXIT_INTERRUPTED if ending else code
 
 
@@ -179,8 +179,8 @@ def _check_process_control(scenario: Scenario, options: WorldOptions) -> None:
 
 def _record(
     wiring: Wiring, prepared: Prepared, sessions: Sessions, listener: Listener | None, token: str | None
-) -> float:
-    """Run the ticks and record what happens; the wall time that they took (s)."""
+) -> None:
+    """Run the ticks and record what happens."""
     from patrol.journal import JournalWriter
     from worldsim.fleet.loop import run_ticks
     from worldsim.fleet.sessions import Interrupted
@@ -218,15 +218,14 @@ def _record(
             reason = f"failed: {type(error).__name__}: {error}"
             raise
         finally:
-            wall_s = time.monotonic() - began
-            said = {"refused": dict(sessions.refused), "transcripts": sessions.transcripts()}
+            taken, refused = time.monotonic() - began, dict(sessions.refused)
+            said = {"wall_s": taken, "refused": refused, "transcripts": sessions.transcripts()}
             with recording(options.out):
-                recorder.end(reason, {"wall_s": wall_s, **said, **fleet.notes()})
+                recorder.end(reason, {**said, **fleet.notes()})
             feed.flush()
-    return wall_s
 
 
-def _judge(out: Path, prepared: Prepared, wall_s: float) -> int:
+def _judge(out: Path, prepared: Prepared) -> int:
     """Summarise and judge a run whose robots were not started by a launcher; the exit code."""
     from patrol.journal import read_journal
     from worldsim.output.summary import summarise
@@ -234,7 +233,7 @@ def _judge(out: Path, prepared: Prepared, wall_s: float) -> int:
 
     journal = read_journal(out / "journal")
     verdict = judge(journal, {}, prepared)
-    summary = summarise(journal, verdict, wall_s, prepared)
+    summary = summarise(journal, verdict, prepared)
     write_whole(out / "summary.json", f"{json.dumps(summary, indent=2)}\n")
     mean = summary["mfow_mean_s"]
     mfow = "no ticks" if mean is None else f"mean MFoW {mean:.1f} s"

@@ -307,9 +307,48 @@ def _end(value: Mapping[str, Any]) -> End:
     end = End(**value)
     _text(end.reason, "reason")
     _text(end.trace_hash, "trace_hash")
-    if type(end.notes) is not dict:
-        raise Malformed("notes: expected a mapping")
+    for name, note in _mapping(end.notes, "notes").items():
+        if name in _SECONDS:
+            _number(note, f"notes.{name}", 0.0)
+        elif name in _BY_ROBOT:
+            for robot, count in _mapping(note, f"notes.{name}").items():
+                _whole(robot, f"notes.{name}", 1, _MAX_ROBOT)
+                _whole(count, f"notes.{name}", 0, _MOST_COUNT)
+        elif name == "refused":
+            _counts(note, "notes.refused")
+        elif name == "direct":
+            _direct(note)
     return end
+
+
+_SECONDS = frozenset({"wall_s", "slipped_s", "held_up_s", "longest_held_up_s", "router_silent_s"})
+_BY_ROBOT = frozenset({"late_frames", "too_late", "late_commands"})
+"""Notes in s of wall time, and counts by robot number. What else notes may hold, its reader checks."""
+
+
+def _direct(value: object) -> None:
+    """Check the note of a direct radio (`worldsim.radio.listener.Listener.notes`)."""
+    direct = _mapping(value, "notes.direct")
+    _counts(direct.get("missed", {}), "notes.direct.missed")
+    for says in _mapping(direct.get("said", {}), "notes.direct.said").values():
+        counts = _mapping(says, "notes.direct.said")
+        _counts(counts["heard"], "notes.direct.said.heard")
+        for name in ("sent", "refused"):
+            _whole(counts[name], f"notes.direct.said.{name}", 0, _MOST_COUNT)
+        if type(counts["final"]) is not bool:
+            raise Malformed("notes.direct.said.final: expected true or false")
+
+
+def _mapping(value: object, name: str) -> dict[Any, Any]:
+    if type(value) is not dict:
+        raise Malformed(f"{name}: expected a mapping")
+    return value
+
+
+def _counts(value: object, name: str) -> None:
+    for key, count in _mapping(value, name).items():
+        _text(key, name, _NAME)
+        _whole(count, name, 0, _MOST_COUNT)
 
 
 def _header(value: dict[str, Any]) -> Header:

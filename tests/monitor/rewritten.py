@@ -39,6 +39,6 @@ def rewritten(
             if record is not None:
                 writer.write(record)
     journal = read_journal(folder / "journal")
-    summary = summarise(journal, judge(journal, {}, prepared), 1.0)
+    summary = summarise(journal, judge(journal, {}, prepared))
     (folder / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
     return folder

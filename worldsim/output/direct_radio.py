@@ -41,7 +41,7 @@ def as_measured(summary: Mapping[str, Any], journal: RunRecord) -> dict[str, Any
     direct = {
         "links": {f"{source} to {destination}": counts for (source, destination), counts in links.items()},
         "heard_share": share,
-        "missed": journal.end.notes["direct"]["missed"] if said and journal.end else {},
+        "missed": journal.end.notes["direct"].get("missed", {}) if said and journal.end else {},
         "unsaid": [name for name in names if name not in said or not said[name]["final"]],
     }
     return {**summary, "messages": messages, "robots": robots, "links": {}, "direct": direct}

@@ -125,15 +125,12 @@ class Totals:
         self._intruders.tick(record)
         _take(self._robots, record, self._step)
 
-    def summary(
-        self, journal: RunRecord, verdict: Verdict, wall_s: float | None, prepared: Prepared | None = None
-    ) -> dict[str, Any]:
+    def summary(self, journal: RunRecord, verdict: Verdict, prepared: Prepared | None = None) -> dict[str, Any]:
         """The run's summary after its last tick, when the journal has ended; does not read the journal's ticks.
 
         Args:
             journal: The run's records.
             verdict: Of the run.
-            wall_s: Wall time of the ticks, s; None when unknown.
             prepared: As for `summarise`.
 
         Returns:
@@ -141,6 +138,7 @@ class Totals:
         """
         header, step, mfow = self._header, self._step, self._mfow
         ticks = len(mfow)
+        wall_s = journal.end.notes.get("wall_s") if journal.end else None
         for event in journal.events:
             standing = standing_after(event.kind)
             if event.k >= ticks and event.robot in self._robots and standing is not None:
@@ -188,9 +186,7 @@ class Totals:
         return as_measured(summary, journal) if header.scenario["radio"].get("via") == "direct" else summary
 
 
-def summarise(
-    journal: RunRecord, verdict: Verdict, wall_s: float | None, prepared: Prepared | None = None
-) -> dict[str, Any]:
+def summarise(journal: RunRecord, verdict: Verdict, prepared: Prepared | None = None) -> dict[str, Any]:
     """The run's summary, ready for JSON.
 
     Times are in simulated seconds unless the name says wall. Means are over all ticks from the first on;
@@ -225,13 +221,12 @@ def summarise(
     Args:
         journal: The run's records.
         verdict: Of the run.
-        wall_s: Wall time of the ticks, s; None when unknown.
         prepared: The run's scenario and its terrain, for the best tour found; None leaves that out.
     """
     totals = Totals(journal.header, journal.events)
     for record in journal.ticks:
         totals.tick(record)
-    return totals.summary(journal, verdict, wall_s, prepared)
+    return totals.summary(journal, verdict, prepared)
 
 
 def _tour(prepared: Prepared | None) -> dict[str, float | None]:
@@ -258,12 +253,12 @@ def _of_processes(journal: RunRecord) -> dict[str, Any]:
     if "late_commands" in notes:
         names = {robot.number: robot.name for robot in journal.header.robots}
         late = {
-            what: {names[robot]: n for robot, n in notes.get(what, {}).items()}
+            what: {names[robot]: n for robot, n in notes.get(what, {}).items() if robot in names}
             for what in ("late_frames", "too_late", "late_commands")
         }
         # Before runs counted it, the world was never forgiven.
-        held_up = {what: notes.get(what, 0.0) for what in ("held_up_s", "longest_held_up_s")}
-        facts["deadlines"] = {**late, "slipped_s": notes["slipped_s"], **held_up}
+        held_up = {what: notes.get(what, 0.0) for what in ("slipped_s", "held_up_s", "longest_held_up_s")}
+        facts["deadlines"] = {**late, **held_up}
     return facts
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 WALL_TIMES = ("wall_s", "realtime_factor")
-"""The fields that a journal gives for a run of processes only."""
+"""Fields that a journal without an end does not give, nor one of a run in one process of an earlier version."""
 
 ROUNDING = 1e-9
 """Relative difference of two numbers that are equal but for the machines that computed them."""

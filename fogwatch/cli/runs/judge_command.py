@@ -83,9 +83,8 @@ def _judged(journal: Journal, loaded: Prepared, codes: Mapping[str, int | None])
     from worldsim.verdict.judge import judge as judged
 
     verdict = judged(journal, codes, loaded)
-    wall_s = journal.end.notes.get("wall_s") if journal.end else None
     operated = prepared_as_operated(loaded, journal.events)
-    summary: dict[str, Any] = json.loads(json.dumps(summarise(journal, verdict, wall_s, operated)))
+    summary: dict[str, Any] = json.loads(json.dumps(summarise(journal, verdict, operated)))
     return verdict, summary
 
 

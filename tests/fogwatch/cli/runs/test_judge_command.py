@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 import shutil
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -73,8 +74,12 @@ def edit_summary(folder: Path, change: Callable[[dict[str, Any]], None]) -> None
     file.write_text(json.dumps(summary), encoding="utf-8")
 
 
-def edit_journal(folder: Path, change: Callable[[list[TickRecord]], Iterable[TickRecord]]) -> None:
-    """Write the run's journal anew, with other ticks and with the trace hash that belongs to them."""
+def edit_journal(
+    folder: Path,
+    change: Callable[[list[TickRecord]], Iterable[TickRecord]] = lambda ticks: ticks,
+    notes: Mapping[str, Any] | None = None,
+) -> None:
+    """Write the run's journal anew: with other ticks and the trace hash that belongs to them, or with other notes."""
     file = folder / "journal"
     growing = GrowingJournal(file)
     _, *records = growing.read_on()
@@ -83,7 +88,8 @@ def edit_journal(folder: Path, change: Callable[[list[TickRecord]], Iterable[Tic
     assert growing.end is not None
     file.unlink()
     with JournalWriter(file, growing.header) as writer:
-        for record in [*ticks, *rest, replace(growing.end, trace_hash=trace_hash(ticks))]:
+        noted = growing.end.notes if notes is None else notes
+        for record in [*ticks, *rest, replace(growing.end, trace_hash=trace_hash(ticks), notes=noted)]:
             writer.write(record)
 
 
@@ -210,6 +216,38 @@ def test_a_run_that_was_cut_off_is_unknown(folder: Path, command: Callable[..., 
     file.write_bytes(file.read_bytes()[:-200])
     (folder / "summary.json").unlink()
     assert command("judge", folder) == 3
+
+
+@pytest.mark.parametrize(
+    ("notes", "field"),
+    [
+        ({"wall_s": "long"}, "notes.wall_s"),
+        ({"wall_s": -1.0}, "notes.wall_s"),
+        ({"wall_s": math.inf}, "notes.wall_s"),
+        ({"slipped_s": None}, "notes.slipped_s"),
+        ({"late_commands": 5}, "notes.late_commands"),
+        ({"late_commands": {"r1": 5}}, "notes.late_commands"),
+        ({"too_late": {1: b"many"}}, "notes.too_late"),
+        ({"refused": [1]}, "notes.refused"),
+        ({"refused": {"stranger": 0.5}}, "notes.refused"),
+        ({"direct": []}, "notes.direct"),
+        ({"direct": {"missed": {"r1": "some"}}}, "notes.direct.missed"),
+        ({"direct": {"said": {"r1": 1}}}, "notes.direct.said"),
+        ({"direct": {"said": {"r1": {"heard": {}, "sent": 1, "refused": 0, "final": 1}}}}, "notes.direct.said.final"),
+    ],
+)
+def test_notes_of_another_kind_are_bad_input(
+    folder: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], notes: Any, field: str
+) -> None:
+    edit_journal(folder, notes=notes)
+    assert command("judge", folder) == 2
+    assert f"{field}: expected" in capsys.readouterr().err
+
+
+def test_notes_about_robots_of_no_roster_are_left_out(folder: Path, judged: Judging) -> None:
+    edit_journal(folder, notes={"wall_s": 2.0, "late_commands": {1: 3, 99: 1}})
+    _, said = judged(folder)
+    assert fields_of(said) == {"wall_s", "realtime_factor"}
 
 
 def test_what_is_no_run_is_bad_input(
