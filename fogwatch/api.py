@@ -285,7 +285,8 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
     fleet, alike = f"{scenario.name}-{os.urandom(4).hex()}", scenario.patrol.policy == PAPER
     absent = [names[number - 1] for number in Timeline(scenario).starts_absent]
     handle = os.open(folder.path, os.O_RDONLY | os.O_DIRECTORY)
-    clerk = ClerkChild(folder, options.display)
+    # A recovery is judged by a second run, of which a clerk does not know.
+    clerk = ClerkChild(folder, options.display, wanted=not _needs_second_run(scenario, options))
     launch = Launch(
         folder,
         fleet,
@@ -347,12 +348,10 @@ def _ended_as_processes(
     operated = prepared_as_operated(prepared, journal.events)
     try:
         options.display.progress(JUDGING)
-        judged = None
-        if not options.recovery:  # which is judged by a second run, of which the clerk does not know
-            clerk.begin_verdict(exit_codes)
-            if options.picture or options.recording or options.report:
-                load()
-            judged = clerk.judged()
+        clerk.begin_verdict(exit_codes)
+        if options.picture or options.recording or options.report:
+            load()
+        judged = clerk.judged()
         if judged is not None:
             verdict, summary = judged.verdict, judged.summary
         else:
@@ -379,12 +378,17 @@ def _announce(scenario: Scenario, folder: RunFolder, options: RunOptions) -> Non
 def _baseline(prepared: Prepared, options: RunOptions) -> float | None:
     """The mean MFoW (s) without faults; None where it is not wanted, or one process cannot find it out."""
     scenario = prepared.scenario
-    if not options.recovery or not scenario.faults or scenario.radio.via != "ether" or options.stop():
+    if not _needs_second_run(scenario, options) or options.stop():
         return None
     from experiments.inprocess import fault_free_mfow
 
     options.display.say("running the scenario without its faults, to judge the recovery ...")
     return fault_free_mfow(prepared, options.stop)
+
+
+def _needs_second_run(scenario: Scenario, options: RunOptions) -> bool:
+    """Whether the recovery is judged, by a run without the faults."""
+    return options.recovery and bool(scenario.faults) and scenario.radio.via == "ether"
 
 
 def _finish(launch: Launch) -> Mapping[str, int | None]:

@@ -13,7 +13,7 @@ import argparse
 import os
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -135,8 +135,11 @@ def _serve(options: argparse.Namespace, connection: Connection) -> None:
     load()
     while not connection.poll(PERIOD_S):
         live.read_on(news)
-    news.answer(_judged(live, news.question(), news), REPORT)
-    news.answer(_report_written(live, news.question(), news), REPORT)
+    asked: VerdictAsked = news.question()
+    judged = _judged(live, asked, news)
+    news.answer(judged, REPORT)
+    summary = {**judged.summary, "exit_codes": dict(asked.exit_codes)}
+    news.answer(_report_written(live, summary, news.question(), news), REPORT)
     connection.recv()  # nothing comes but the end
 
 
@@ -148,12 +151,12 @@ def _judged(live: LiveJudge, asked: VerdictAsked, news: News) -> Judged:
     return Judged(verdict, summarise(live.journal, verdict, live.prepared))
 
 
-def _report_written(live: LiveJudge, asked: ReportAsked, news: News) -> ReportWritten:
+def _report_written(live: LiveJudge, summary: Mapping[str, Any], asked: ReportAsked, news: News) -> ReportWritten:
     """Write a run's report."""
     from fogwatch.launch.derived import derive
 
     problems: list[str] = []
-    derive(live.journal, live.prepared, asked.summary, None, asked.out, problems.append, news)
+    derive(live.journal, live.prepared, summary, None, asked.out, problems.append, news)
     return ReportWritten("; ".join(problems))
 
 

@@ -3,8 +3,8 @@
 Theory of operation
     An *entry* is a folder with numba's files for one kernel module, and with the SHA-256 of each. Its path holds the
     module's name and a digest of all that its machine code depends on: the source, the versions of Python, numba,
-    llvmlite and numpy, the processor, and numba's settings. So an entry never goes stale; it is just not asked for any
-    more.
+    llvmlite and numpy, the processor, and numba's settings. So an entry is never outdated: a changed source gets a new
+    path, and the old entry is no longer read.
 
     An entry is made in a folder of its own, under a lock, and moved to its path when it is complete. It is not changed
     afterwards, so it can be read without a lock. Files that do not match their digests are deleted and made again.
@@ -37,10 +37,10 @@ from types import CodeType, FunctionType, ModuleType
 
 from patrol.errors import BadInput
 
-WITHOUT_EFFECT = ("NUMBA_CACHE_DIR", "NUMBA_CACHE_LOCATOR_CLASSES", "NUMBA_DEBUG_CACHE", "NUMBA_NUM_THREADS")
+WITHOUT_EFFECT = ("NUMBA_CACHE_DIR", "NUMBA_DEBUG_CACHE", "NUMBA_NUM_THREADS")
 """Settings of numba that do not change the code that it makes."""
 UNUSED_S = 90 * 24 * 3600.0
-"""Entries that no process has loaded for this long are deleted when another one is made."""
+"""Entries that no process has loaded for this long are deleted when another one of the same module is made."""
 _DAY_S = 24 * 3600.0
 _LIST = "files.json"
 _UNFINISHED = ".making-"
@@ -101,19 +101,21 @@ def cache_home() -> Path:
     Raises:
         BadInput: No such folder is known, or another user may write to it: what lies there is code that is executed.
     """
-    given = os.environ.get("NUMBA_CACHE_DIR")
-    try:
-        user = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser()
-    except RuntimeError:
-        raise BadInput(
-            "the compiled kernels cannot be stored: this user has no home folder; set NUMBA_CACHE_DIR to a folder"
-        ) from None
-    home = Path(given) / "fogwatch" if given else user / "fogwatch" / "kernels"
+    if given := os.environ.get("NUMBA_CACHE_DIR"):
+        home = Path(given) / "fogwatch"
+    else:
+        try:
+            home = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "fogwatch" / "kernels"
+        except RuntimeError:
+            raise BadInput(
+                "the compiled kernels cannot be stored: this user has no home folder; set NUMBA_CACHE_DIR to a folder"
+            ) from None
     try:
         facts = home.stat()
     except OSError:  # it is made later, or cannot be
         return home
-    if facts.st_uid not in (0, os.geteuid()) or facts.st_mode & stat.S_IWOTH:
+    shared = facts.st_mode & stat.S_IWOTH or (facts.st_mode & stat.S_IWGRP and facts.st_gid != os.getegid())
+    if facts.st_uid not in (0, os.geteuid()) or shared:
         raise BadInput(
             f"the compiled kernels in {home} are not used: another user may have written them; set NUMBA_CACHE_DIR to "
             "a folder of your own"
@@ -232,7 +234,7 @@ class _KernelLocator:
 
 @cache
 def _register_locator() -> None:
-    """Have numba ask `_KernelLocator` first. Where ``NUMBA_CACHE_LOCATOR_CLASSES`` is set, it asks only those."""
+    """Have numba ask `_KernelLocator` first."""
     from numba.core.caching import CacheImpl
 
     CacheImpl._locator_classes.insert(0, _KernelLocator)

@@ -16,7 +16,7 @@ import pytest
 from hypothesis import settings
 
 from patrol.errors import BadInput
-from patrol.process.starting import seldom
+from patrol.process.starting.seldom import SELDOM
 from patrol.process.starting.warmup import warm
 
 # A slow machine is no failure; in CI a run repeats exactly, elsewhere each run searches anew.
@@ -24,7 +24,7 @@ settings.register_profile("local", deadline=None, print_blob=True)
 settings.register_profile("ci", settings.get_profile("local"), derandomize=True, database=None)
 settings.load_profile("ci" if os.environ.get("CI") else "local")
 
-SELDOM = ("accept", "network")
+ONLY_NAMED = ("accept", "network")
 """Markers of tests that run only where ``-m`` names them."""
 
 SLOW = ("processes", "browser")
@@ -62,7 +62,7 @@ def pytest_configure(config: pytest.Config) -> None:
     """Compile the kernels before workers start, which would compile them side by side."""
     if config.getoption("numprocesses", None) and not config.option.collectonly:
         try:
-            warm(PACKAGES, print, seldom.SELDOM)
+            warm(PACKAGES, print, SELDOM)
         except BadInput as error:
             raise pytest.UsageError(str(error)) from None
 
@@ -108,21 +108,21 @@ def is_quick(item: pytest.Item, slow: Set[str]) -> bool:
 
 
 def pytest_sessionstart() -> None:
-    """Forget what somebody's terminal is like, before any library is loaded that asks for it only then."""
+    """Remove the terminal's environment variables before libraries that read them on import are loaded."""
     for name in TERMINAL:
         os.environ.pop(name, None)
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Drop tests of the other suite and those that run only where ``-m`` names their marker; shuffle on demand."""
-    unnamed = [name for name in SELDOM if name not in config.option.markexpr]
+    unnamed = [name for name in ONLY_NAMED if name not in config.option.markexpr]
     suite, slow = config.option.suite, read_slow_tests()
     kept: list[pytest.Item] = []
     dropped: list[pytest.Item] = []
     for item in items:
-        seldom = any(item.get_closest_marker(name) for name in unnamed)
+        unasked = any(item.get_closest_marker(name) for name in unnamed)
         other_suite = suite != "all" and is_quick(item, slow) != (suite == "quick")
-        (dropped if seldom or other_suite else kept).append(item)
+        (dropped if unasked or other_suite else kept).append(item)
     if dropped:
         config.hook.pytest_deselected(items=dropped)
         items[:] = kept
@@ -132,7 +132,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def _place(item: pytest.Item) -> int:
-    """Return a sort key by which workers have something to do to the end: what waits or takes long comes first."""
+    """Return a sort key: tests that wait first, then long ones, then the rest, so that no worker idles at the end."""
     long = item.path.name == "test_house.py" or item.get_closest_marker("kind") is not None
     waits = item.path.relative_to(TIMES.parent).as_posix().startswith(WAITING)
     return 1 if long else 0 if waits else 2

@@ -178,13 +178,17 @@ def hunt(seed: int, folder: Path, loops: int, arguments: list[str]) -> list[Fail
     command += ["-o", f"cache_dir={cache}", *arguments]
     environment = {**os.environ, MARK: number}
     with log.open("wb") as output, busy_loops(loops):
-        pytest = subprocess.Popen(command, cwd=ROOT, env=environment, stdout=output, stderr=subprocess.STDOUT)
+        pytest = subprocess.Popen(
+            command, cwd=ROOT, env=environment, stdout=output, stderr=subprocess.STDOUT, start_new_session=True
+        )
         try:
             stops = disturb(pytest, f"{MARK}={number}", seed)
         finally:
             if pytest.poll() is None:
                 pytest.send_signal(signal.SIGINT)  # it ends what its tests have started
                 pytest.wait()
+            failures = failures_of(pytest, cache, seed, log)
+            keep(failures)
     lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
     if not stops:
         raise SystemExit("no process could be stopped: allow ptrace(2), without which the hunt shows little")
@@ -192,6 +196,11 @@ def hunt(seed: int, folder: Path, loops: int, arguments: list[str]) -> list[Fail
         f"seed {seed}: exit code {pytest.returncode}, {stops} stops, {lines[-1].strip('= ') if lines else 'no output'}",
         flush=True,
     )
+    return failures
+
+
+def failures_of(pytest: subprocess.Popen[bytes], cache: Path, seed: int, log: Path) -> list[Failure]:
+    """Return what failed in a round that has ended, as pytest's cache has it."""
     try:
         tests = sorted(json.loads((cache / "v" / "cache" / "lastfailed").read_text(encoding="utf-8")))
     except FileNotFoundError:
@@ -227,12 +236,11 @@ def main() -> int:
     folder.mkdir(parents=True)
     found: list[Failure] = []
     interrupted = False
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    for number in (signal.SIGINT, signal.SIGTERM):  # a shell may have started this in the background, without SIGINT
+        signal.signal(number, signal.default_int_handler)
     try:
         for seed in range(first, first + given.times):
-            failures = hunt(seed, folder, given.loops, given.arguments)
-            keep(failures)
-            found += failures
+            found += hunt(seed, folder, given.loops, given.arguments)
     except KeyboardInterrupt:
         interrupted = True
     for failure in found:

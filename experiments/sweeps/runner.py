@@ -11,6 +11,7 @@ from typing import Protocol
 from experiments.sweeps.plan import Plan, Run
 from experiments.sweeps.pool import LocalWorkers, WorkerPool
 from experiments.sweeps.results import Results, RunResult, open_results
+from experiments.sweeps.stats import check_installed
 from experiments.sweeps.worker import PACKAGES, Task, software
 from patrol.scenario import as_mapping
 
@@ -114,8 +115,9 @@ def run_sweep(
         The results, old and new.
 
     Raises:
-        BadInput: The folder, its results or the workers cannot be used.
+        BadInput: The folder, its results or the workers cannot be used, or scipy is not installed.
     """
+    check_installed()
     begun = time.perf_counter()
     with open_results(folder) as results:
         if results.repaired:

@@ -5,8 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
 
 import numpy as np
+
+from patrol.errors import BadInput
+
+
+def check_installed() -> None:
+    """Check that intervals can be computed, before runs of hours.
+
+    Raises:
+        BadInput: scipy is not installed.
+    """
+    if find_spec("scipy") is None:
+        remedy = "install it with: pip install 'fogwatch[experiments]' (in a checkout: make develop)"
+        raise BadInput(f"means and intervals need scipy; {remedy}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ import socket
 import time
 from collections.abc import Mapping
 from multiprocessing.connection import Connection
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from fogwatch.launch.children import Children
 from fogwatch.launch.clerk_messages import REPORT, Judged, Progress, ReportAsked, ReportWritten, VerdictAsked
@@ -33,19 +33,20 @@ Answer = TypeVar("Answer", Judged, ReportWritten)
 class ClerkChild:
     """The clerk of one run, which may never be started, or die at any time."""
 
-    def __init__(self, folder: RunFolder, display: RunDisplay) -> None:
+    def __init__(self, folder: RunFolder, display: RunDisplay, wanted: bool = True) -> None:
         """Start nothing yet.
 
         Args:
             folder: The run folder.
             display: Shows how far the clerk is.
+            wanted: Whether there is to be a clerk at all.
         """
         self._folder = folder
         self._display = display
         self._children = Children(lambda: False)
         self._connection: Connection | None = None
         self._due: float | None = None
-        self._started = False
+        self._started = not wanted
 
     def ticking(self) -> None:
         """Take note that the run goes on; start the clerk when it is time."""
@@ -64,7 +65,7 @@ class ClerkChild:
         return self._connection is not None and report is not None and report.ready
 
     def begin_verdict(self, exit_codes: Mapping[str, int | None]) -> None:
-        """Have the run judged, which has ended.
+        """Ask the clerk to judge the finished run.
 
         Args:
             exit_codes: As for `worldsim.verdict.judge.judge`.
@@ -77,20 +78,17 @@ class ClerkChild:
         """Wait for the verdict.
 
         Returns:
-            What the clerk says; None where there is no clerk that could.
+            What the clerk says; None without a working clerk.
         """
         return self._await(Judged)
 
-    def begin_report(self, summary: Mapping[str, Any]) -> bool:
-        """Have the report written, meanwhile.
-
-        Args:
-            summary: The summary, as in summary.json.
+    def begin_report(self) -> bool:
+        """Ask the clerk, which has judged the run, to write the report meanwhile.
 
         Returns:
             Whether there is a clerk for that.
         """
-        self._send(ReportAsked(summary, self._folder.report))
+        self._send(ReportAsked(self._folder.report))
         return self._connection is not None
 
     def report_written(self) -> ReportWritten | None:

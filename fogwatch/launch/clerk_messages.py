@@ -30,11 +30,9 @@ class ReportAsked:
     """The order to write the run's report.
 
     Attributes:
-        summary: The summary, as in summary.json.
         out: The file to write.
     """
 
-    summary: Mapping[str, Any]
     out: Path
 
 

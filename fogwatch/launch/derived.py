@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -83,7 +84,7 @@ def write_files(
     try:
         recording = folder.recording if wanted.recording else None
         report = folder.report if wanted.report else None
-        by_clerk = report is not None and clerk is not None and clerk.begin_report(summary)
+        by_clerk = report is not None and clerk is not None and clerk.begin_report()
         _shown(journal, prepared, summary, recording, None if by_clerk else report, display)
         if wanted.picture:
             display.progress(PICTURE)
@@ -96,7 +97,7 @@ def write_files(
             elif written.problem:
                 display.say(written.problem)
     except Interrupted:
-        later = f"`fogwatch report {folder.path}` and `fogwatch record {folder.path}` write them"
+        later = f"`fogwatch report {folder.path}` and `fogwatch record {folder.path}` write report and recording"
         display.say(f"interrupted: not all files are written; {later}")
         return False
     return True
@@ -104,9 +105,12 @@ def write_files(
 
 def load() -> None:
     """Import what the files are made with, which takes a second or two: for a process that has to wait anyway."""
-    with suppress(ImportError):  # said when a file is asked for
-        import monitor.recording.run_recorder
-        import monitor.report.document  # noqa: F401
+    with suppress(ImportError):  # reported when a file is asked for
+        for name in ("matplotlib.backends.backend_agg", "matplotlib.backends.backend_svg", *_MAKERS):
+            import_module(name)
+
+
+_MAKERS = ("monitor.recording.run_recorder", "monitor.report.document")
 
 
 def derive(

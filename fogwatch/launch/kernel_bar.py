@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 from rich.console import Console
 from rich.control import Control
-from rich.progress_bar import ProgressBar
 from rich.segment import ControlType
 from rich.text import Text
 
@@ -29,7 +28,11 @@ def kernel_bar(console: Console) -> Callable[[Compiled], None] | None:
     def show(compiled: Compiled) -> None:
         console.control(Control(ControlType.CARRIAGE_RETURN, (ControlType.ERASE_IN_LINE, 2)))
         if compiled.kernels < compiled.of:
-            console.print(ProgressBar(total=compiled.of, completed=compiled.kernels, width=WIDTH), end=" ")
-            console.print(Text(progress_line(compiled)), end="", no_wrap=True, overflow="crop")
+            filled = WIDTH * compiled.kernels // compiled.of
+            line = Text.assemble(
+                ("━" * filled, "green"), ("━" * (WIDTH - filled), "dim"), f" {progress_line(compiled)}"
+            )
+            line.truncate(console.width - 1)  # a second row would stay
+            console.print(line, end="", no_wrap=True)
 
     return show

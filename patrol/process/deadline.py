@@ -31,8 +31,8 @@ def deadline(limit_s: float | None) -> Iterator[None]:
     """Raise in the middle of a block that takes too long.
 
     It works in the main thread of a process, and on code that comes back to Python now and then. Elsewhere there is no
-    limit. A timer that was running goes on afterwards. Time in which the whole process stands still, because it is
-    stopped or the machine is suspended, does not count.
+    limit. A timer that was running goes on afterwards. When the whole process stands still, because it is stopped or
+    the machine is suspended, at most a quarter of the limit counts each time.
 
     Args:
         limit_s: Wall time, s; None for no limit.

@@ -1,4 +1,4 @@
-"""Limits of the machine and of the account: a full disk, too many open files. They are no mistakes of ours."""
+"""Limits of the machine and the account, such as a full disk: an error in one line instead of a traceback."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ _REMEDIES = {
     errno.EMFILE: "raise the limit of open files (ulimit -n)",
     errno.ENFILE: "end other programs, which have too many files open",
     errno.ENOMEM: "free some memory",
+    errno.EAGAIN: "end other programs, or raise the limit of processes (ulimit -u)",
 }
 
 
@@ -35,14 +36,15 @@ def told(error: OSError) -> str | None:
     remedy = _REMEDIES.get(error.errno or 0)
     if remedy is None:
         return None
-    where = "the output, or a file" if error.filename is None else error.filename
+    unnamed = "a new process" if error.errno == errno.EAGAIN else "the output, or a file"
+    where = unnamed if error.filename is None else error.filename
     return f"{where}: {error.strerror}; {remedy}"
 
 
 def allow_files(count: int, what: str) -> None:
     """Have this process, and those that it starts, allowed to open so many files at once.
 
-    A process that may not can neither open a connection nor say so: libraries abort or wait for ever.
+    Beyond the limit, libraries abort or hang without an error.
 
     Args:
         count: How many.

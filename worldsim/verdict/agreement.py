@@ -1,4 +1,4 @@
-"""The comparison of a summary with what its journal gives: which of its fields somebody has changed."""
+"""Compares a summary with the one computed from its journal."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ from typing import Any
 WALL_TIMES = ("wall_s", "realtime_factor")
 """Fields that a journal without an end does not give, nor one of a run in one process of an earlier version."""
 
+NOT_IN_JOURNAL = ("exit_codes",)
+"""Fields that no journal gives."""
+
 ROUNDING = 1e-9
 """Relative difference of two numbers that are equal but for the machines that computed them."""
 
@@ -20,8 +23,8 @@ class Difference:
 
     Attributes:
         field: Its dotted name.
-        stated: Its value in the summary.
-        found: What the journal gives.
+        stated: Its value in the summary, None where the summary lacks it.
+        found: What the journal gives, None where it gives no such field.
     """
 
     field: str
@@ -32,9 +35,9 @@ class Difference:
 def differences(stated: Mapping[str, Any], found: Mapping[str, Any]) -> list[Difference]:
     """Compare a summary with one that was made from the journal, field by field.
 
-    A field that the stated summary lacks is no difference: earlier versions wrote fewer. Of the verdict's checks, those
-    are compared that both have, by name; a check that only one of them could judge is left out, with its warnings and
-    with what follows from its failure. The exit codes of the processes are in no journal, so they are not compared.
+    Of the verdict's checks, those are compared that both have, by name. A check that could be judged only then is left
+    out, with its warnings and with what follows from its failure. Exit codes are in no journal and are not compared.
+    A field or a check that the stated summary lacks is no difference: earlier versions wrote fewer (`missing`).
 
     Args:
         stated: As in summary.json.
@@ -44,27 +47,39 @@ def differences(stated: Mapping[str, Any], found: Mapping[str, Any]) -> list[Dif
         The differences in the order of the fields.
     """
     unknown = [name for name in WALL_TIMES if found[name] is None]
-    rest = {name: value for name, value in found.items() if name not in ("verdict", *unknown)}
-    differing = [*_between(stated, rest, "")]
-    verdict = stated.get("verdict")
-    if isinstance(verdict, Mapping):
-        differing += _between_verdicts(verdict, found["verdict"])
+    differing: list[Difference] = []
+    for name, value in stated.items():
+        if name == "verdict" and isinstance(value, Mapping):
+            differing += _between_verdicts(value, found["verdict"])
+        elif name not in NOT_IN_JOURNAL and name not in unknown:
+            differing += _between(value, found[name], name) if name in found else [Difference(name, value, None)]
     return differing
 
 
-def not_repeated(stated: Mapping[str, Any], found: Mapping[str, Any]) -> list[str]:
-    """Names of the checks that the summary states a result of, and that could not be judged again.
-
-    That is for want of a second run without faults, or of the fleet's key.
+def missing(stated: Mapping[str, Any], found: Mapping[str, Any]) -> list[str]:
+    """List the fields that the journal gives and the summary does not state.
 
     Args:
         stated: As for `differences`.
         found: As for `differences`.
     """
     verdict = stated.get("verdict")
-    if not isinstance(verdict, Mapping):
-        return []
-    return [check["name"] for check in _unrepeated(verdict, found["verdict"])]
+    checks = {check["name"] for check in verdict["checks"]} if isinstance(verdict, Mapping) else set()
+    unstated = [check["name"] for check in found["verdict"]["checks"] if check["name"] not in checks]
+    return [name for name in found if name not in stated] + [f"verdict.checks.{name}" for name in unstated]
+
+
+def not_repeated(stated: Mapping[str, Any], found: Mapping[str, Any]) -> list[str]:
+    """Names of the checks that the summary states a result of, and that could not be judged again.
+
+    These checks need a second run without faults, or the fleet's key.
+
+    Args:
+        stated: As for `differences`.
+        found: As for `differences`.
+    """
+    verdict = stated.get("verdict")
+    return [check["name"] for check in _unrepeated(verdict, found["verdict"])] if isinstance(verdict, Mapping) else []
 
 
 def _unrepeated(stated: Mapping[str, Any], found: Mapping[str, Any]) -> list[Mapping[str, Any]]:
@@ -83,24 +98,26 @@ def _between_verdicts(stated: Mapping[str, Any], found: Mapping[str, Any]) -> It
         unchecked = [line for check in unrepeated for line in check.get("warnings", ())]
         warnings = [line for line in stated["warnings"] if line not in unchecked]
         yield from _between(warnings, found["warnings"], "verdict.warnings")
-    checks = {check["name"]: check for check in stated["checks"]}
-    for check in found["checks"]:
-        said = checks.get(check["name"])
-        if said is not None and said.get("judged", True) == check["judged"]:
-            for field in ("ok", "detail"):
-                yield from _between(said.get(field), check[field], f"verdict.checks.{check['name']}.{field}")
+    checks = {check["name"]: check for check in found["checks"]}
+    for stated_check in stated["checks"]:
+        field = f"verdict.checks.{stated_check['name']}"
+        check = checks.get(stated_check["name"])
+        if check is None:
+            yield Difference(field, stated_check, None)
+        elif check["judged"] or not stated_check.get("judged", True):
+            for part in ("ok", "judged", "detail"):
+                yield from _between(stated_check.get(part, True), check[part], f"{field}.{part}")
 
 
 def _between(stated: Any, found: Any, field: str) -> Iterator[Difference]:
     if isinstance(stated, Mapping) and isinstance(found, Mapping):
-        for name, value in found.items():
-            if name in stated:
-                yield from _between(stated[name], value, f"{field}.{name}" if field else name)
+        for name in {**found, **stated}:
+            yield from _between(stated.get(name), found.get(name), f"{field}.{name}")
         return
     if isinstance(stated, Sequence) and isinstance(found, Sequence) and not isinstance(stated, str):
         if len(stated) == len(found):
-            for place, (one, other) in enumerate(zip(stated, found, strict=True)):
-                yield from _between(one, other, f"{field}.{place}")
+            for place, (stated_item, found_item) in enumerate(zip(stated, found, strict=True)):
+                yield from _between(stated_item, found_item, f"{field}.{place}")
             return
     elif _is_number(stated) and _is_number(found):
         if math.isclose(stated, found, rel_tol=ROUNDING):

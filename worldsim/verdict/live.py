@@ -4,8 +4,8 @@ It is the verdict that `worldsim.verdict.judge.judge` gives of the finished jour
 
 - A tick is judged once the record after it has come: by then the journal holds all events that the checks of this tick
   look at, which are those before the next tick.
-- Operators add faults while the run goes on, and checks are chosen and prepared by all faults of a run. So an event of
-  an operator, or one that comes too late for its tick, begins the judging anew, with all events so far.
+- Operators add faults while the run goes on, and checks are chosen and prepared by all faults of a run. So when an
+  operator has changed the scenario, or an event comes too late for its tick, judging begins anew, with all events.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class LiveJudge:
             progress: Called after each tick with the number of ticks judged.
 
         Raises:
-            BadInput: The journal holds something that no journal holds.
+            BadInput: The journal has a damaged or unknown record.
         """
         for record in self.journal.read_on():
             if isinstance(record, TickRecord):
@@ -67,7 +67,7 @@ class LiveJudge:
                 if self._judge is not None:
                     self._judge_waiting(progress)
                     self._waiting = record
-            elif isinstance(record, Event) and (record.kind == OPERATOR or record.k <= self.judged):
+            elif isinstance(record, Event) and (record.k <= self.judged or self._changes_scenario(record)):
                 self._judge = None
         if self._judge is None:
             self._begin_anew(progress)
@@ -75,7 +75,7 @@ class LiveJudge:
     def verdict(
         self, exit_codes: Mapping[str, int | None], progress: Callable[[int], None] = lambda _: None
     ) -> Verdict:
-        """Judge the rest of the journal, which is written no more, and give the verdict.
+        """Judge the rest of the finished journal, and give the verdict.
 
         Args:
             exit_codes: As for `worldsim.verdict.judge.judge`; not empty.
@@ -99,6 +99,12 @@ class LiveJudge:
         for record in islice(self.journal.ticks, self._ticks):
             self._judge_waiting(progress)
             self._waiting = record
+
+    def _changes_scenario(self, event: Event) -> bool:
+        """Whether an operator has added to the scenario, and not just paused the run, for example."""
+        if event.kind != OPERATOR:
+            return False
+        return prepared_as_operated(self._loaded, self.journal.events).scenario != self.prepared.scenario
 
     def _judge_waiting(self, progress: Callable[[int], None]) -> None:
         if self._waiting is not None and self._judge is not None:

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
 EXAMPLES = ["fogwatch judge runs/yards-20260101-120000"]
 EXIT_CODES = (
-    "0 verdict valid, 1 verdict invalid or summary.json says something else than the journal, 2 bad input, 3 verdict "
-    "unknown (the journal does not reach its end)"
+    "0 verdict valid, 1 verdict invalid, or summary.json or scenario.yaml disagrees with the journal, 2 bad input, 3 "
+    "verdict unknown (the journal does not reach its end)"
 )
 DISAGREES = 1
 MOST_SHOWN = 20
@@ -47,7 +47,7 @@ def judge(
     from monitor.replay.summary_file import read_summary
     from patrol.journal import trace_hash
     from patrol.process.starting.warmup import warm
-    from worldsim.verdict.agreement import differences, not_repeated
+    from worldsim.verdict.agreement import differences, missing, not_repeated
 
     journal = journal_in(run)
     stated = read_summary(run / SUMMARY)
@@ -56,6 +56,7 @@ def judge(
     codes = (stated or {}).get("exit_codes") or {}
     verdict, found = _judged(journal, loaded, codes)
     differing = [] if stated is None else differences(stated, found)
+    unstated = [] if stated is None else missing(stated, found)
     unrepeated = [] if stated is None else not_repeated(stated, found)
     edited = not _same_scenario(loaded, journal)
     trace = trace_hash(journal.ticks, loaded.scenario.spares)
@@ -68,11 +69,12 @@ def judge(
             "scenario_agrees": not edited,
             "summary_agrees": None if stated is None else not differing,
             "differences": [asdict(difference) for difference in differing],
+            "not_in_summary": unstated,
             "not_repeated": unrepeated,
         }
         typer.echo(json.dumps(facts, indent=2))
     else:
-        _print(found, trace, codes, stated is not None, differing, unrepeated, edited)
+        _print(found, trace, codes, stated is not None, differing, unstated, unrepeated, edited)
     return verdict.exit_code or (DISAGREES if differing or edited else 0)
 
 
@@ -111,6 +113,7 @@ def _print(
     codes: Mapping[str, int | None],
     has_summary: bool,
     differing: list[Difference],
+    unstated: list[str],
     unrepeated: list[str],
     edited: bool,
 ) -> None:
@@ -131,8 +134,10 @@ def _print(
         return
     if unrepeated:
         typer.echo(printable(f"checks      not repeated: {', '.join(unrepeated)}"))
+    if unstated:
+        typer.echo(f"summary     does not state {', '.join(unstated)}")
     if not differing:
-        typer.echo("summary     agrees with the journal in every field")
+        typer.echo(f"summary     agrees with the journal in every {'other ' * bool(unstated)}field")
         return
     typer.echo(f"summary     disagrees with the journal in {len(differing)} field{'s' * (len(differing) > 1)}")
     for one in differing[:MOST_SHOWN]:

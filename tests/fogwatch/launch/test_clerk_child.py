@@ -50,7 +50,7 @@ def test_a_clerk_whose_message_cannot_be_read_is_killed(tmp_path: Path, pair: tu
     theirs.send(Unreadable())
     assert clerk.report_written() is None
     assert process.poll() == -signal.SIGKILL
-    assert not clerk.begin_report({})
+    assert not clerk.begin_report()
     clerk.close()
     process.stdout.close()
 

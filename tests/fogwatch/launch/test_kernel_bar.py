@@ -19,5 +19,14 @@ def test_a_terminal_gets_a_bar_with_the_time_to_go_that_is_removed_in_the_end() 
     assert file.getvalue().endswith("\r\x1b[2K")
 
 
+def test_in_a_narrow_terminal_the_bar_is_one_row() -> None:
+    file = StringIO()
+    show = kernel_bar(Console(file=file, force_terminal=True, color_system=None, width=40))
+    assert show is not None
+    show(Compiled(90, 119, 125.0))
+    row = file.getvalue().rpartition("\x1b[2K")[2]
+    assert row == "━" * 30 + " compilin"
+
+
 def test_there_is_no_bar_without_a_terminal() -> None:
     assert kernel_bar(Console(file=StringIO())) is None

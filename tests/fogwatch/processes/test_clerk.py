@@ -89,9 +89,9 @@ def stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Stage:
     monkeypatch.setattr(fogwatch.launch.clerk_child, "SILENT_S", PATIENCE_S)
     begun, launched = ClerkChild.__init__, Launch.start
 
-    def begin(self: ClerkChild, *arguments: Any) -> None:
+    def begin(self: ClerkChild, *arguments: Any, **options: Any) -> None:
         staged.clerk = self
-        begun(self, *arguments)
+        begun(self, *arguments, **options)
 
     def start(self: Launch) -> None:
         staged.launch = self
@@ -141,9 +141,9 @@ def test_a_clerk_that_is_killed_during_the_run_is_not_missed(stage: Stage) -> No
 def test_a_clerk_that_is_killed_before_the_report_is_not_missed(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
     begin_report = ClerkChild.begin_report
 
-    def kill_then_begin(self: ClerkChild, summary: Any) -> bool:
+    def kill_then_begin(self: ClerkChild) -> bool:
         stage.kill(CLERK)
-        return begin_report(self, summary)
+        return begin_report(self)
 
     monkeypatch.setattr(ClerkChild, "begin_report", kill_then_begin)
     assert stage.run(stage.loaded, report=True).verdict.valid

@@ -20,6 +20,11 @@ def test_a_limit_is_named_with_file_and_remedy(number: int) -> None:
     assert told(OSError(number, os.strerror(number))) is not None
 
 
+def test_a_process_that_cannot_be_started_is_no_file() -> None:
+    line = told(BlockingIOError(errno.EAGAIN, "not now"))
+    assert line == "a new process: not now; end other programs, or raise the limit of processes (ulimit -u)"
+
+
 def test_other_errors_are_no_limits() -> None:
     assert told(FileNotFoundError(errno.ENOENT, "No such file", "x")) is None
     assert told(OSError("4096 requested and 0 written")) is None

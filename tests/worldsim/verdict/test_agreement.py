@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from worldsim.verdict.agreement import WALL_TIMES, differences, not_repeated
+from worldsim.verdict.agreement import WALL_TIMES, differences, missing, not_repeated
 
 WARNED = "r1 is slow"
 
@@ -49,3 +49,35 @@ def test_the_warnings_of_other_checks_are_compared() -> None:
     stated = summary("invalid", check(False), check(True, warnings=(WARNED,), name="progress"))
     found = summary("valid", check(True, judged=False), check(True, name="progress"))
     assert "verdict.warnings" in {one.field for one in differences(stated, found)}
+
+
+FOUND = {
+    **summary("valid", check(True), check(True, name="moves")),
+    "ticks": 5,
+    "robots": {"r1": {"status": "alive", "frames": 5}},
+}
+
+
+@pytest.mark.parametrize(
+    ("changes", "fields"),
+    [
+        ({"robots": {**FOUND["robots"], "r9": {"status": "alive"}}}, {"robots.r9"}),
+        ({"robots": {"r1": {"status": "alive"}}}, {"robots.r1.frames"}),
+        ({"robots": {}}, {"robots.r1"}),
+        ({"prize": 1}, {"prize"}),
+        ({"exit_codes": {"r1": 0}}, set()),
+        ({"verdict": summary("valid", check(True), check(False, name="style"))["verdict"]}, {"verdict.checks.style"}),
+        ({"verdict": summary("valid", check(True, judged=False))["verdict"]}, {"verdict.checks.recovery.judged"}),
+    ],
+)
+def test_what_was_added_and_what_was_taken_away_is_a_difference(changes: dict[str, Any], fields: set[str]) -> None:
+    assert {one.field for one in differences({**FOUND, **changes}, FOUND)} == fields
+
+
+def test_fields_and_checks_that_an_earlier_version_did_not_write_are_missing() -> None:
+    stated = {**FOUND, "verdict": summary("valid", check(True))["verdict"]}
+    del stated["ticks"]
+    assert differences(stated, FOUND) == []
+    assert missing(stated, FOUND) == ["ticks", "verdict.checks.moves"]
+    assert missing(FOUND, FOUND) == []
+    assert "verdict" in missing({}, FOUND)

@@ -288,6 +288,8 @@ def test_the_cache_is_where_the_user_wants_it(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr(Path, "expanduser", homeless)
     with pytest.raises(BadInput, match="NUMBA_CACHE_DIR"):
         is_stored("patrol.ground.kernels.fog", kernel_files("patrol")["patrol.ground.kernels.fog"])
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "given"))
+    assert cache_home() == tmp_path / "given" / "fogwatch"
 
 
 def test_the_progress_names_kernels_and_the_time_to_go() -> None:
@@ -300,6 +302,13 @@ def test_a_cache_that_others_may_write_is_not_used(tmp_path: Path, monkeypatch: 
     home = cache_home()
     home.mkdir()
     assert cache_home() == home
+    home.chmod(0o775)
+    assert cache_home() == home, "the user's own group"
+    monkeypatch.setattr(os, "getegid", lambda: home.stat().st_gid + 1)
+    with pytest.raises(BadInput, match="another user may have written them"):
+        cache_home()
+    monkeypatch.undo()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     home.chmod(0o777)
     with pytest.raises(BadInput, match="another user may have written them; set NUMBA_CACHE_DIR"):
         cache_home()
