@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from monitor.replay.run_files import JOURNAL
 from patrol.errors import BadInput
 from patrol.untrusted import MIB, RECORDING, open_untrusted
 
 if TYPE_CHECKING:
+    from mcap.stream_reader import StreamReader
     from mcap.writer import Writer
 
 METADATA = "fogwatch"
@@ -106,13 +108,10 @@ def _read(path: Path, contents: Contents, write: Callable[[Any], None] | None) -
 
 def _records(path: Path, contents: Contents) -> Iterator[Any]:
     """All records up to the first incomplete or damaged one."""
-    from mcap.stream_reader import StreamReader
-
     begun = False
     try:
         with open_untrusted(path, RECORDING) as file:
-            reader = StreamReader(file, emit_chunks=True, validate_crcs=True, record_size_limit=MOST_RECORD)
-            for record in reader.records:
+            for record in _reader(file).records:
                 begun = True
                 yield from _unpacked(record)
     except IsADirectoryError:
@@ -125,6 +124,32 @@ def _records(path: Path, contents: Contents) -> Iterator[Any]:
                 f"{path}: is not an MCAP file, or is cut off before its first record; name a recording.mcap"
             ) from None
         contents.why_cut = f"after {contents.end_s:g} s ({type(error).__name__})"
+
+
+def _reader(file: BinaryIO) -> StreamReader:
+    """A reader that never reads on behind the end of a record, whatever lengths and counts the record holds.
+
+    mcap's own reader believes them. A message that is shorter than its head then stands for the rest of the file, and
+    the index of a chunk for 268 million entries.
+    """
+    from mcap.data_stream import ReadDataStream
+    from mcap.exceptions import EndOfFile
+    from mcap.records import McapRecord
+    from mcap.stream_reader import StreamReader
+
+    class RecordByRecord(StreamReader):
+        def _read_record(self, opcode: int, length: int) -> McapRecord | None:
+            whole = self._stream
+            content = whole.read(length)
+            if len(content) < length:
+                raise EndOfFile
+            self._stream = ReadDataStream(BytesIO(content))
+            try:
+                return super()._read_record(opcode, length)
+            finally:
+                self._stream = whole
+
+    return RecordByRecord(file, emit_chunks=True, validate_crcs=True, record_size_limit=MOST_RECORD)
 
 
 def _unpacked(record: Any) -> Iterator[Any]:

@@ -14,7 +14,7 @@ from monitor.recording.mcap_file import MOST_RECORD, inspect_recording
 from tests.hostile.files.looks import one_line
 
 MAGIC = b"\x89MCAP0\r\n"
-MESSAGE, CHANNEL, SCHEMA, CHUNK, ATTACHMENT, METADATA = 5, 4, 3, 6, 9, 12
+MESSAGE, CHANNEL, SCHEMA, CHUNK, MESSAGE_INDEX, ATTACHMENT, METADATA = 5, 4, 3, 6, 7, 9, 12
 
 
 def record(opcode: int, body: bytes, length: int | None = None) -> bytes:
@@ -46,6 +46,8 @@ CUT: dict[str, Callable[[], bytes]] = {
     "a record longer than the file": lambda: record(MESSAGE, b"abc", 1 << 62),
     "a record of all lengths": lambda: record(MESSAGE, b"abc", (1 << 64) - 1),
     "a record without content": lambda: record(MESSAGE, b""),
+    "a message shorter than its head, and much behind it": lambda: record(MESSAGE, bytes(21)) + LARGE,
+    "an index of more entries than its record": lambda: record(MESSAGE_INDEX, struct.pack("<HI", 1, 1 << 31)) + LARGE,
     "an attachment longer than its record": lambda: record(
         ATTACHMENT, struct.pack("<QQ", 1, 1) + text("n") + text("m") + struct.pack("<Q", 1 << 60)
     ),
