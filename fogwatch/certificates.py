@@ -15,6 +15,8 @@ from pathlib import Path
 
 from patrol.errors import BadInput
 from patrol.net.security.credentials import AUTHORITY, CERTIFICATE, KEY
+from patrol.untrusted import CERTIFICATE as KIND
+from patrol.untrusted import open_untrusted
 
 AUTHORITY_DAYS = 3650
 """How long a fleet's authority is valid, in days."""
@@ -67,6 +69,7 @@ def issue(authority: Path, folder: Path, common_name: str, days: int, hosts: Seq
     Raises:
         BadInput: The authority expires within a day, or openssl is missing or fails.
     """
+    _check_regular(authority / KEY)
     left = int(facts(authority / CERTIFICATE).ends_s - time.time()) // _DAY_S
     if left < 1:
         raise BadInput(f"{authority}: the authority has expired, or does so within a day; make a new fleet")
@@ -97,6 +100,7 @@ def facts(certificate: Path) -> Facts:
     Raises:
         BadInput: It cannot be read, or openssl is missing.
     """
+    _check_regular(certificate)
     said = _openssl("x509", "-noout", "-enddate", "-subject", "-nameopt", "multiline", "-in", str(certificate))
     fields = {name.strip(): value.strip() for name, _, value in (line.partition("=") for line in said.splitlines())}
     return Facts(fields.get("commonName", _UNKNOWN_NAME), ssl.cert_time_to_seconds(fields["notAfter"]))
@@ -113,8 +117,10 @@ def problem(folder: Path, authority: Path) -> str:
         The problem in words; empty when there is none.
 
     Raises:
-        BadInput: openssl is missing.
+        BadInput: One of the files cannot be read, or openssl is missing.
     """
+    for file in (authority, folder / CERTIFICATE, folder / KEY):
+        _check_regular(file)
     certificate, key = str(folder / CERTIFICATE), str(folder / KEY)
     try:
         _openssl("verify", "-no_check_time", "-CAfile", str(authority), certificate)
@@ -131,6 +137,14 @@ def _is_address(host: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def _check_regular(file: Path) -> None:
+    """Check that openssl comes to the end of a file: it would wait for a named pipe, and read a device for ever."""
+    try:
+        open_untrusted(file, KIND).close()
+    except OSError as error:
+        raise BadInput(f"{file} cannot be read: {error.strerror}; restore it") from None
 
 
 def _openssl(*words: str) -> str:

@@ -111,7 +111,7 @@ class FleetFolder:
         if role.user in self.members:
             raise BadInput(f"{role.name}: is a member already; to replace its certificate, revoke it first")
         folder = self.path / role.name
-        if folder.exists():
+        if os.path.lexists(folder):  # also a link that leads nowhere
             raise BadInput(f"{folder}: is there already, though {role.name} is no member; move it away")
         number = self.issued.get(role.user, 0) + 1
         common_name = f"{role.user}.{number}"
@@ -149,7 +149,10 @@ class FleetFolder:
             del self.members[other.user]
             self.add(other, days)
         self._save()
-        shutil.rmtree(self.path / role.name, ignore_errors=True)
+        gone = self.path / role.name
+        if gone.is_symlink():  # the folder that it leads to is not ours to remove
+            gone.unlink()
+        shutil.rmtree(gone, ignore_errors=True)
         return other
 
     def renew_router(self, days: int, hosts: Sequence[str] = ()) -> None:
@@ -268,7 +271,7 @@ def fleet_to_change(path: Path) -> Iterator[FleetFolder]:
         The fleet as its folder has it.
 
     Raises:
-        BadInput: It is none, it is not whole, or somebody else goes on changing it.
+        BadInput: It is none, it is not whole, it cannot be written to, or somebody else goes on changing it.
     """
     open_fleet_folder(path)
     descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
@@ -282,9 +285,29 @@ def fleet_to_change(path: Path) -> Iterator[FleetFolder]:
                 if time.monotonic() >= until:
                     raise BadInput(f"{path}: another command is changing it; wait until that has ended") from None
                 time.sleep(0.05)
-        yield open_fleet_folder(path)
+        with changing(path):
+            yield open_fleet_folder(path)
     finally:
         os.close(descriptor)
+
+
+@contextmanager
+def changing(path: Path) -> Iterator[None]:
+    """Explain an OSError about a file as a folder that cannot be changed.
+
+    Args:
+        path: The fleet's folder.
+
+    Raises:
+        BadInput: In place of the OSError.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.filename is None:  # such as a full disk, or an output that nobody reads
+            raise
+        at = error.filename2 or error.filename
+        raise BadInput(f"{at}: cannot be written ({error.strerror}); make {path} writable") from None
 
 
 def open_fleet_folder(path: Path) -> FleetFolder:

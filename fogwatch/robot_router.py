@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fogwatch.certificates import issue
-from fogwatch.fleet_folder import AUTHORITY_FOLDER, FleetFolder
+from fogwatch.fleet_folder import AUTHORITY_FOLDER, FleetFolder, changing
 from fogwatch.fleet_hosts import LOCAL, checked_hosts
 from patrol.errors import BadInput
 from patrol.net.keys import check_locator
@@ -54,7 +54,8 @@ def make_robot_router(
         The folder.
 
     Raises:
-        BadInput: The robot is no member, a host or port cannot be one, or openssl fails.
+        BadInput: The robot is no member, a host or port cannot be one, the folder cannot be written to, or openssl
+            fails.
     """
     role = robot_role(robot)
     folder = fleet.path / f"{robot}-router"
@@ -65,9 +66,10 @@ def make_robot_router(
     given = checked_hosts(hosts)
     for one in (port, local_port):
         check_locator(f"tcp/127.0.0.1:{one}", "--port:")
-    folder.mkdir(mode=0o700, exist_ok=True)
     names = [*dict.fromkeys([*given, *LOCAL])]
-    issue(fleet.path / AUTHORITY_FOLDER, folder, f"{robot}-router.{fleet.fleet[:40]}", days, names)
+    with changing(fleet.path):
+        folder.mkdir(mode=0o700, exist_ok=True)
+        issue(fleet.path / AUTHORITY_FOLDER, folder, f"{robot}-router.{fleet.fleet[:40]}", days, names)
     members = {fleet.members[role.user]: agent_rights(form, namespace, commands)}
     if VIEWER.user in fleet.members:
         members[fleet.members[VIEWER.user]] = viewer_rights(form, namespace)
@@ -82,5 +84,6 @@ def make_robot_router(
         "close_link_on_expiration": True,
     }
     says = robot_router(form, namespace, members, listen, tls, commands)
-    replace_private(folder / FILE, f"{json.dumps(says, indent=2)}\n")
+    with changing(fleet.path):
+        replace_private(folder / FILE, f"{json.dumps(says, indent=2)}\n")
     return folder

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import stat
 from collections.abc import Callable
@@ -313,6 +314,52 @@ def test_a_damaged_file_is_refused(
     (made / "fleet.json").write_text(text, encoding="utf-8")
     assert fogwatch("fleet", "check", str(made)) == 2
     assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.timeout(60)
+def test_a_file_without_an_end_is_not_given_to_openssl(
+    made: Path, fogwatch: Command, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (made / "r1" / "certificate.pem").unlink()
+    os.mkfifo(made / "r1" / "certificate.pem")
+    (made / "r2" / "certificate.pem").unlink()
+    (made / "r2" / "certificate.pem").symlink_to("/dev/zero")
+    assert fogwatch("fleet", "check", str(made)) == 1
+    said = dict(line.split(": ", 1) for line in capsys.readouterr().out.splitlines())
+    assert "is a named pipe; give a regular file" in said["r1"]
+    assert "is a device; give a regular file" in said["r2"]
+    for name in ("certificate.pem", "key.pem"):
+        (made / "authority" / name).unlink()
+        os.mkfifo(made / "authority" / name)
+        assert fogwatch("fleet", "add", str(made), "r3") == 2
+        assert f"{name} cannot be read: is a named pipe" in capsys.readouterr().err
+    assert not (made / "r3").exists()
+
+
+def test_a_link_in_place_of_a_member_s_folder_is_not_followed(
+    made: Path, fogwatch: Command, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (made / "r3").symlink_to("nowhere")
+    assert fogwatch("fleet", "add", str(made), "r3") == 2
+    assert "r3: is there already" in capsys.readouterr().err
+    (made / "r1").rename(made.parent / "moved")
+    (made / "r1").symlink_to(made.parent / "moved")
+    assert fogwatch("fleet", "revoke", str(made), "r1") == 0
+    assert not (made / "r1").is_symlink()
+    assert (made.parent / "moved" / "key.pem").exists()
+
+
+@pytest.mark.parametrize("words", [("add", "router"), ("robot-router", "r1")])
+def test_a_folder_that_cannot_be_changed_is_named(
+    words: tuple[str, str], made: Path, fogwatch: Command, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.rmtree(made / "router")
+    for name in ("router", "r1-router"):
+        (made / name).symlink_to("nowhere")
+    assert fogwatch("fleet", words[0], str(made), words[1]) == 2
+    said = capsys.readouterr().err
+    assert "router: cannot be written (File exists); make " in said
+    assert said.count("\n") == 1
 
 
 def test_without_openssl_people_are_told(
