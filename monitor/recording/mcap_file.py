@@ -193,6 +193,7 @@ class _Copy:
 
     def __init__(self, writer: Writer) -> None:
         self._writer = writer
+        self._begun = False
         self._schemas: dict[int, int] = {}
         self._channels: dict[int, int] = {}
 
@@ -201,9 +202,10 @@ class _Copy:
         from mcap.records import Attachment, Channel, Header, Message, Metadata, Schema
 
         writer = self._writer
+        if not self._begun:  # once, whatever the first record is, and however many headers there are
+            self._begun = True
+            writer.start(*((record.profile, record.library) if isinstance(record, Header) else ()))
         match record:
-            case Header():
-                writer.start(record.profile, record.library)
             case Schema() if record.id not in self._schemas:
                 self._schemas[record.id] = writer.register_schema(record.name, record.encoding, record.data)
             case Channel() if record.id not in self._channels and record.schema_id in self._schemas:

@@ -73,6 +73,16 @@ def test_reading_ends_where_a_recording_stands_for_too_much(what: str, tmp_path:
     assert (again.why_cut, again.messages) == ("", contents.messages)
 
 
+@pytest.mark.parametrize("headers", [0, 3])
+def test_a_repaired_recording_has_one_header(headers: int, tmp_path: Path) -> None:
+    path, repaired = tmp_path / "strange.mcap", tmp_path / "repaired.mcap"
+    header = record(1, text("ros2") + text("x"))
+    path.write_bytes(BEGIN.replace(header, headers * header) + HELLO)
+    assert inspect_recording(path, repaired).messages == {"/t": 1}
+    again = inspect_recording(repaired)
+    assert (again.why_cut, again.messages) == ("", {"/t": 1})
+
+
 def test_a_chunk_in_a_chunk_is_not_opened(tmp_path: Path) -> None:
     path = tmp_path / "strange.mcap"
     inner = HELLO
