@@ -8,9 +8,10 @@ and the pictures. From Python:
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
+TYPE_CHECKING = False  # typing's, which takes longer to load than all else until the command heeds Ctrl-C
 if TYPE_CHECKING:
+    from typing import Any
+
     from fogwatch.api import Result, run
 
 __all__ = ["Result", "run"]

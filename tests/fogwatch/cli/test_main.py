@@ -55,6 +55,12 @@ def test_it_is_the_same_command_as_among_all_others() -> None:
     assert "agent" in loaded("fogwatch.cli.main", "fogwatch", "--help")[2]
 
 
+def test_it_heeds_ctrl_c_before_anything_slow_is_loaded() -> None:
+    program = "import sys; sys.modules['typing'] = None; import fogwatch.cli.main; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-P", "-c", program], capture_output=True, text=True, check=True)
+    assert not {"pathlib", "rich", "typer"} & set(done.stdout.split())
+
+
 @pytest.mark.parametrize(
     ("words", "line"),
     [
