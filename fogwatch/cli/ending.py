@@ -70,7 +70,7 @@ def _code_of(error: Exception) -> int:
     if isinstance(error, BadInput):
         line = str(error)
     elif isinstance(error, OSError):
-        line = exhausted.told(error)
+        line = exhausted.told(error) or _nowhere()
     elif hasattr(error, "format_message"):
         line = error.format_message()  # typer's; without one it has printed the help
     if line is None:
@@ -79,6 +79,17 @@ def _code_of(error: Exception) -> int:
     if line:
         complain(line)
     return BAD_INPUT
+
+
+def _nowhere() -> str | None:
+    """What to say where the current folder has been removed; None where it is there."""
+    try:
+        os.getcwd()  # noqa: PTH109 - the error is what matters
+    except FileNotFoundError:
+        return "the current folder has been removed; change to one that is there"
+    except OSError:
+        pass
+    return None
 
 
 def complain(line: str) -> None:

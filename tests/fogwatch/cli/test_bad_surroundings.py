@@ -66,6 +66,13 @@ def test_an_output_without_room_is_one_line(words: list[str], tmp_path: Path) ->
     )
 
 
+def test_a_current_folder_that_is_gone_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "gone").mkdir()
+    done = shell('cd gone && rmdir ../gone && "$@"', *QUICK, folder=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr == "fogwatch: the current folder has been removed; change to one that is there\n"
+
+
 def test_a_reader_that_leaves_the_help_is_no_error(tmp_path: Path) -> None:
     """Enough help that the reader leaves before its end, whatever a pipe holds."""
     done = shell('{ "$@"; echo "$?" >&2; } | true', "run", "--help", folder=tmp_path)
