@@ -316,7 +316,6 @@ def test_a_damaged_file_is_refused(
     assert capsys.readouterr().err.count("\n") == 1
 
 
-@pytest.mark.timeout(60)
 def test_a_file_without_an_end_is_not_given_to_openssl(
     made: Path, fogwatch: Command, capsys: pytest.CaptureFixture[str]
 ) -> None:
