@@ -126,16 +126,25 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if dropped:
         config.hook.pytest_deselected(items=dropped)
         items[:] = kept
-    items.sort(key=_place)
+    items[:] = spread(items)
     if (seed := config.option.shuffle) is not None:
         items.sort(key=lambda item: (_shuffled(seed, str(item.path)), _shuffled(seed, item.nodeid)))
 
 
-def _place(item: pytest.Item) -> int:
-    """Return a sort key: tests that wait first, then long ones, then the rest, so that no worker idles at the end."""
-    long = item.path.name == "test_house.py" or item.get_closest_marker("kind") is not None
-    waits = item.path.relative_to(TIMES.parent).as_posix().startswith(WAITING)
-    return 1 if long else 0 if waits else 2
+def spread(items: list[pytest.Item]) -> list[pytest.Item]:
+    """Return the tests in an order in which no worker idles at the end.
+
+    Checks of all sources and tests that wait come first, on one worker; real fleets are in the middle, on another one.
+    """
+    first, fleets, rest = list[pytest.Item](), list[pytest.Item](), list[pytest.Item]()
+    for item in items:
+        if item.path.name == "test_house.py" or item.path.relative_to(TIMES.parent).as_posix().startswith(WAITING):
+            first.append(item)
+        else:
+            (rest if item.get_closest_marker("kind") is None else fleets).append(item)
+    middle = len(rest) // 2
+    first.sort(key=lambda item: item.path.name != "test_house.py")
+    return [*first, *rest[:middle], *fleets, *rest[middle:]]
 
 
 def _shuffled(seed: str, name: str) -> bytes:
