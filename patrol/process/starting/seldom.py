@@ -41,7 +41,6 @@ SELDOM: Mapping[str, Callable[[Scenario], bool]] = {
     "agent.routes.kernels.region_paths": _has_regions,
     "agent.routes.kernels.straight": _goes_straight,
     "patrol.ground.kernels.doors": lambda _: False,  # where a random start may be shut in
-    "patrol.ground.kernels.tour": lambda _: False,  # for new ground, by the clerk while the run goes on
     "patrol.regions.kernels.cuts": _has_regions,
     "patrol.regions.kernels.outline": _has_regions,
     "patrol.regions.kernels.pieces": _has_regions,
