@@ -50,7 +50,7 @@ def test_a_robot_of_ones_own_patrols_with_two_simulated_ones(fleet: Hand) -> Non
     summary = json.loads((fleet.out / "summary.json").read_text(encoding="utf-8"))
     links = summary["direct"]["links"]
     for one, other in (("guest", "r1"), ("guest", "r2"), ("r1", "guest"), ("r2", "guest")):
-        assert links[f"{one} to {other}"]["heard"] > 20, links
+        assert links[f"{one} to {other}"]["heard"] > 0, links
 
 
 def test_a_guest_that_hears_nobody_says_so(fleet: Hand) -> None:
