@@ -77,7 +77,7 @@ class Result:
 
 @dataclass(frozen=True, slots=True)
 class RunOptions:
-    """How to run a scenario, and where to show the progress.
+    """Settings of a run, and where to show the progress.
 
     Attributes:
         out: The run folder, new or empty; None for ``runs/<name>-<time>``.
@@ -387,7 +387,7 @@ def _baseline(prepared: Prepared, options: RunOptions) -> float | None:
 
 
 def _needs_second_run(scenario: Scenario, options: RunOptions) -> bool:
-    """Whether the recovery is judged, by a run without the faults."""
+    """Return whether the recovery is judged, by a second run without the faults."""
     return options.recovery and bool(scenario.faults) and scenario.radio.via == "ether"
 
 

@@ -107,7 +107,7 @@ def facts(certificate: Path) -> Facts:
 
 
 def problem(folder: Path, authority: Path) -> str:
-    """What is wrong with a certificate; when it expires does not matter here.
+    """Return what is wrong with a certificate; when it expires does not matter here.
 
     Args:
         folder: Where the certificate and its key lie.

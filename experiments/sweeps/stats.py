@@ -77,7 +77,7 @@ def estimate(values: Sequence[float], confidence: float = 0.95) -> Estimate:
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """How well our numbers fit printed ones.
+    """The fit of our numbers to printed ones.
 
     Attributes:
         cells: Number of pairs.

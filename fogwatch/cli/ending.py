@@ -82,7 +82,7 @@ def _code_of(error: Exception) -> int:
 
 
 def _nowhere() -> str | None:
-    """What to say where the current folder has been removed; None where it is there."""
+    """Return the error for a current folder that has been removed; None where it is there."""
     try:
         os.getcwd()  # noqa: PTH109 - the error is what matters
     except FileNotFoundError:

@@ -105,12 +105,10 @@ def write_files(
 
 def load() -> None:
     """Import what the files are made with, which takes a second or two: for a process that has to wait anyway."""
+    drawing = ("matplotlib.backends.backend_agg", "matplotlib.backends.backend_svg")
     with suppress(ImportError):  # reported when a file is asked for
-        for name in ("matplotlib.backends.backend_agg", "matplotlib.backends.backend_svg", *_MAKERS):
+        for name in (*drawing, "monitor.recording.run_recorder", "monitor.report.document"):
             import_module(name)
-
-
-_MAKERS = ("monitor.recording.run_recorder", "monitor.report.document")
 
 
 def derive(

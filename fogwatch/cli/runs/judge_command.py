@@ -100,7 +100,7 @@ def _with_key(prepared: Prepared, key: Path | None) -> Prepared:
 
 
 def _same_scenario(loaded: Prepared, journal: Journal) -> bool:
-    """Whether the folder's scenario is the one that the journal was written for."""
+    """Return whether the folder's scenario is the one that the journal was written for."""
     from patrol.scenario import load_scenario, same_but_for_files
 
     told = load_scenario(journal.header.scenario, base=loaded.scenario.base, called="journal", opens_policy=False)
