@@ -214,12 +214,13 @@ class End:
     Attributes:
         reason: Why the run ended.
         trace_hash: Of all ticks.
-        notes: What the launcher should know as well.
+        notes: What the launcher should know as well. They hold times of this machine, so equality leaves them out: two
+            runs of one scenario have equal ends.
     """
 
     reason: str
     trace_hash: str
-    notes: Mapping[str, Any] = field(default_factory=dict)
+    notes: Mapping[str, Any] = field(default_factory=dict, compare=False)
 
 
 Record = Header | TickRecord | Event | End
