@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import signal
 import socket
+import struct
 import time
 from collections.abc import Mapping
 from multiprocessing.connection import Connection
@@ -109,8 +110,7 @@ class ClerkChild:
 
     def _start(self) -> None:
         try:
-            ours, theirs = socket.socketpair()
-            self._connection = Connection(ours.detach())
+            self._connection, theirs = open_pair()
             with theirs:
                 arguments = ["--run", str(self._folder.path), "--talk", str(theirs.fileno()), "--nice", str(NICE)]
                 log, inherit = self._folder.log("clerk"), [theirs.fileno()]
@@ -153,3 +153,14 @@ class ClerkChild:
         if self._connection is not None:
             self._connection.close()
             self._connection = None
+
+
+def open_pair() -> tuple[Connection, socket.socket]:
+    """Open the connection to a clerk.
+
+    Returns:
+        The launcher's end and the clerk's. Reading at the first fails when the rest of a message does not come.
+    """
+    ours, theirs = socket.socketpair()
+    ours.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("@ll", int(SILENT_S), 0))
+    return Connection(ours.detach()), theirs

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import struct
 import subprocess
 import sys
 import threading
@@ -14,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from fogwatch.clerk import News
+from fogwatch.launch import clerk_child
 from fogwatch.launch.clerk_child import CLERK, ClerkChild
 from fogwatch.launch.clerk_messages import JUDGING, REPORT, Progress, ReportWritten, VerdictAsked
 from fogwatch.launch.live_table import SilentDisplay
@@ -53,6 +55,18 @@ def test_a_clerk_whose_message_cannot_be_read_is_killed(tmp_path: Path, pair: tu
     assert not clerk.begin_report()
     clerk.close()
     process.stdout.close()
+
+
+def test_a_clerk_that_stops_in_the_middle_of_a_message_is_given_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(clerk_child, "SILENT_S", 1.0)
+    clerk = ClerkChild(RunFolder(tmp_path), SilentDisplay())
+    clerk._connection, theirs = clerk_child.open_pair()
+    with theirs:
+        theirs.send(struct.pack("!i", 100) + b"the first part")
+        assert clerk.report_written() is None
+    clerk.close()
 
 
 def test_a_busy_clerk_is_heard_from_the_question_to_the_answer(pair: tuple[Connection, Connection]) -> None:
