@@ -77,7 +77,7 @@ QUICK_KERNEL_TESTS := $(addprefix tests/patrol/ground/test_,footprint.py fog.py 
 	tests/patrol/regions tests/agent/belief tests/agent/routes tests/agent/bodies/test_goal.py \
 	tests/agent/policies/potential_field/pull/test_force.py tests/worldsim/robots/test_motion.py \
 	tests/monitor/page/test_tiles.py tests/monitor/replay/test_visits.py
-BOUNDS := NUMBA_BOUNDSCHECK=1 NUMBA_CACHE_DIR="$(CURDIR)/build/numba-bounds"
+BOUNDS := NUMBA_BOUNDSCHECK=1
 
 .PHONY: test-bounds test-bounds-quick
 test-bounds: develop ## the tests of kernels, with every index checked

@@ -82,7 +82,7 @@ def operate(start: Callable[..., Run]) -> Any:
 
 def test_a_page_that_dies_takes_nothing_with_it(operate: Callable[..., Operating], tmp_path: Path) -> None:
     """It is killed while the fleet drives and it shows that; held before, for a page takes its time to come."""
-    scenario = {**COARSE, "duration": 900, "robots": 3 * [{}]}
+    scenario = {**COARSE, "duration": 300, "robots": 3 * [{}]}
     at = operate(scenario, "--page")
     log = at.run.folder / "logs" / "page.log"
     at.run.until(lambda: log.exists() and READY in log.read_text(encoding="utf-8"))
@@ -95,7 +95,7 @@ def test_a_page_that_dies_takes_nothing_with_it(operate: Callable[..., Operating
     assert "the page was killed by SIGKILL" in at.run.errors
     assert not at.run.children()
     summary = at.run.summary()
-    assert (summary["ended"], summary["ticks"]) == ("completed", 1800)
+    assert (summary["ended"], summary["ticks"]) == ("completed", 600)
     assert summary["verdict"]["valid"], summary["verdict"]
     assert summary["exit_codes"] == dict.fromkeys(["the router", "the world", "r1", "r2", "r3"], 0)
     assert summary["trace_hash"] == fogwatch.run(scenario, out=tmp_path / "one", picture=False).trace_hash
@@ -104,7 +104,7 @@ def test_a_page_that_dies_takes_nothing_with_it(operate: Callable[..., Operating
 def test_what_an_operator_does_is_replayed_to_the_same_trace(operate: Callable[..., Operating], tmp_path: Path) -> None:
     scenario = {
         **COARSE,
-        "duration": 600,
+        "duration": 300,
         "robots": 4 * [{}],
         "faults": [{"kind": "loss", "rate": 0.1}, {"kind": "leave", "who": "r4", "at": 1}],
     }
