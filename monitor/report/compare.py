@@ -12,7 +12,7 @@ from monitor.replay.run import Run
 from monitor.report import html
 from monitor.report.analysis import Analysis, disagreement, measures, outcome_of, state_of
 from monitor.report.charts import WIDTH, thinned
-from monitor.report.map_charts import fog_chart
+from monitor.report.map_charts import fog_chart, never_seen_note
 from monitor.report.style import Drawing, colour, draw, figure, plain
 from patrol.printable import printable
 
@@ -98,7 +98,8 @@ def drawings(analyses: Sequence[Analysis]) -> list[Drawing]:
             fog, never = analysis.visits.mean * run.step, analysis.visits.never
             return fog_chart(run.prepared.terrain, fog, run.prepared.patrolled, never, "mean fog (s)", most)
 
-        made.append(draw(f"fog-mean-{number}", name, "Mean age of each point.", mean))
+        caption = "Mean age of each point." + never_seen_note(analysis.visits.never)
+        made.append(draw(f"fog-mean-{number}", name, caption, mean))
     return made
 
 

@@ -71,13 +71,13 @@ def drawings(analysis: Analysis) -> list[Drawing]:
         draw(
             "fog-mean",
             "Mean fog",
-            "Mean age of each point over the run.",
+            "Mean age of each point over the run." + map_charts.never_seen_note(visits.never),
             lambda: map_charts.fog_chart(terrain, visits.mean * step, counted, visits.never, "mean fog (s)"),
         ),
         draw(
             "fog-worst",
             "Worst fog",
-            "Largest age of each point." + (" Purple: never seen." if visits.never.any() else ""),
+            "Largest age of each point." + map_charts.never_seen_note(visits.never),
             lambda: map_charts.fog_chart(
                 terrain, visits.worst.astype(np.float64) * step, counted, visits.never, "worst fog (s)"
             ),

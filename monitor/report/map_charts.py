@@ -66,6 +66,11 @@ def fog_chart(
     return made
 
 
+def never_seen_note(never: BoolGrid) -> str:
+    """Return what a caption says of the points that `fog_chart` shows as never seen, nothing where there are none."""
+    return " Purple: never seen." if never.any() else ""
+
+
 def paths_chart(run: Run) -> Figure:
     """The robots' paths: one panel for each robot, or one map for all robots of a large fleet."""
     terrain, count = run.prepared.terrain, len(run.names)
