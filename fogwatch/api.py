@@ -346,6 +346,8 @@ def _ended_as_processes(
     except BadInput as bad:
         raise Failed(str(bad)) from None
     operated = prepared_as_operated(prepared, journal.events)
+    if _needs_second_run(operated.scenario, options):  # perhaps only since an operator has added a fault
+        clerk.close()
     try:
         options.display.progress(JUDGING)
         clerk.begin_verdict(exit_codes)

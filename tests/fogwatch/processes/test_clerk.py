@@ -20,7 +20,7 @@ from fogwatch.launch.clerk_child import CLERK, ClerkChild
 from fogwatch.launch.launcher import WORLD, Launch
 from fogwatch.launch.live_table import SilentDisplay
 from patrol.journal import read_journal
-from patrol.prepare import prepare
+from patrol.prepare import Prepared, prepare
 from patrol.scenario import load_scenario
 from patrol.scenario.controls import OPERATOR
 from tests.fleets import COARSE
@@ -192,19 +192,37 @@ def test_a_run_whose_world_is_killed_is_unknown_to_the_clerk_too(stage: Stage) -
     assert result.summary["exit_codes"]["the world"] == -signal.SIGKILL
 
 
+class Operator:
+    """Adds a fault once the clerk is at work, and ends the run when that is in the journal; used as ``stop``."""
+
+    def __init__(self, stage: Stage) -> None:
+        self._stage = stage
+        self._asked = False
+        self._over = False
+
+    def __call__(self) -> bool:
+        if self._over or not self._stage.loaded():
+            return False
+        if not self._asked:
+            words = ["control", str(self._stage.folder), "fault", "{kind: loss, rate: 0.5}"]
+            subprocess.run([sys.executable, "-P", "-m", "fogwatch", *words], check=True, capture_output=True)
+            self._asked = True
+        self._over = any(event.kind == OPERATOR for event in read_journal(self._stage.folder / "journal").events)
+        return self._over
+
+
 @pytest.mark.usefixtures("by_the_clerk_alone")
 def test_faults_that_an_operator_adds_are_judged_by_the_clerk(stage: Stage) -> None:
-    """The control is asked for once the clerk is at work; the run goes on until it is in the journal."""
-    command = [sys.executable, "-P", "-m", "fogwatch", "control", str(stage.folder), "fault", "{kind: loss, rate: 0.5}"]
-    asked: list[str] = []
-
-    def stop() -> bool:
-        if not stage.loaded():
-            return False
-        if not asked:
-            asked.append(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
-        return any(event.kind == OPERATOR for event in read_journal(stage.folder / "journal").events)
-
-    result = stage.run(stop)
+    result = stage.run(Operator(stage))
     assert result.verdict == stage.finished(result)
     assert "refused frames" in [check.name for check in result.verdict.checks]
+
+
+def test_the_recovery_from_an_operators_first_fault_is_judged_too(
+    stage: Stage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The scenario has no fault, so a clerk was started, which does not know of the second run."""
+    second_runs: list[Prepared] = []
+    monkeypatch.setattr("experiments.inprocess.fault_free_mfow", lambda given, _: second_runs.append(given))
+    assert stage.run(Operator(stage), recovery=True).verdict.valid
+    assert [given.scenario.faults[0].kind for given in second_runs] == ["loss"]
