@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 WALL_TIMES = ("wall_s", "realtime_factor")
-"""Fields that a journal without an end does not give, nor one of a run in one process of an earlier version."""
+"""Fields that only a journal with an end gives, and of a run in one process only since version 0.2.0."""
 
 NOT_IN_JOURNAL = ("exit_codes",)
 """Fields that no journal gives."""
@@ -35,9 +35,10 @@ class Difference:
 def differences(stated: Mapping[str, Any], found: Mapping[str, Any]) -> list[Difference]:
     """Compare a summary with one that was made from the journal, field by field.
 
-    Of the verdict's checks, those are compared that both have, by name. A check that could be judged only then is left
-    out, with its warnings and with what follows from its failure. Exit codes are in no journal and are not compared.
-    A field or a check that the stated summary lacks is no difference: earlier versions wrote fewer (`missing`).
+    Of the verdict's checks, those are compared that both have, by name. A check that was judged after the run and could
+    not be judged again is left out, with its warnings and with what follows from its failure. Exit codes are in no
+    journal and are not compared. A field or a check that the stated summary lacks, at any depth, is no difference:
+    earlier versions wrote fewer. `missing` lists these.
 
     Args:
         stated: As in summary.json.
@@ -62,11 +63,31 @@ def missing(stated: Mapping[str, Any], found: Mapping[str, Any]) -> list[str]:
     Args:
         stated: As for `differences`.
         found: As for `differences`.
+
+    Returns:
+        Dotted names, for example ``robots.r1.frames``.
     """
-    verdict = stated.get("verdict")
-    checks = {check["name"] for check in verdict["checks"]} if isinstance(verdict, Mapping) else set()
-    unstated = [check["name"] for check in found["verdict"]["checks"] if check["name"] not in checks]
-    return [name for name in found if name not in stated] + [f"verdict.checks.{name}" for name in unstated]
+    return list(_missing(_by_name(stated), _by_name(found), ""))
+
+
+def _by_name(summary: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return a summary whose verdict has its checks by name."""
+    verdict = summary.get("verdict")
+    if not isinstance(verdict, Mapping):
+        return summary
+    return {**summary, "verdict": {**verdict, "checks": {check["name"]: check for check in verdict["checks"]}}}
+
+
+def _missing(stated: Any, found: Any, prefix: str) -> Iterator[str]:
+    if isinstance(stated, Mapping) and isinstance(found, Mapping):
+        for name, value in found.items():
+            if name in stated:
+                yield from _missing(stated[name], value, f"{prefix}{name}.")
+            else:
+                yield f"{prefix}{name}"
+    elif isinstance(stated, list) and isinstance(found, list) and len(stated) == len(found):
+        for place, pair in enumerate(zip(stated, found, strict=True)):
+            yield from _missing(*pair, f"{prefix}{place}.")
 
 
 def not_repeated(stated: Mapping[str, Any], found: Mapping[str, Any]) -> list[str]:
@@ -111,8 +132,8 @@ def _between_verdicts(stated: Mapping[str, Any], found: Mapping[str, Any]) -> It
 
 def _between(stated: Any, found: Any, field: str) -> Iterator[Difference]:
     if isinstance(stated, Mapping) and isinstance(found, Mapping):
-        for name in {**found, **stated}:
-            yield from _between(stated.get(name), found.get(name), f"{field}.{name}")
+        for name in stated:
+            yield from _between(stated[name], found.get(name), f"{field}.{name}")
         return
     if isinstance(stated, Sequence) and isinstance(found, Sequence) and not isinstance(stated, str):
         if len(stated) == len(found):
