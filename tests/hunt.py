@@ -35,6 +35,10 @@ COLUMNS = ("seed", "test", "log")
 MARK = "FOGWATCH_TEST_HUNT"
 """Environment variable by which the processes of a hunt are found, whoever their parent is."""
 
+INTERRUPTIONS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+LEAVE_S = 120.0
+"""How long an interrupted pytest may take to end what its tests have started, s."""
+
 LONGEST_STOP_S = 1.5
 LONGEST_GAP_S = 1.0
 """The longest time for which a process is stopped, and the longest until the next one is."""
@@ -159,7 +163,7 @@ def busy_loops(count: int) -> Iterator[None]:
             loop.wait()
 
 
-def hunt(seed: int, folder: Path, loops: int, arguments: list[str]) -> list[Failure]:
+def hunt(seed: int, folder: Path, loops: int, arguments: list[str], found: list[Failure]) -> None:
     """Run pytest once.
 
     Args:
@@ -167,9 +171,7 @@ def hunt(seed: int, folder: Path, loops: int, arguments: list[str]) -> list[Fail
         folder: Takes the log, and pytest's record of what failed.
         loops: The number of busy loops beside it.
         arguments: Further arguments for pytest.
-
-    Returns:
-        What failed.
+        found: Takes what failed, also when this is interrupted.
     """
     log = folder / f"{seed}.log"
     cache = folder / f"{seed}.cache"
@@ -184,10 +186,13 @@ def hunt(seed: int, folder: Path, loops: int, arguments: list[str]) -> list[Fail
         try:
             stops = disturb(pytest, f"{MARK}={number}", seed)
         finally:
-            if pytest.poll() is None:
-                pytest.send_signal(signal.SIGINT)  # it ends what its tests have started
-                pytest.wait()
-            failures = failures_of(pytest, cache, seed, log)
+            interrupted = pytest.poll() is None
+            if interrupted:
+                end(pytest, f"{MARK}={number}")
+            failures = failures_of(cache, seed, log)
+            if pytest.returncode and not failures and not interrupted:
+                failures = [Failure(seed, "", str(log.relative_to(ROOT)))]
+            found += failures
             keep(failures)
     lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
     if not stops:
@@ -196,17 +201,30 @@ def hunt(seed: int, folder: Path, loops: int, arguments: list[str]) -> list[Fail
         f"seed {seed}: exit code {pytest.returncode}, {stops} stops, {lines[-1].strip('= ') if lines else 'no output'}",
         flush=True,
     )
-    return failures
 
 
-def failures_of(pytest: subprocess.Popen[bytes], cache: Path, seed: int, log: Path) -> list[Failure]:
+def end(pytest: subprocess.Popen[bytes], mark: str) -> None:
+    """End a round that is interrupted, and all that its tests have started; further interruptions wait for that."""
+    before = {number: signal.signal(number, signal.SIG_IGN) for number in INTERRUPTIONS}
+    pytest.send_signal(signal.SIGINT)  # it ends what its tests have started
+    try:
+        pytest.wait(LEAVE_S)
+    except subprocess.TimeoutExpired:
+        pytest.kill()
+        pytest.wait()
+    for process in victims(mark):
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(process, signal.SIGKILL)
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+def failures_of(cache: Path, seed: int, log: Path) -> list[Failure]:
     """Return what failed in a round that has ended, as pytest's cache has it."""
     try:
         tests = sorted(json.loads((cache / "v" / "cache" / "lastfailed").read_text(encoding="utf-8")))
     except FileNotFoundError:
         tests = []
-    if pytest.returncode and not tests:
-        tests = [""]
     return [Failure(seed, test, str(log.relative_to(ROOT))) for test in tests]
 
 
@@ -236,11 +254,11 @@ def main() -> int:
     folder.mkdir(parents=True)
     found: list[Failure] = []
     interrupted = False
-    for number in (signal.SIGINT, signal.SIGTERM):  # a shell may have started this in the background, without SIGINT
+    for number in INTERRUPTIONS:  # a shell may have started this in the background, without SIGINT
         signal.signal(number, signal.default_int_handler)
     try:
         for seed in range(first, first + given.times):
-            found += hunt(seed, folder, given.loops, given.arguments)
+            hunt(seed, folder, given.loops, given.arguments, found)
     except KeyboardInterrupt:
         interrupted = True
     for failure in found:
