@@ -213,7 +213,7 @@ def grid_values(fog: Fog, k: int, scale: float) -> NDArray[np.int8]:
     Returns:
         int8 (h, w), from 0 for an age of 0 to 100 for `scale` or more, -1 for points that are not patrolled.
     """
-    oldest = math.ceil(scale)  # the table has as many ages as there are different values, however long the run is
+    oldest = min(math.ceil(scale), k + 1)  # no age is greater at tick k, whatever scale the journal comes to
     by_age = np.minimum(np.rint(np.arange(oldest + 1) * (100.0 / scale)), 100.0).astype(np.int8)
     shown: NDArray[np.int8] = by_age[np.clip(fog.age(k), 0, oldest)]
     shown[fog.patrolled == 0] = ros.UNKNOWN

@@ -214,13 +214,12 @@ class End:
     Attributes:
         reason: Why the run ended.
         trace_hash: Of all ticks.
-        notes: What the launcher should know as well. They hold times of this machine, so equality leaves them out: two
-            runs of one scenario have equal ends.
+        notes: What the launcher should know as well.
     """
 
     reason: str
     trace_hash: str
-    notes: Mapping[str, Any] = field(default_factory=dict, compare=False)
+    notes: Mapping[str, Any] = field(default_factory=dict)
 
 
 Record = Header | TickRecord | Event | End

@@ -89,6 +89,12 @@ def test_a_recording_says_what_the_run_was(faulty: Any, tmp_path: Path) -> None:
     assert dead[3] == 30
 
 
+def test_a_scale_beyond_all_ages_takes_no_more_room_than_the_run() -> None:
+    fog = Fog(np.ones((3, 4), dtype=bool))
+    for scale, value in ((2.0**53, 0), (6.0, 83)):
+        assert (grid_values(fog, 5, scale) == value).all()
+
+
 def test_metadata_scenario_and_chunks(quiet: Any, tmp_path: Path) -> None:
     run = quiet.open()
     with record(run, tmp_path / "out.mcap").open("rb") as file:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -77,7 +78,18 @@ def test_a_difference_names_robot_and_ticks(result: Result, hashes: list[str], p
     assert judge(journal, {}, world.prepared).outcome == "invalid"
 
 
-@pytest.mark.parametrize("wrong", [5, None, [5], [{}], [{**note(1), "spans": [[1, 2]]}], [{**note(1), "asked": "x"}]])
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        5,
+        None,
+        [5],
+        [{}],
+        [{**note(1), "spans": [[1, 2]]}],
+        [{**note(1), "asked": "x"}],
+        [{**note(1), "asked": math.inf}],
+    ],
+)
 def test_what_cannot_be_read_fails(result: Result, wrong: Any) -> None:
     check = noted(result, wrong)
     assert (check.ok, check.detail) == (False, "what the journal holds cannot be read")

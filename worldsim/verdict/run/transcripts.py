@@ -47,7 +47,7 @@ class TranscriptsAgree(Check):
         self._gone = []
         try:
             problems = [problem for note in notes[_NOTE] for problem in self._compare(note)]
-        except (TypeError, KeyError, ValueError):
+        except (TypeError, KeyError, ValueError, OverflowError):
             problems = ["what the journal holds cannot be read"]
         self._fail("; ".join(problems))
         return replace(super().result(), warnings=tuple(self._gone))
