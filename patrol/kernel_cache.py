@@ -41,6 +41,7 @@ WITHOUT_EFFECT = ("NUMBA_CACHE_DIR", "NUMBA_DEBUG_CACHE", "NUMBA_NUM_THREADS")
 """Settings of numba that do not change the code that it makes."""
 UNUSED_S = 90 * 24 * 3600.0
 """Entries that no process has loaded for this long are deleted when another one of the same module is made."""
+_OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 _DAY_S = 24 * 3600.0
 _LIST = "files.json"
 _UNFINISHED = ".making-"
@@ -114,13 +115,28 @@ def cache_home() -> Path:
         facts = home.stat()
     except OSError:  # it is made later, or cannot be
         return home
-    shared = facts.st_mode & stat.S_IWOTH or (facts.st_mode & stat.S_IWGRP and facts.st_gid != os.getegid())
-    if facts.st_uid not in (0, os.geteuid()) or shared:
+    if facts.st_uid not in (0, os.geteuid()) or facts.st_mode & _OTHERS_WRITE:
         raise BadInput(
-            f"the compiled kernels in {home} are not used: another user may have written them; set NUMBA_CACHE_DIR to "
-            "a folder of your own"
+            f"the compiled kernels in {home} are not used: another user may have written them; delete that folder, or "
+            "set NUMBA_CACHE_DIR to a folder of your own"
         )
     return home
+
+
+def make_folder(home: Path) -> None:
+    """Make the folder of the cache, where there is none.
+
+    Other users may be meant to read what lies there. Where the umask would also let them write, they get no access.
+
+    Args:
+        home: From `cache_home`.
+
+    Raises:
+        OSError: It cannot be made.
+    """
+    os.umask(umask := os.umask(0o077))
+    home.parent.mkdir(parents=True, exist_ok=True)
+    home.mkdir(mode=0o777 if umask & _OTHERS_WRITE == _OTHERS_WRITE else 0o700, exist_ok=True)
 
 
 @contextmanager
@@ -171,7 +187,8 @@ class _KernelLoader(SourceFileLoader):
         entry = _entry(self.name, self._source)
         if not _is_intact(entry):
             with storing():
-                entry.parent.mkdir(parents=True, exist_ok=True)
+                make_folder(entry.parent.parent)
+                entry.parent.mkdir(exist_ok=True)
                 with (entry.parent / "lock").open("ab") as lock:
                     fcntl.flock(lock, fcntl.LOCK_EX)
                     if not _is_intact(entry):
@@ -184,7 +201,7 @@ class _KernelLoader(SourceFileLoader):
         """Compile the module and store its entry; no other process makes an entry of this module meanwhile."""
         _clean(entry)
         part = entry.parent / f"{_UNFINISHED}{os.getpid()}"
-        part.mkdir()  # with the user's own umask: others may be meant to read the cache
+        part.mkdir()
         try:
             self._execute(module, part)
             listed = {file.name: _digest(file) for file in part.iterdir()}

@@ -19,8 +19,9 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 from pathlib import Path
+from typing import BinaryIO
 
-from patrol.kernel_cache import cache_home, is_stored, storing
+from patrol.kernel_cache import cache_home, is_stored, make_folder, storing
 from patrol.process.starting.compiling import Compiled, compile_modules
 from patrol.process.starting.seldom import SELDOM
 
@@ -133,13 +134,20 @@ def _hidden(package: str) -> Iterator[None]:
 @contextmanager
 def _lock(home: Path, say: Callable[[str], None]) -> Iterator[None]:
     with storing():
-        home.mkdir(parents=True, exist_ok=True)
+        make_folder(home)
         file = (home / "lock").open("ab")
     with file:
-        with storing():  # not every file system can lock
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                say(WAITING)
-                fcntl.flock(file, fcntl.LOCK_EX)
+        if not _locked(file, fcntl.LOCK_NB):
+            say(WAITING)
+            _locked(file)
         yield
+
+
+def _locked(file: BinaryIO, flags: int = 0) -> bool:
+    """Lock a file; return whether that was possible without waiting, where the flags say not to wait."""
+    with storing():  # not every file system can lock
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | flags)
+        except BlockingIOError:
+            return False
+        return True

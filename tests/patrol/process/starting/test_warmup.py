@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import stat
 import subprocess
 import sys
 import time
@@ -11,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from patrol.errors import BadInput
-from patrol.kernel_cache import cache_home, is_stored
+from patrol.kernel_cache import cache_home, is_stored, make_folder
 from patrol.process.starting.compiling import Compiled
 from patrol.process.starting.seldom import SELDOM, seldom_kernels
 from patrol.process.starting.warmup import COMPILING, WAITING, kernel_files, progress_line, warm
@@ -301,17 +302,25 @@ def test_a_cache_that_others_may_write_is_not_used(tmp_path: Path, monkeypatch: 
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     home = cache_home()
     home.mkdir()
-    assert cache_home() == home
-    home.chmod(0o775)
-    assert cache_home() == home, "the user's own group"
-    monkeypatch.setattr(os, "getegid", lambda: home.stat().st_gid + 1)
-    with pytest.raises(BadInput, match="another user may have written them"):
-        cache_home()
-    monkeypatch.undo()
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    home.chmod(0o777)
-    with pytest.raises(BadInput, match="another user may have written them; set NUMBA_CACHE_DIR"):
-        cache_home()
+    for mode in (0o755, 0o700):
+        home.chmod(mode)
+        assert cache_home() == home
+    for mode in (0o775, 0o757):
+        home.chmod(mode)
+        with pytest.raises(BadInput, match="another user may have written them; delete that folder, or set NUMBA_CAC"):
+            cache_home()
+
+
+@pytest.mark.parametrize(("umask", "mode"), [(0o022, 0o755), (0o002, 0o700), (0o000, 0o700), (0o077, 0o700)])
+def test_nobody_else_can_write_to_a_new_cache(tmp_path: Path, umask: int, mode: int) -> None:
+    before = os.umask(umask)
+    try:
+        make_folder(tmp_path / "user" / "cache")
+        make_folder(tmp_path / "user" / "cache")
+        assert os.umask(umask) == umask
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE((tmp_path / "user" / "cache").stat().st_mode) == mode
 
 
 @pytest.mark.processes
