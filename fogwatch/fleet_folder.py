@@ -51,6 +51,7 @@ from patrol.net.security.roles import (
     roles_of,
     router_name,
 )
+from patrol.process import exhausted
 
 FILE = "fleet.json"
 THE_ROUTER = "router"
@@ -304,7 +305,7 @@ def changing(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.filename is None:  # such as a full disk, or an output that nobody reads
+        if error.filename is None or exhausted.told(error):  # such as an output that nobody reads, or a full disk
             raise
         at = error.filename2 or error.filename
         raise BadInput(f"{at}: cannot be written ({error.strerror}); make {path} writable") from None

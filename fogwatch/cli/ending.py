@@ -70,7 +70,7 @@ def _code_of(error: Exception) -> int:
     if isinstance(error, BadInput):
         line = str(error)
     elif isinstance(error, OSError):
-        line = exhausted.told(error) or _nowhere()
+        line = exhausted.told(error) or (_nowhere() if isinstance(error, FileNotFoundError) else None)
     elif hasattr(error, "format_message"):
         line = error.format_message()  # typer's; without one it has printed the help
     if line is None:

@@ -36,7 +36,11 @@ def told(error: OSError) -> str | None:
     remedy = _REMEDIES.get(error.errno or 0)
     if remedy is None:
         return None
-    unnamed = "a new process" if error.errno == errno.EAGAIN else "the output, or a file"
+    unnamed = "the output, or a file"
+    if error.errno == errno.EAGAIN:
+        if hasattr(error, "characters_written"):  # the output is a pipe that does not wait for its reader
+            return f"the output: {error.strerror}; write to a file, or have it read faster"
+        unnamed = "a new process"
     where = unnamed if error.filename is None else error.filename
     return f"{where}: {error.strerror}; {remedy}"
 

@@ -25,6 +25,11 @@ def test_a_process_that_cannot_be_started_is_no_file() -> None:
     assert line == "a new process: not now; end other programs, or raise the limit of processes (ulimit -u)"
 
 
+def test_an_output_that_is_not_read_fast_enough_is_no_process() -> None:
+    line = told(BlockingIOError(errno.EAGAIN, "not now", 0))
+    assert line == "the output: not now; write to a file, or have it read faster"
+
+
 def test_other_errors_are_no_limits() -> None:
     assert told(FileNotFoundError(errno.ENOENT, "No such file", "x")) is None
     assert told(OSError("4096 requested and 0 written")) is None
