@@ -104,9 +104,12 @@ def write_files(
 
 
 def load() -> None:
-    """Import what the files are made with, which takes a second or two: for a process that has to wait anyway."""
+    """Import what the files are made with, which takes a second or two: for a process that has to wait anyway.
+
+    What is wrong with a library is reported when a file is to be made.
+    """
     drawing = ("matplotlib.backends.backend_agg", "matplotlib.backends.backend_svg")
-    with suppress(ImportError):  # reported when a file is asked for
+    with suppress(Exception):
         for name in (*drawing, "monitor.recording.run_recorder", "monitor.report.document"):
             import_module(name)
 

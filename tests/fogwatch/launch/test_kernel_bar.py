@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from io import StringIO
+from io import BytesIO, StringIO, TextIOWrapper
 
 from rich.console import Console
 
@@ -25,7 +25,16 @@ def test_in_a_narrow_terminal_the_bar_is_one_row() -> None:
     assert show is not None
     show(Compiled(90, 119, 125.0))
     row = file.getvalue().rpartition("\x1b[2K")[2]
-    assert row == "━" * 30 + " compilin"
+    assert row == "━" * 22 + " " * 8 + " compilin"
+
+
+def test_a_terminal_without_utf_8_gets_a_bar_of_ascii() -> None:
+    file = TextIOWrapper(BytesIO(), encoding="latin-1")
+    show = kernel_bar(Console(file=file, force_terminal=True, color_system=None, width=100))
+    assert show is not None
+    show(Compiled(90, 119, None))
+    file.flush()
+    assert file.buffer.getvalue().endswith(b"#" * 22 + b" " * 8 + b" compiling the kernels: 90 of 119")
 
 
 def test_there_is_no_bar_without_a_terminal() -> None:
