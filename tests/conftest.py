@@ -59,7 +59,12 @@ def pytest_xdist_auto_num_workers() -> int:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Compile the kernels before workers start, which would compile them side by side."""
+    """Have workers heed SIGINT, and compile the kernels before they start, which would compile them side by side.
+
+    A shell starts what runs in the background with SIGINT ignored, and so would be all processes of the tests.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     if config.getoption("numprocesses", None) and not config.option.collectonly:
         try:
             warm(PACKAGES, print, SELDOM)

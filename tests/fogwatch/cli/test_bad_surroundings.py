@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
@@ -20,11 +21,10 @@ QUICK = (*RUN, "--no-recording", "--no-report", "--out", "run")
 def shell(line: str, *arguments: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
     """Run the command, ``"$@"`` in a line for the shell."""
     command = ["sh", "-c", line, "sh", sys.executable, "-P", "-m", "fogwatch", *arguments]
-    path = "/usr/bin:/bin"
     return subprocess.run(
         command,
         cwd=folder,
-        env={"PATH": path, "HOME": str(folder), **environment} if environment else None,
+        env={**os.environ, **environment},
         capture_output=True,
         text=True,
         timeout=PATIENCE_S,
