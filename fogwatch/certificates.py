@@ -27,7 +27,7 @@ _UNKNOWN_NAME = "?"
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """What a certificate says.
+    """The holder and the end of a certificate.
 
     Attributes:
         common_name: Whose it is.
@@ -92,7 +92,7 @@ def issue(authority: Path, folder: Path, common_name: str, days: int, hosts: Seq
 
 
 def facts(certificate: Path) -> Facts:
-    """What a certificate says.
+    """Read the holder and the end of a certificate.
 
     Args:
         certificate: Its file.

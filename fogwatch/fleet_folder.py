@@ -374,7 +374,7 @@ def _judge(folder: Path, authority: Path, common_name: str, now_s: float) -> tup
 
 
 def _expiry(ends_s: int, now_s: float) -> tuple[bool, str]:
-    """Whether a certificate is still valid, and until when."""
+    """Return whether a certificate is still valid, and until when."""
     day = time.strftime("%Y-%m-%d", time.gmtime(ends_s))
     if ends_s <= now_s:
         return False, f"its certificate expired on {day}"

@@ -283,7 +283,7 @@ def _settings() -> tuple[object, ...]:
 
 
 def _is_intact(entry: Path) -> bool:
-    """Whether an entry is there and undamaged."""
+    """Return whether an entry is there and undamaged."""
     try:
         listed = json.loads((entry / _LIST).read_bytes())
         return all(_digest(entry / name) == digest for name, digest in listed.items())

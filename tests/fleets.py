@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from patrol.net.messages.feed import Ground, SoFar, so_far_bytes
+from worldsim.run_record import RunRecord
 
 COARSE: dict[str, Any] = {"terrain": {"builtin": "open"}, "point": 1.0, "patrol": {"dilatation": 0.0}}
 """The beginning of a scenario whose ticks take little time."""
@@ -55,6 +56,12 @@ class Processes:
         for process in self.processes.values():
             process.kill()
             process.wait(self._patience_s)
+
+
+def end_of(journal: RunRecord) -> tuple[str, str]:
+    """Return why a run ended, and its trace hash; its notes hold times of the machine, in which equal runs differ."""
+    assert journal.end is not None
+    return journal.end.reason, journal.end.trace_hash
 
 
 def answer_so_far() -> bytes:

@@ -36,6 +36,7 @@ MARK = "FOGWATCH_TEST_HUNT"
 """Environment variable by which the processes of a hunt are found, whoever their parent is."""
 
 INTERRUPTIONS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Signals that end a hunt."""
 LEAVE_S = 120.0
 """How long an interrupted pytest may take to end what its tests have started, s."""
 

@@ -1,4 +1,4 @@
-"""How the command `fogwatch` ends: by the exit code of the command that it ran, or with one line that says why not."""
+"""The end of the command `fogwatch`: the exit code of the command that it ran, or one line that says what is wrong."""
 
 from __future__ import annotations
 

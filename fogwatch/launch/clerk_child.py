@@ -60,7 +60,7 @@ class ClerkChild:
 
     @property
     def loaded(self) -> bool:
-        """Whether the clerk has loaded what it needs, so that it can be asked."""
+        """True once the clerk has loaded what it needs, so that it can be asked."""
         clerk = self._children.by_name.get(CLERK)
         report = None if clerk is None or clerk.start is None else clerk.start.report()
         return self._connection is not None and report is not None and report.ready

@@ -239,7 +239,7 @@ def _verdict(run: Run) -> str:
 
 
 def _stalest(run: Run) -> str:
-    """Where the stalest place was over the run and at its end, and who was nearest."""
+    """Describe the stalest place over the run and at its end, and the robots nearest to it."""
     places = (run.summary or {}).get("stalest")
     rows = []
     for name, when in (("worst", "over the run"), ("end", "at the end")):
@@ -322,7 +322,7 @@ def _faults(analysis: Analysis) -> str:
 
 
 def _intruders(analysis: Analysis) -> str:
-    """Who stood where and when, and, from the summary, how soon it was reported and how well it was surrounded."""
+    """Describe each intruder: its place and time, and, from the summary, its report and how it was surrounded."""
     specs, counted = analysis.run.prepared.scenario.intruders, (analysis.run.summary or {}).get("intruders") or ()
     facts = dict(zip(map(intruder_name, range(len(specs))), counted, strict=False))
     rows = []

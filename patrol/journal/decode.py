@@ -55,7 +55,7 @@ _TICK = b"\xa4type\xa4tick"
 
 
 class Malformed(ValueError):
-    """What a record holds is not what its kind of record has; the text says which field."""
+    """A record whose fields are not those of its kind; the text names the field."""
 
 
 def longest_record(robots: int) -> int:
@@ -68,7 +68,7 @@ def longest_record(robots: int) -> int:
 
 
 def is_tick(payload: bytes) -> bool:
-    """Whether a record, as this program writes it, is a tick.
+    """Return whether a record, as this program writes it, is a tick.
 
     Args:
         payload: Of any record.
@@ -197,7 +197,7 @@ def _check_links(groups: Iterable[Any], most: int) -> int:
 
 
 def _links(groups: Iterable[Any]) -> tuple[tuple[int, int, int, str], ...]:
-    """What the writer drew together, by destination."""
+    """Return the links that the writer had grouped by destination, one by one."""
     if not groups:
         return ()
     return tuple([(source, to, sequence, why) for source, sequence, why, tos in groups for to in tos])

@@ -18,6 +18,7 @@ from patrol.journal import Event, RobotTick, TickRecord, read_journal
 from patrol.pose import wrap
 from patrol.prepare import prepare
 from patrol.scenario import Scenario, load_scenario
+from tests.fleets import end_of
 from worldsim.run_record import INTERRUPTED
 from worldsim.verdict.judge import judge
 
@@ -302,10 +303,8 @@ def test_a_policy_that_cannot_be_made_is_bad_input(tmp_path: Path) -> None:
 
 
 def test_a_failure_repeats_whatever_the_threads(tmp_path: Path) -> None:
-    ends = [run_in_process(failing(tmp_path), threads=threads).journal.end for threads in (1, 3)]
-    assert ends[0] is not None
-    assert ends[1] is not None
-    assert (ends[0].reason, ends[0].trace_hash) == (ends[1].reason, ends[1].trace_hash)
+    ends = [end_of(run_in_process(failing(tmp_path), threads=threads).journal) for threads in (1, 3)]
+    assert ends[0] == ends[1]
 
 
 def test_a_robot_whose_policy_has_failed_can_be_started_again(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from agent.mind import Mind
 from experiments.inprocess import Outcome, run_in_process
 from patrol.radio.peers import Peer
 from patrol.scenario import Scenario, load_scenario
+from tests.fleets import end_of
 from worldsim.world import World
 
 TICKS = 24
@@ -128,11 +129,10 @@ def test_as_long_as_all_arrives_there_is_one_belief_and_those_that_missed_someth
 def test_minds_that_decide_at_once_in_several_threads_share_beliefs_too(kind: str) -> None:
     given = scenario(FAULTS[kind], patrol={"commitment": "none"})
     ends = [
-        run_in_process(given, threads=threads, share=share).journal.end for threads, share in ((3, True), (1, False))
+        end_of(run_in_process(given, threads=threads, share=share).journal)
+        for threads, share in ((3, True), (1, False))
     ]
-    assert ends[0] is not None
-    assert ends[1] is not None
-    assert (ends[0].reason, ends[0].trace_hash) == (ends[1].reason, ends[1].trace_hash)
+    assert ends[0] == ends[1]
 
 
 def test_bodies_of_different_sizes_have_beliefs_of_their_own() -> None:

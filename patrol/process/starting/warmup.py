@@ -96,7 +96,7 @@ def kernel_files(package: str) -> dict[str, Path]:
 
 
 def progress_line(compiled: Compiled) -> str:
-    """How far compiling is, for people.
+    """Describe for people how far compiling is.
 
     Args:
         compiled: The progress.

@@ -32,6 +32,7 @@ from patrol.scenario.controls import (
     read_control,
 )
 from patrol.scenario.copying import FILE, keep_scenario
+from tests.fleets import end_of
 from worldsim.controls.operator import ControlRequest, Operator
 from worldsim.controls.requests import TIMELINE, keep_timeline
 from worldsim.fleet.loop import run_ticks
@@ -383,13 +384,9 @@ def test_a_spare_robot_can_be_called_and_is_replayed() -> None:
     assert len({(row.x, row.y) for record in journal.records[6:] for row in record.robots[4:]}) > 5
     again = run_in_process(prepared_as_operated(prepared, journal.events), threads=1)
     assert again.verdict.valid, again.verdict.failed
-    assert again.journal.end is not None
-    assert journal.end is not None
-    assert (again.journal.end.reason, again.journal.end.trace_hash) == (journal.end.reason, journal.end.trace_hash)
+    assert end_of(again.journal) == end_of(journal)
     without = run_in_process(prepare(load_scenario({**SMALL, "robots": {"count": 3}, "faults": faults})), threads=1)
-    assert without.journal.end is not None
-    assert unasked.end is not None
-    assert without.journal.end.trace_hash == unasked.end.trace_hash
+    assert end_of(without.journal) == end_of(unasked)
 
 
 def test_a_timeline_moves_with_the_folder_that_has_its_map(tmp_path: Path) -> None:

@@ -68,7 +68,7 @@ FOUND = {
         ({"verdict": summary("valid", check(True, judged=False))["verdict"]}, {"verdict.checks.recovery.judged"}),
     ],
 )
-def test_what_was_added_and_what_was_taken_away_is_a_difference(changes: dict[str, Any], fields: set[str]) -> None:
+def test_what_was_added_or_changed_is_a_difference(changes: dict[str, Any], fields: set[str]) -> None:
     assert {one.field for one in differences({**FOUND, **changes}, FOUND)} == fields
 
 
@@ -78,6 +78,7 @@ def test_fields_and_checks_that_an_earlier_version_did_not_write_are_missing() -
     assert differences(stated, FOUND) == []
     assert missing(stated, FOUND) == ["verdict.checks.moves", "ticks"]
     assert missing(FOUND, FOUND) == []
+    assert missing({**FOUND, "robots": {}}, FOUND) == ["robots.r1"]
     nested = {**FOUND, "robots": {"r1": {"status": "alive"}}, "verdict": {**FOUND["verdict"]}}
     del nested["verdict"]["outcome"]
     assert differences(nested, FOUND) == []
