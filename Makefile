@@ -81,10 +81,10 @@ BOUNDS := NUMBA_BOUNDSCHECK=1
 
 .PHONY: test-bounds test-bounds-quick
 test-bounds: develop ## the tests of kernels, with every index checked
-	$(BOUNDS) $(BIN)/python -m pytest -m "not processes and not browser" $(KERNEL_TESTS)
+	$(BOUNDS) $(PYTEST) -m "not processes and not browser" $(KERNEL_TESTS)
 
 test-bounds-quick: develop
-	$(BOUNDS) $(BIN)/python -m pytest -m "not processes and not browser" $(QUICK_KERNEL_TESTS) \
+	$(BOUNDS) $(PYTEST) -m "not processes and not browser" $(QUICK_KERNEL_TESTS) \
 		-k "not patrols_on_regions and not patrolled_much and not builtin_terrains"
 
 .PHONY: test-network

@@ -15,7 +15,9 @@ from typing import Any
 
 import pytest
 
+from fogwatch.api import run as run_scenario
 from fogwatch.cli.app import main
+from patrol.scenario import load_scenario
 
 PATIENCE_S = 800.0
 """How long anything may take, s, on a machine with much else to do: less than pytest's own limit."""
@@ -92,6 +94,22 @@ class Run:
         """Wait for the end; the exit code."""
         self.output, self.errors = self.process.communicate(timeout=PATIENCE_S)
         return self.process.returncode
+
+    def pass_ticks(self, ticks: int) -> None:
+        """Wait until so many more ticks are over."""
+        before = self.ticks()
+        self.until(lambda: self.ticks() >= before + ticks)
+
+    def interrupt(self) -> None:
+        """Interrupt the run, as Ctrl-C does, and wait for its end."""
+        self.process.send_signal(signal.SIGINT)
+        assert self.end() == 130, self.errors
+
+    def trace_in_one_process(self) -> str:
+        """Trace hash of the same scenario in one process, for as many ticks as this run had."""
+        duration_s = self.summary()["ticks"] * load_scenario(self.file).step
+        one = run_scenario(self.file, out=self.folder.parent / "one", overrides={"duration": duration_s}, picture=False)
+        return one.trace_hash
 
     def summary(self) -> dict[str, Any]:
         """What the run left."""

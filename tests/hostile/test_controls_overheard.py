@@ -77,8 +77,7 @@ def test_neither_the_token_nor_a_control_is_had_by_listening_and_answering(attac
     assert target.run.ticks() == held
     done = control(target, "step", "1")
     assert done.stdout == f"paused before tick {held + 1}\n", shown(done)
-    os.kill(target.run.process.pid, signal.SIGINT)
-    assert target.run.end() == 130, target.run.errors
+    target.run.interrupt()
 
 
 def test_an_impostor_in_the_worlds_place_is_named_in_one_line(attack: Callable[..., Target]) -> None:
@@ -94,5 +93,4 @@ def test_an_impostor_in_the_worlds_place_is_named_in_one_line(attack: Callable[.
     assert STRANGER in shown(done)
     assert done.stdout == ""
     assert done.stderr.count("\n") == 1
-    os.kill(target.run.process.pid, signal.SIGINT)
-    assert target.run.end() == 130, target.run.errors
+    target.run.interrupt()

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
-import fogwatch
 from patrol.journal import Status, read_journal
 from patrol.net.messages.phases import (
     ANYONE,
@@ -26,7 +23,6 @@ from patrol.net.messages.phases import (
     encode,
 )
 from patrol.pose import Velocity
-from tests.fleets import COARSE
 
 if TYPE_CHECKING:
     from tests.hostile.conftest import Target
@@ -34,18 +30,15 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.processes
 
 LEAP = 10**6
-ALONE: dict[str, str] = {}
-"""Trace hashes of scenarios, run in this process."""
-CALM: dict[str, Any] = {"duration": 60, "robots": 3 * [{"model": "holonomic"}]}
+CALM: dict[str, Any] = {"duration": 100_000, "robots": 3 * [{"model": "holonomic"}]}
 
 
-def same_as_without(target: Target, scenario: dict[str, Any], folder: Path) -> None:
-    """The run ends well, and with the trace that it has when nobody is there."""
-    assert target.run.end() == 0, (target.run.errors, target.failed())
-    given = json.dumps(scenario, sort_keys=True)
-    if given not in ALONE:
-        ALONE[given] = fogwatch.run({**COARSE, **scenario}, out=folder / "alone", picture=False).trace_hash
-    assert target.run.summary()["trace_hash"] == ALONE[given]
+def same_as_without(target: Target) -> None:
+    """The run goes on, is valid, and has the trace that it has when nobody is there."""
+    target.run.pass_ticks(60)
+    target.run.interrupt()
+    assert target.failed() == []
+    assert target.run.summary()["trace_hash"] == target.run.trace_in_one_process()
 
 
 def leaps(target: Target, robot: str) -> list[tuple[str, bytes]]:
@@ -57,21 +50,19 @@ def leaps(target: Target, robot: str) -> list[tuple[str, bytes]]:
     return [(key, encode(message)) for message in forged] + [(key, encode(message)) for message in ahead]
 
 
-def test_ticks_far_ahead_change_nothing_in_lockstep(attack: Callable[..., Target], tmp_path: Path) -> None:
+def test_ticks_far_ahead_change_nothing_in_lockstep(attack: Callable[..., Target]) -> None:
     target = attack(CALM)
     target.step(5)
     for key, payload in leaps(target, "r1"):
         target.attacker.send(key, payload)
     target.attacker.repeat(leaps(target, "r2"))
     target.go()
-    same_as_without(target, CALM, tmp_path)
+    same_as_without(target)
     assert target.run.summary()["robots"]["r1"]["rejected"] >= 9
     assert target.check("transcripts")["ok"]
 
 
-def test_a_robot_that_the_router_cuts_off_because_it_does_not_read_is_not_lost(
-    attack: Callable[..., Target], tmp_path: Path
-) -> None:
+def test_a_robot_that_the_router_cuts_off_because_it_does_not_read_is_not_lost(attack: Callable[..., Target]) -> None:
     target = attack(CALM)
     k = target.step(5)
     r2 = target.run.children()["r2"]
@@ -84,7 +75,7 @@ def test_a_robot_that_the_router_cuts_off_because_it_does_not_read_is_not_lost(
     target.run.until(lambda: target.attacker.phases_a("r2", k) >= 3)  # the world has waited, and asked again twice
     os.kill(r2, signal.SIGCONT)
     target.go()
-    same_as_without(target, CALM, tmp_path)
+    same_as_without(target)
 
 
 def test_ticks_far_ahead_deafen_nobody_at_a_pace(attack: Callable[..., Target]) -> None:
@@ -100,12 +91,11 @@ def test_ticks_far_ahead_deafen_nobody_at_a_pace(attack: Callable[..., Target]) 
         return sum(tick.robots[0].decision_ms is not None for tick in ticks)
 
     target.run.until(lambda: decided() >= 10)
-    os.kill(target.run.process.pid, signal.SIGINT)
-    assert target.run.end() == 130, target.run.errors
+    target.run.interrupt()
     assert target.run.summary()["verdict"]["outcome"] == "valid", target.run.summary()["verdict"]
 
 
-def test_nobody_leaves_because_a_stranger_says_so(attack: Callable[..., Target], tmp_path: Path) -> None:
+def test_nobody_leaves_because_a_stranger_says_so(attack: Callable[..., Target]) -> None:
     target = attack(CALM)
     target.step(5)
     a = target.attacker.newest_phase_a("r1")
@@ -120,40 +110,39 @@ def test_nobody_leaves_because_a_stranger_says_so(attack: Callable[..., Target],
     ):
         target.attacker.send(key, encode(Stop(incarnation, instance, a.k, run, orderly=True, reason="go home")))
     target.go()
-    same_as_without(target, CALM, tmp_path)
+    same_as_without(target)
     assert target.run.summary()["robots"]["r1"]["rejected"] >= 6
 
 
-@pytest.mark.parametrize("scenario_hash", ["right", "wrong"])
-def test_a_stranger_does_not_take_the_seat_of_a_robot_that_is_started_again(
-    scenario_hash: str, attack: Callable[..., Target], tmp_path: Path
-) -> None:
+def test_a_stranger_does_not_take_the_seat_of_a_robot_that_is_started_again(attack: Callable[..., Target]) -> None:
     """Nor end the run: it answers the world's greeting long before the robot's own process can."""
     faults = [{"kind": "kill", "who": "r2", "at": 10}, {"kind": "restart", "who": "r2", "at": 15}]
-    scenario = {**CALM, "faults": faults}
-    target = attack(scenario)
+    target = attack({**CALM, "faults": faults})
     target.step(5)
     run = target.attacker.newest_phase_a("r1").run
-    right = target.scenario_hash()
-    hashed = right if scenario_hash == "right" else "d" * 64
-    seats = [HelloReply(incarnation, instance, 30, run, hashed) for incarnation in (1, 2) for instance in (77, ANYONE)]
-    seats += [replace(seats[-2], protocol=99), replace(seats[-2], run=0)]
+    seats = [
+        HelloReply(incarnation, instance, 30, run, hashed)
+        for hashed in (target.scenario_hash(), "d" * 64)
+        for incarnation in (1, 2)
+        for instance in (77, ANYONE)
+    ]
+    seats += [other for seat in (seats[2], seats[6]) for other in (replace(seat, protocol=99), replace(seat, run=0))]
     target.attacker.pretend_to_live("r2")
     target.attacker.repeat([(target.keys.reply("r2"), encode(seat)) for seat in seats])
     target.go()
-    same_as_without(target, scenario, tmp_path)
+    same_as_without(target)
     assert target.refused()["seat"] >= 1
     assert target.run.summary()["exit_codes"]["r2 (2)"] == 0
 
 
-def test_a_stranger_does_not_take_the_seat_of_a_robot_that_lives(attack: Callable[..., Target], tmp_path: Path) -> None:
+def test_a_stranger_does_not_take_the_seat_of_a_robot_that_lives(attack: Callable[..., Target]) -> None:
     target = attack(CALM)
     target.step(5)
     run = target.attacker.newest_phase_a("r1").run
     for hashed in (target.scenario_hash(), "d" * 64):
         target.attacker.send(target.keys.reply("r1"), encode(HelloReply(1, 77, 5, run, hashed)))
     target.go()
-    same_as_without(target, CALM, tmp_path)
+    same_as_without(target)
     assert target.refused()["seat"] == 2
 
 
@@ -184,10 +173,12 @@ def test_commands_that_a_robot_has_not_sent_fail_the_verdict(attack: Callable[..
     target.attacker.close()
     os.kill(r1, signal.SIGCONT)
     target.go()
-    assert target.run.end() == 1, target.run.errors
+    target.run.pass_ticks(20)
+    target.run.interrupt()
     robots = [tick.robots[0] for tick in read_journal(target.run.folder / "journal").ticks]
     assert {(robot.c0, robot.c1) for robot in robots[first:held]} == {(drive.vx, drive.vy)}
-    assert robots[-1].status is Status.ALIVE  # it goes on, and the run has come to its end
+    assert robots[-1].status is Status.ALIVE
+    assert len(robots) >= held + 20
     check = target.check("transcripts")
     assert not check["ok"]
     assert "the world acted on replies that the robot had not sent" in check["detail"]
@@ -210,7 +201,8 @@ def test_what_a_robot_hears_that_the_world_has_not_sent_fails_the_verdict(attack
     os.kill(r2, signal.SIGCONT)
     target.run.until(lambda: target.run.ticks() == held)
     target.go()
-    assert target.run.end() == 1, target.run.errors
+    target.run.pass_ticks(20)
+    target.run.interrupt()
     check = target.check("transcripts")
     assert not check["ok"]
     assert "the robot acted on phases that the world had not sent" in check["detail"]

@@ -6,6 +6,7 @@ import json
 import os
 import signal
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -122,7 +123,7 @@ def test_a_radio_that_nobody_asked_for_is_bad_input(hand: Hand) -> None:
 
 
 def test_an_agent_that_is_paused_too_long_is_left_out_and_leaves(hand: Hand) -> None:
-    hand.write({**SCENARIO, "duration": 400})
+    hand.write({**SCENARIO, "duration": 100_000})
     hand.start_router()
     hand.start_world("--deadline", "20")
     for robot in ("anna", "bert"):
@@ -134,15 +135,13 @@ def test_an_agent_that_is_paused_too_long_is_left_out_and_leaves(hand: Hand) -> 
     hand.processes["anna"].send_signal(signal.SIGCONT)
     assert hand.code("anna") == 1
     assert "left out: no answer in phase" in hand.said("anna")
-    assert hand.code("world") == 1
-    assert hand.code("bert") == 0
-    assert hand.ticks() == 800
+    hand.processes["world"].terminate()
+    assert [hand.code(name) for name in ("world", "bert")] == [130, 0]
     assert "anna lost" in hand.said("world")
 
 
 def test_garbage_and_floods_on_every_key_change_nothing(hand: Hand, tmp_path: Path) -> None:
-    scenario = {**SCENARIO, "duration": 900}  # the run must not end before all of it has come
-    hand.write(scenario)
+    hand.write({**SCENARIO, "duration": 100_000})
     hand.start_router()
     hand.start_world()
     for robot in ("anna", "bert"):
@@ -174,9 +173,15 @@ def test_garbage_and_floods_on_every_key_change_nothing(hand: Hand, tmp_path: Pa
     for _ in range(20_000):
         flood(b"junk")
     link.close()
-    assert [hand.code(name) for name in ("world", "anna", "bert")] == [0, 0, 0], hand.said("world")
+    with closing(open_link(hand.router, PATIENCE_S)) as looking:
+        hand.until(lambda: not looking.sees(keys.alive("nobody")))  # so the router has read all that came before
+    before = hand.ticks()
+    hand.until(lambda: hand.ticks() > before + 50)
+    hand.processes["world"].terminate()
+    assert [hand.code(name) for name in ("world", "anna", "bert")] == [130, 0, 0], hand.said("world")
     summary = json.loads((hand.out / "summary.json").read_text(encoding="utf-8"))
-    assert summary["trace_hash"] == fogwatch.run(scenario, out=tmp_path / "one", picture=False).trace_hash
+    same = {**SCENARIO, "duration": summary["ticks"] * 0.5}
+    assert summary["trace_hash"] == fogwatch.run(same, out=tmp_path / "one", picture=False).trace_hash
     end = read_journal(hand.out / "journal").end
     assert end is not None
     refused = end.notes["refused"]

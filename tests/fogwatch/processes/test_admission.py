@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import signal
 import subprocess
@@ -83,8 +82,7 @@ def test_a_running_fleet_shows_no_secret_and_lets_no_stranger_in(start: Callable
     paused = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
     assert paused.returncode == 0, paused.stderr
     assert "paused before tick" in paused.stdout
-    os.kill(run.process.pid, signal.SIGINT)
-    assert run.end() == 130, run.errors
+    run.interrupt()
     assert run.summary()["verdict"]["outcome"] == "valid"
     assert not folder.exists()
     left = "".join(path.read_bytes().decode(errors="replace") for path in run.folder.rglob("*") if path.is_file())

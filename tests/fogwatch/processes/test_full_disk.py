@@ -45,8 +45,7 @@ def test_a_folder_that_is_moved_away_gets_its_summary(start: Callable[..., Run])
     run.until(lambda: run.ticks() > 20)
     moved = run.folder.with_name("elsewhere")
     run.folder.rename(moved)
-    run.process.send_signal(signal.SIGINT)
-    assert run.end() == 130, run.errors
+    run.interrupt()
     assert f"the run's folder was moved to {moved}; the summary is written there" in run.errors
     run.folder = moved
     assert run.summary()["ended"] == "interrupted"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -140,8 +139,7 @@ def stops_and_releases_all_robots(look: Look) -> None:
 
 def ended(run: Run) -> tuple[Journal, list[str]]:
     """The journal of a run that is interrupted, which is valid, and what operators asked of it."""
-    run.process.send_signal(signal.SIGINT)
-    assert run.end() == 130, run.errors
+    run.interrupt()
     assert run.summary()["verdict"]["valid"]
     journal = read_journal(run.folder / "journal")
     return journal, [event.detail for event in journal.events if event.kind == "operator"]

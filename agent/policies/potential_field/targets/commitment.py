@@ -110,7 +110,7 @@ class Commitment:
         self._least = math.inf
         self._least_age = 0
         self._least_at = 0
-        self._near = math.ceil(NEAR_RANGES * sensor.range / self._point)
+        self._near = min(math.ceil(NEAR_RANGES * sensor.range / self._point), 2 * sum(terrain.shape))
         sight_points = sensor.range / self._point
         self._nearby = Nearby(setup.posts, sight_points, 100 * self._near, self._width)
         self._decay = Decay(setup.patrol, self._point)

@@ -178,24 +178,30 @@ def test_a_changed_source_and_other_settings_have_entries_of_their_own(toy: Path
     assert said(start(NUMBA_BOUNDSCHECK="1")) == []
 
 
+FILES_OF_AN_ENTRY = 3
+DAMAGES = [
+    pytest.param(damage, at, marks=() if at == place % FILES_OF_AN_ENTRY else pytest.mark.accept)
+    for place, damage in enumerate(("truncated", "emptied", "changed", "lost"))
+    for at in range(FILES_OF_AN_ENTRY)
+]
+"""Each way to damage each file; one file of each way is quick enough for CI."""
+
+
 @pytest.mark.processes
-@pytest.mark.parametrize("damage", ["truncated", "emptied", "changed", "lost"])
-def test_each_damaged_file_is_noticed_and_made_again(toy: Path, damage: str) -> None:
+@pytest.mark.parametrize(("damage", "at"), DAMAGES)
+def test_a_damaged_file_is_noticed_and_made_again(toy: Path, damage: str, at: int) -> None:
     assert said(start(IMPORT)) == COMPILED
-    count = len(entry_files(toy))
-    assert count == 3
-    for at in range(count):
-        file = entry_files(toy)[at]
-        whole = file.read_bytes()
-        if damage == "lost":
-            file.unlink()
-        else:
-            half = len(whole) // 2
-            changed = whole[:half] + bytes([whole[half] ^ 1]) + whole[half + 1 :]
-            file.write_bytes({"truncated": whole[:half], "emptied": b"", "changed": changed}[damage])
-        assert said(start(IMPORT)) == COMPILED, file.name
-        assert said(start(IMPORT)) == LOADED, file.name
-        assert len(entry_files(toy)) == count
+    file = entry_files(toy)[at]
+    whole = file.read_bytes()
+    if damage == "lost":
+        file.unlink()
+    else:
+        half = len(whole) // 2
+        changed = whole[:half] + bytes([whole[half] ^ 1]) + whole[half + 1 :]
+        file.write_bytes({"truncated": whole[:half], "emptied": b"", "changed": changed}[damage])
+    assert said(start(IMPORT)) == COMPILED, file.name
+    assert said(start(IMPORT)) == LOADED, file.name
+    assert len(entry_files(toy)) == FILES_OF_AN_ENTRY
 
 
 @pytest.mark.processes
