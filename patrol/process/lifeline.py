@@ -106,6 +106,10 @@ def heed(lifeline: int | None, on_death: Callable[[], None] = lambda: None, *, p
         patience: See `Ending`.
     """
     ending = Ending(patience)
+    if lifeline is not None:
+        # A stopped process continues when its launcher dies, so that it can notice. This comes before the handlers:
+        # a process that catches SIGTERM is known to have done it.
+        _when_orphaned(signal.SIGCONT)
 
     def by_signal(number: int, _frame: FrameType | None) -> None:
         ending.ask(f"told to by {signal.Signals(number).name}")
@@ -116,7 +120,6 @@ def heed(lifeline: int | None, on_death: Callable[[], None] = lambda: None, *, p
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # as nohup has it
             signal.signal(number, by_signal)
     if lifeline is not None:
-        _when_orphaned(signal.SIGCONT)  # a stopped process continues, so that it can notice
         threading.Thread(target=_hold, args=(lifeline, ending, on_death), daemon=True).start()
     return ending
 
