@@ -86,6 +86,9 @@ def test_a_fleet_started_by_hand_in_any_order(hand: Hand, tmp_path: Path) -> Non
     assert [hand.code(name) for name in ("world", "anna", "bert")] == [0, 0, 0]
     summary = json.loads((hand.out / "summary.json").read_text(encoding="utf-8"))
     assert summary["verdict"]["valid"]
+    end = read_journal(hand.out / "journal").end
+    assert end is not None
+    assert end.notes["refused"] == {}
     assert summary["trace_hash"] == fogwatch.run(SCENARIO, out=tmp_path / "one", picture=False).trace_hash
     hand.start("report", "fogwatch", "report", str(hand.out))
     assert hand.code("report") == 0, hand.said("report")
@@ -192,21 +195,7 @@ def test_garbage_and_floods_on_every_key_change_nothing(hand: Hand, tmp_path: Pa
     assert summary["robots"]["anna"]["rejected"] >= 30 * 6
 
 
-def test_a_second_process_for_a_robot_is_turned_away(hand: Hand) -> None:
-    hand.write({**SCENARIO, "duration": 100_000})
-    hand.start_router()
-    hand.start_world()
-    for robot in ("anna", "bert"):
-        hand.start_agent(robot)
-    hand.until(lambda: hand.ticks() > 10)
-    hand.start_agent("anna", name="impostor")
-    assert hand.code("impostor") == 1
-    assert "another process is anna already" in hand.said("impostor")
-    hand.processes["world"].terminate()
-    assert [hand.code(name) for name in ("world", "anna", "bert")] == [130, 0, 0]
-
-
-def test_a_second_world_is_refused_and_a_quiet_run_refuses_nothing(hand: Hand) -> None:
+def test_a_second_world_and_a_second_process_for_a_robot_are_turned_away(hand: Hand) -> None:
     hand.write({**SCENARIO, "duration": 100_000})
     hand.start_router()
     hand.start_world()
@@ -216,13 +205,13 @@ def test_a_second_world_is_refused_and_a_quiet_run_refuses_nothing(hand: Hand) -
     hand.start("second", "worldsim", *hand.common(), "--out", str(hand.folder / "second"))
     assert hand.code("second") == 2
     assert "--fleet by-hand-1: a world of this fleet is running already" in hand.said("second")
+    hand.start_agent("anna", name="impostor")
+    assert hand.code("impostor") == 1
+    assert "another process is anna already" in hand.said("impostor")
     before = hand.ticks()
     hand.until(lambda: hand.ticks() > before + 10)
     hand.processes["world"].terminate()
     assert [hand.code(name) for name in ("world", "anna", "bert")] == [130, 0, 0]
-    end = read_journal(hand.out / "journal").end
-    assert end is not None
-    assert end.notes["refused"] == {}
 
 
 def test_a_run_ends_when_nobody_is_living(hand: Hand) -> None:

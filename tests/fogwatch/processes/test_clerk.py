@@ -125,6 +125,7 @@ def test_the_clerk_gives_verdict_summary_and_report(stage: Stage) -> None:
     assert not (stage.folder / "logs" / "clerk.log").read_text(encoding="utf-8")
 
 
+@pytest.mark.accept
 def test_a_clerk_that_is_killed_during_the_run_is_not_missed(stage: Stage) -> None:
     def stop() -> bool:
         if not stage.loaded():

@@ -148,6 +148,7 @@ def test_a_measured_patrol_goes_where_it_goes_otherwise() -> None:
         patrol.next_tick()
 
 
+@pytest.mark.accept
 def test_a_cell_of_the_paper_is_run_whole_at_fine_points() -> None:
     (cell,) = (task for task in tasks() if task.name.startswith(CELL))
     found = cell.run(QUICK)
@@ -179,6 +180,7 @@ def test_the_kilometre_is_a_scenario_like_any_other(tmp_path: Path) -> None:
 
 
 @pytest.mark.processes
+@pytest.mark.accept
 def test_a_fleet_of_its_own_process_ends_when_nobody_waits_for_it() -> None:
     lifeline, ours = os.pipe()
     command = [sys.executable, "-P", "-m", "experiments.bench.measures.one_fleet", str(lifeline)]
@@ -194,6 +196,7 @@ def test_a_fleet_of_its_own_process_ends_when_nobody_waits_for_it() -> None:
 
 
 @pytest.mark.processes
+@pytest.mark.accept
 def test_a_fleet_of_its_own_process_answers_or_says_why_not() -> None:
     assert run_apart(SMALL, 1e9).trace == run_fleet(load_scenario(SMALL), 1e9, 4, 1).trace
     assert len(run_apart(SMALL, 1e9, settings={"duration": 5.0}).wall) == 6

@@ -17,7 +17,7 @@ from experiments.bench.measures.processes import (
 from experiments.bench.tools.measure import QUICK, Unmeasured
 from experiments.bench.tools.procfs import family_of, memory_of
 
-pytestmark = pytest.mark.processes
+pytestmark = [pytest.mark.processes, pytest.mark.accept]
 
 FAST = ("open", "--robots", "2", "--model", "holonomic", "--point", "1", *WITHOUT_FILES)
 
@@ -35,7 +35,6 @@ def test_a_fleet_runs_until_the_block_is_left() -> None:
     assert not folder.exists()
 
 
-@pytest.mark.accept
 def test_whole_runs_starts_and_memory_are_measured() -> None:
     coarse = ("--point", "1")
     for measured, readings in (
