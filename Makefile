@@ -71,7 +71,7 @@ test-hard: develop ## hunt for tests that depend on speed, order or neighbours (
 	$(BIN)/python -m tests.hunt --times $(N) $(if $(SEED),--seed $(SEED)) -- -n auto --maxprocesses 4 --dist worksteal $(TESTS)
 
 # Tests of code that runs kernels, and those that call the kernels themselves, without whole patrols and large maps: these
-# take about a minute, compiling included.
+# take about two minutes, compiling included.
 KERNEL_TESTS := tests/patrol/ground tests/patrol/regions tests/agent tests/worldsim tests/monitor tests/experiments
 QUICK_KERNEL_TESTS := $(addprefix tests/patrol/ground/test_,footprint.py fog.py fields.py swept_path.py swept_path_kernels.py) \
 	tests/patrol/regions tests/agent/belief tests/agent/routes tests/agent/bodies/test_goal.py \
@@ -97,7 +97,7 @@ test-hosts: install ## a router and two robots, a host each: one robot is cut of
 		--out runs/hosts-$$(date +%Y%m%d-%H%M%S)
 
 .PHONY: accept
-accept: develop ## the long checks: measure what the project promises
+accept: develop ## long measurements, and variants of tests of which CI runs one
 	$(BIN)/python -m pytest -m accept
 
 .PHONY: bench rivals

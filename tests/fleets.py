@@ -5,13 +5,15 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+import fogwatch
 from patrol.net.messages.feed import Ground, SoFar, so_far_bytes
+from patrol.scenario import load_scenario
 from worldsim.run_record import RunRecord
 
 COARSE: dict[str, Any] = {"terrain": {"builtin": "open"}, "point": 1.0, "patrol": {"dilatation": 0.0}}
@@ -56,6 +58,12 @@ class Processes:
         for process in self.processes.values():
             process.kill()
             process.wait(self._patience_s)
+
+
+def trace_of(scenario: Mapping[str, Any] | Path, ticks: int, folder: Path) -> str:
+    """Return the trace hash of the first ticks of a scenario, run in one process; the run's folder is ``one``."""
+    length = {"duration": ticks * load_scenario(scenario).step}
+    return fogwatch.run(scenario, out=folder / "one", overrides=length, picture=False).trace_hash
 
 
 def end_of(journal: RunRecord) -> tuple[str, str]:

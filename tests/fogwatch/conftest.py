@@ -15,9 +15,8 @@ from typing import Any
 
 import pytest
 
-from fogwatch.api import run as run_scenario
 from fogwatch.cli.app import main
-from patrol.scenario import load_scenario
+from tests.fleets import trace_of
 
 PATIENCE_S = 800.0
 """How long anything may take, s, on a machine with much else to do: less than pytest's own limit."""
@@ -73,6 +72,12 @@ class Run:
         state, parent, *_ = (entry / "stat").read_text().rpartition(")")[2].split()
         return state, int(parent)
 
+    def unread(self, pid: int) -> int:
+        """Bytes that have come over TCP for a process and that it has not read."""
+        held = {str(entry.readlink()) for entry in Path(f"/proc/{pid}/fd").iterdir()}
+        rows = [row.split() for row in Path(f"/proc/{pid}/net/tcp").read_text(encoding="ascii").splitlines()[1:]]
+        return sum(int(row[4].partition(":")[2], 16) for row in rows if f"socket:[{row[9]}]" in held)
+
     def ticks(self) -> int:
         """Ticks done so far."""
         try:
@@ -105,11 +110,11 @@ class Run:
         self.process.send_signal(signal.SIGINT)
         assert self.end() == 130, self.errors
 
-    def trace_in_one_process(self) -> str:
-        """Trace hash of the same scenario in one process, for as many ticks as this run had."""
-        duration_s = self.summary()["ticks"] * load_scenario(self.file).step
-        one = run_scenario(self.file, out=self.folder.parent / "one", overrides={"duration": duration_s}, picture=False)
-        return one.trace_hash
+    def assert_undisturbed(self) -> None:
+        """Assert that the run is valid, and that its trace is that of as many ticks in one process."""
+        summary = self.summary()
+        assert summary["verdict"]["valid"], summary["verdict"]
+        assert summary["trace_hash"] == trace_of(self.file, summary["ticks"], self.folder.parent)
 
     def summary(self) -> dict[str, Any]:
         """What the run left."""

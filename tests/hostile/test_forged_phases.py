@@ -37,8 +37,7 @@ def same_as_without(target: Target) -> None:
     """The run goes on, is valid, and has the trace that it has when nobody is there."""
     target.run.pass_ticks(60)
     target.run.interrupt()
-    assert target.failed() == []
-    assert target.run.summary()["trace_hash"] == target.run.trace_in_one_process()
+    target.run.assert_undisturbed()
 
 
 def leaps(target: Target, robot: str) -> list[tuple[str, bytes]]:
@@ -114,19 +113,18 @@ def test_nobody_leaves_because_a_stranger_says_so(attack: Callable[..., Target])
     assert target.run.summary()["robots"]["r1"]["rejected"] >= 6
 
 
-def test_a_stranger_does_not_take_the_seat_of_a_robot_that_is_started_again(attack: Callable[..., Target]) -> None:
+@pytest.mark.parametrize("scenario_hash", ["right", "wrong"])
+def test_a_stranger_does_not_take_the_seat_of_a_robot_that_is_started_again(
+    scenario_hash: str, attack: Callable[..., Target]
+) -> None:
     """Nor end the run: it answers the world's greeting long before the robot's own process can."""
     faults = [{"kind": "kill", "who": "r2", "at": 10}, {"kind": "restart", "who": "r2", "at": 15}]
     target = attack({**CALM, "faults": faults})
     target.step(5)
     run = target.attacker.newest_phase_a("r1").run
-    seats = [
-        HelloReply(incarnation, instance, 30, run, hashed)
-        for hashed in (target.scenario_hash(), "d" * 64)
-        for incarnation in (1, 2)
-        for instance in (77, ANYONE)
-    ]
-    seats += [other for seat in (seats[2], seats[6]) for other in (replace(seat, protocol=99), replace(seat, run=0))]
+    hashed = target.scenario_hash() if scenario_hash == "right" else "d" * 64
+    seats = [HelloReply(incarnation, instance, 30, run, hashed) for incarnation in (1, 2) for instance in (77, ANYONE)]
+    seats += [replace(seats[-2], protocol=99), replace(seats[-2], run=0)]
     target.attacker.pretend_to_live("r2")
     target.attacker.repeat([(target.keys.reply("r2"), encode(seat)) for seat in seats])
     target.go()
@@ -178,7 +176,7 @@ def test_commands_that_a_robot_has_not_sent_fail_the_verdict(attack: Callable[..
     robots = [tick.robots[0] for tick in read_journal(target.run.folder / "journal").ticks]
     assert {(robot.c0, robot.c1) for robot in robots[first:held]} == {(drive.vx, drive.vy)}
     assert robots[-1].status is Status.ALIVE
-    assert len(robots) >= held + 20
+    assert any(robot.decision_ms is not None for robot in robots[held:]), "it does not go on"
     check = target.check("transcripts")
     assert not check["ok"]
     assert "the world acted on replies that the robot had not sent" in check["detail"]

@@ -20,7 +20,7 @@ from typing import Any
 
 import pytest
 
-import fogwatch
+from tests.fleets import trace_of
 from tests.routers import free_endpoint
 
 pytestmark = pytest.mark.processes
@@ -194,5 +194,4 @@ def test_whatever_connects_to_the_metrics_changes_nothing(site: Site, tmp_path: 
         assert [site.code(name) for name in ("world", "anna", "bert")] == [130, 0, 0], site.said("world")
     summary = json.loads((site.folder / "run" / "summary.json").read_text(encoding="utf-8"))
     assert summary["verdict"]["valid"]
-    same = {**SCENARIO, "duration": summary["ticks"] * 0.5}
-    assert summary["trace_hash"] == fogwatch.run(same, out=tmp_path / "one", picture=False).trace_hash
+    assert summary["trace_hash"] == trace_of(SCENARIO, summary["ticks"], tmp_path)

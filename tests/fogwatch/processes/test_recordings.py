@@ -37,7 +37,7 @@ DIRECT: dict[str, Any] = {
 }
 PATIENCE_S = 300.0
 ENOUGH = 8
-"""Messages of a robot's pose that a recording is to have."""
+"""Messages of a robot's pose that a recording is to have: those of some seconds, as every half second has one."""
 
 Topics = dict[str, list[tuple[float, Any]]]
 """By topic (time in s, message)."""

@@ -64,7 +64,7 @@ def asking_viewer(folder: Path, ready: Path) -> Iterator[subprocess.Popen[bytes]
 
 
 def test_viewers_that_ask_for_all_and_stop_reading_cost_no_robot(start: Callable[..., Run], tmp_path: Path) -> None:
-    run = start({**FAST, "point": 0.25, "duration": 100_000})
+    run = start({**FAST, "point": 0.1, "duration": 100_000})
     operator = attached(run)
     run.until(lambda: run.ticks() > 5)
     for number in range(3):
@@ -73,9 +73,9 @@ def test_viewers_that_ask_for_all_and_stop_reading_cost_no_robot(start: Callable
         with asking_viewer(run.folder, ready) as viewer:
             run.until(ready.exists)
             assert operator.control({"do": "go"}).done
-            run.pass_ticks(5)  # while it asks and reads
+            run.pass_ticks(20)  # while it asks and reads
             viewer.send_signal(signal.SIGSTOP)
-            run.pass_ticks(20)
+            run.pass_ticks(50)
     operator.close()
     run.interrupt()
     assert {robot["status"] for robot in run.summary()["robots"].values()} == {"alive"}

@@ -104,13 +104,14 @@ class Commitment:
         self._slack = math.ceil(stride / self._point) if spec.model == "car" else 0
         self._whereabouts = Whereabouts(spec.radius, stride, setup.step)
         self._hand_over = round(100.0 * HAND_OVER * stride / self._point)
-        self._reach = law_reach(setup.patrol, self._point, 4 * sum(terrain.shape))
+        longest = 4 * sum(terrain.shape)  # points; no way is taken to be longer
+        self._reach = law_reach(setup.patrol, self._point, longest)
         self._target: Target | None = None
         self._expected = 0
         self._least = math.inf
         self._least_age = 0
         self._least_at = 0
-        self._near = min(math.ceil(NEAR_RANGES * sensor.range / self._point), 2 * sum(terrain.shape))
+        self._near = min(math.ceil(NEAR_RANGES * sensor.range / self._point), longest)
         sight_points = sensor.range / self._point
         self._nearby = Nearby(setup.posts, sight_points, 100 * self._near, self._width)
         self._decay = Decay(setup.patrol, self._point)

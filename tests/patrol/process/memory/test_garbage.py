@@ -11,10 +11,14 @@ from patrol.process.memory.garbage import begin_collection, hold_collection, spa
 
 @pytest.fixture(autouse=True)
 def collector(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """The collector as it was."""
+    """The collector as it is at the start of a process, and afterwards as it was."""
     monkeypatch.setattr("patrol.process.memory.garbage._spares_what_is_loaded", False)
+    were_frozen = gc.get_freeze_count() > 0
+    gc.unfreeze()
     yield
     gc.unfreeze()
+    if were_frozen:
+        gc.freeze()
     gc.enable()
 
 

@@ -184,7 +184,7 @@ DAMAGES = [
     for place, damage in enumerate(("truncated", "emptied", "changed", "lost"))
     for at in range(FILES_OF_AN_ENTRY)
 ]
-"""Each way to damage each file; one file of each way is quick enough for CI."""
+"""CI damages one file in each way; `make accept` damages every file in each way."""
 
 
 @pytest.mark.processes
