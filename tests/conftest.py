@@ -181,6 +181,14 @@ def marked_processes(mark: str) -> dict[int, str]:
 
 
 @pytest.fixture(scope="session", autouse=True)
+def no_test_changes_the_niceness() -> Iterator[None]:
+    """Fail when a test has left this process giving way to others, which holds for all that it starts later."""
+    before = os.nice(0)
+    yield
+    assert os.nice(0) == before, "a test has raised this process's niceness: have it replace os.nice"
+
+
+@pytest.fixture(scope="session", autouse=True)
 def no_process_outlives_the_session() -> Iterator[None]:
     """Fail, and clean up, when a process that a test started is still there soon after the last test."""
     mark = f"{MARK}={uuid.uuid4().hex}"

@@ -25,7 +25,7 @@ from patrol.net.security.access import FILE
 from patrol.net.security.credentials import Credentials, read_credentials, read_router, write_private
 from patrol.net.security.roles import role_of
 
-PATIENCE_S = 120.0
+PATIENCE_S = 300.0
 
 needs_openssl = pytest.mark.skipif(
     shutil.which("openssl") is None and not os.environ.get("CI"), reason="the command openssl is not installed"

@@ -17,7 +17,7 @@ from tests.routers import free_endpoint
 
 pytestmark = pytest.mark.processes
 
-PATIENCE_S = 120.0
+PATIENCE_S = 300.0
 WATCHDOG_S = 1.0
 SCENARIO = {
     "name": "watched",

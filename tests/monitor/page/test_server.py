@@ -255,6 +255,7 @@ def test_bad_input_is_reported_in_terms_of_the_options_that_there_are(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("monitor.process.heed", lambda _: None)
+    monkeypatch.setattr("os.nice", lambda _: 0)  # it would hold for all tests after this one, and for what they start
     monkeypatch.setenv("FOGWATCH_PAGE_KEY", token)
     assert main([argument.replace("RUN", str(tmp_path)) for argument in arguments]) == 2
     (says,) = (line for line in capsys.readouterr().err.splitlines() if not line.startswith("compiling"))

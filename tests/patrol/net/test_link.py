@@ -179,11 +179,12 @@ def test_a_message_that_is_too_long_is_put_together_by_nobody(links: Callable[[]
     """What would take a router's memory is dropped piece by piece, and the session lives on."""
     mailbox: Mailbox[int] = Mailbox(["a/b"], len, 4 * MAX_MESSAGE)
     links().subscribe("a/b", mailbox)
-    sender = links()
-    post = sender.post("a/b")
-    reach(post, mailbox, b"1")
-    post(bytes(MAX_MESSAGE // 2))
-    post(bytes(2 * MAX_MESSAGE))
-    post(b"12")
-    assert next_but(mailbox, 1) == ("a/b", MAX_MESSAGE // 2)
-    assert next_but(mailbox, 1) == ("a/b", 2)
+    post = links().post("a/b")
+    heard = [reach(post, mailbox, b"1")[1]]
+    for payload in (bytes(MAX_MESSAGE // 2), b"12"):
+        post(bytes(2 * MAX_MESSAGE))
+        while heard[-1] != len(payload):
+            post(payload)  # again, since Zenoh drops what finds no room within some seconds
+            if (arrived := mailbox.get(1.0)) is not None:
+                heard.append(arrived[1])
+    assert max(heard) == MAX_MESSAGE // 2
