@@ -19,6 +19,7 @@ from agent.robots.ros2.driving.others import Others
 from agent.robots.ros2.driving.response import Response
 from agent.robots.ros2.driving.steering import ENOUGH_M, GoalSteering, Progress, Steering, VelocitySteering
 from agent.robots.ros2.hardware import Hardware
+from agent.robots.ros2.pose import localisation
 from agent.robots.ros2.pose.localisation import LocalisationSettings
 from agent.robots.ros2.settings import DriveSettings
 from agent.robots.ros2.stops import standing
@@ -36,6 +37,12 @@ from tests.ros2_hub import Hub
 STILL = messages.Twist(0.0, 0.0, 0.0)
 STEP_S = 0.5
 PATIENCE_S = 300.0
+
+
+@pytest.fixture(autouse=True)
+def poses_stay_fresh(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a test take longer than a pose may be carried on: `fresh_s` alone says when it is too old."""
+    monkeypatch.setattr(localisation, "LONGEST_S", PATIENCE_S)
 
 
 class Ticks:
