@@ -117,7 +117,6 @@ def test_robots_that_hear_each_other_by_a_router_of_their_own(hand: Hand) -> Non
     for counts in summary["direct"]["links"].values():
         assert 1 <= counts["heard"] <= counts["sent"] <= 30
     assert summary["messages"]["frames"] >= 1, "the world overhears them too"
-    assert summary["messages"]["rejected"] == 0
 
 
 def test_a_radio_that_nobody_asked_for_is_bad_input(hand: Hand) -> None:

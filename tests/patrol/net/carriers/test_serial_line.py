@@ -243,6 +243,5 @@ def test_a_fleet_patrols_whose_robots_hear_each_other_over_serial_lines(modems: 
     for counts in summary["direct"]["links"].values():
         assert 1 <= counts["heard"] <= counts["sent"] <= 40
     assert summary["messages"]["frames"] >= 1, "the world overhears them too"
-    assert summary["messages"]["rejected"] == 0
     bits = 8 * sum(map(len, modems.carried))
     assert 0 < bits <= 2400 * (20 + 1)
