@@ -34,7 +34,6 @@ from patrol.ground.footprint import Footprint
 from patrol.prepare import inbox_of, sensor_footprint
 from patrol.radio.prediction import Predictor
 from patrol.random import Purpose, draw
-from patrol.scenario import lengths_of, share_of
 
 if TYPE_CHECKING:
     from agent.routes.path_window import PathWindow
@@ -136,7 +135,7 @@ def build_mind(
     shared = shared or shared_by(prepared)
     scenario, terrain, fields = prepared.scenario, prepared.terrain, prepared.fields[number]
     patrol, spec = scenario.patrol, scenario.roster[number - 1]
-    lengths = lengths_of(scenario, spec)
+    lengths = scenario.lengths[spec.number]
     scratch = shared.scratches[group_of(number, len(shared.scratches))]
     kind = policy_of(scenario)
 
@@ -232,7 +231,7 @@ def _policy_of(kind: PolicyKind, setup: PolicySetup) -> Surround:
 
 def _sending(scenario: Scenario, terrain: Terrain) -> Sending:
     """When the robots of a scenario send, and what."""
-    radio, share = scenario.radio, share_of(scenario)
+    radio, share = scenario.radio, scenario.radio_share
     if radio.adaptive is None:
         return Sending(radio.trail, radio.trail_every, share)
     silence = radio.silence_ticks(scenario.step)

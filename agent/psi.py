@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.scenario import lengths_by_robot
-
 if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain
     from patrol.prepare import Prepared
@@ -63,7 +61,7 @@ def _reaches(scenario: Scenario) -> list[float]:
     """The reaches of the fields psi that a scenario's robots refine their goals by, m, ascending."""
     if scenario.patrol.avoidance != "goal-refinement":
         return []
-    return sorted({lengths.refine_reach for lengths in lengths_by_robot(scenario).values()})
+    return sorted({lengths.refine_reach for lengths in scenario.lengths.values()})
 
 
 def _psi_file(number: int) -> str:

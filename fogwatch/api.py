@@ -26,7 +26,6 @@ from patrol.process.starting.seldom import seldom_kernels
 from patrol.process.starting.warmup import warm
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import Scenario, load_scenario, open_scenario
-from patrol.scenario.controls import prepared_as_operated
 from patrol.scenario.policy_file import PAPER
 
 if TYPE_CHECKING:
@@ -345,7 +344,7 @@ def _ended_as_processes(
         journal = read_journal(folder.journal)
     except BadInput as bad:
         raise Failed(str(bad)) from None
-    operated = prepared_as_operated(prepared, journal.events)
+    operated = prepared.as_operated(journal.events)
     if _needs_second_run(operated.scenario, options):  # perhaps only since an operator has added a fault
         clerk.close()
     try:

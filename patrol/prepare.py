@@ -6,8 +6,8 @@ The launcher prepares once and saves; its children load the same arrays memory-m
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,9 +22,9 @@ from patrol.pose import Pose
 from patrol.radio.inbox import Inbox
 
 if TYPE_CHECKING:
+    from patrol.journal.records import Event
     from patrol.regions.split import RegionSplit
-    from patrol.scenario import Scenario
-    from patrol.scenario.model import IntruderSpec
+    from patrol.scenario import IntruderSpec, Scenario
 
 TICKS_APART = 4
 """By how many ticks the robots of a fleet may be apart where the world waits for none of them."""
@@ -67,6 +67,17 @@ class Prepared:
         """bool (height, width), read-only: points that some robot of the fleet can see; what MFoW counts."""
         distinct = list({id(fields): fields for fields in self.fields.values()}.values())
         return frozen_grid(np.logical_or.reduce([fields.patrolled for fields in distinct]))
+
+    def as_operated(self, events: Iterable[Event]) -> Prepared:
+        """Add what operators have asked for, which changes neither terrain nor robots.
+
+        Args:
+            events: The journal's.
+        """
+        from patrol.scenario.controls import operated  # here: an agent needs no controls
+
+        scenario = operated(self.scenario, events)
+        return self if scenario is self.scenario else replace(self, scenario=scenario)
 
     def save(self, folder: Path) -> None:
         """Write the arrays as .npy files and the rest as JSON.

@@ -21,7 +21,7 @@ from patrol.ground.kernels.clearance import nearest
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import TAU, Pose, wrap
 from patrol.random import Purpose, draw
-from patrol.scenario.model import DEFAULT_RADIUS
+from patrol.scenario.sections import DEFAULT_RADIUS
 
 if TYPE_CHECKING:
     from patrol.scenario import RobotSpec

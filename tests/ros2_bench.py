@@ -20,7 +20,7 @@ from patrol.ros2.formats import format_named
 from patrol.ros2.link import ZenohRos2Link, open_ros2
 from patrol.ros2.names import NodeName
 from patrol.scenario import RobotSpec
-from patrol.scenario.model import TerrainSpec
+from patrol.scenario.sections import TerrainSpec
 from tests.routers import PATIENCE_S
 from worldsim.ros2.node import Habits, RobotNode
 from worldsim.ros2.odometry import Errors

@@ -27,7 +27,6 @@ from patrol.prepare import Prepared, prepare
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import load_scenario
 from patrol.scenario.control_words import worded
-from patrol.scenario.controls import prepared_as_operated
 
 CAME = ("alive", "lost")
 """Events by which a robot joins."""
@@ -210,7 +209,7 @@ def open_run(folder: Path, key: Path | None = None) -> Run:
     journal = journal_in(folder)
     secret = fleet_key(key)
     summary = read_summary(folder / SUMMARY)
-    prepared = prepared_as_operated(prepared_in(folder, journal), journal.events)
+    prepared = prepared_in(folder, journal).as_operated(journal.events)
     return read_run(folder, journal, prepared, summary, secret)
 
 

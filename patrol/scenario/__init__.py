@@ -1,6 +1,6 @@
 """The scenario: one file that says everything a run depends on, its faults, and what an operator may change."""
 
-from patrol.scenario.lengths import BodyLengths, lengths_by_robot, lengths_of
+from patrol.scenario.lengths import BodyLengths
 from patrol.scenario.load import (
     as_mapping,
     dump_scenario,
@@ -13,17 +13,17 @@ from patrol.scenario.load import (
     scenario_schema,
     with_spares,
 )
-from patrol.scenario.model import (
+from patrol.scenario.model import Scenario
+from patrol.scenario.radio_spec import RadioSpec
+from patrol.scenario.robots import RobotSpec
+from patrol.scenario.sections import (
     IntruderSpec,
     PatrolSpec,
     RobotEntry,
     RobotGroup,
-    Scenario,
     SensorSpec,
     TerrainSpec,
 )
-from patrol.scenario.radio_spec import RadioSpec, share_of
-from patrol.scenario.robots import RobotSpec
 from patrol.values.types import BUILTINS, MAX_ROBOTS
 
 __all__ = [
@@ -41,8 +41,6 @@ __all__ = [
     "TerrainSpec",
     "as_mapping",
     "dump_scenario",
-    "lengths_by_robot",
-    "lengths_of",
     "load_scenario",
     "map_digest",
     "open_scenario",
@@ -50,6 +48,5 @@ __all__ = [
     "same_but_for_files",
     "scenario_hash",
     "scenario_schema",
-    "share_of",
     "with_spares",
 ]

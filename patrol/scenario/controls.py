@@ -20,8 +20,8 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Discriminator, Field, TypeAdapter, ValidationError, model_validator
 
@@ -33,9 +33,6 @@ from patrol.scenario.faults.kinds import Clock, Lasting, nothing
 from patrol.scenario.faults.roster import tick_of, ticks_of
 from patrol.values.section import Section
 from patrol.values.types import Corner, Name, Positive, expecting
-
-if TYPE_CHECKING:
-    from patrol.prepare import Prepared
 
 OPERATOR = "operator"
 """The kind of the journal's events that tell of controls; their detail is JSON, as `as_detail` makes it."""
@@ -259,17 +256,6 @@ def in_force(scenario: Scenario, k: int, first: int = 0) -> tuple[Mapping[str, A
         and tick_of(fault.at, scenario.step) <= k
         and not _has_ended(fault, scenario.step, k)
     )
-
-
-def prepared_as_operated(prepared: Prepared, events: Iterable[Event]) -> Prepared:
-    """The prepared scenario with what operators have added; they change neither terrain nor robots.
-
-    Args:
-        prepared: As it was loaded.
-        events: Of the journal.
-    """
-    scenario = operated(prepared.scenario, events)
-    return prepared if scenario is prepared.scenario else replace(prepared, scenario=scenario)
 
 
 def as_detail(control: Control) -> str:

@@ -8,10 +8,16 @@ from typing import Any
 
 import yaml
 
+from patrol.scenario.lengths import FIELDS
+from patrol.scenario.model import Scenario
 from patrol.values.section import Section
+from patrol.values.types import AUTO
 from patrol.yaml_text import add_core_rules
 
 _COMMENT_COLUMN = 32
+_MOST_NAMES = 8
+"""Robots of one length that a note names."""
+
 _NO_NOTES: Mapping[str, str] = MappingProxyType({})
 
 
@@ -55,6 +61,28 @@ def dump_section(section: Section, indent: int = 0, notes: Mapping[str, str] = _
     return "\n".join(lines)
 
 
+def notes_on_lengths(scenario: Scenario) -> Mapping[str, str]:
+    """Describe what each field that stays ``auto`` comes to for the robots of a mixed team.
+
+    Args:
+        scenario: Loaded, so that a field is ``auto`` only where robots differ.
+
+    Returns:
+        One line such as ``here 6.6 for truck, 1.65 for scout-1 and scout-2``, by dotted field.
+    """
+    notes = {}
+    for name in FIELDS:
+        if getattr(scenario.patrol, name) != AUTO:
+            continue
+        robots: dict[float, list[str]] = {}
+        for spec in scenario.roster:
+            robots.setdefault(getattr(scenario.lengths[spec.number], name), []).append(spec.name)
+        notes[f"patrol.{name}"] = "here " + ", ".join(
+            f"{length:g} for {_listed(names)}" for length, names in robots.items()
+        )
+    return notes
+
+
 def _beside(text: str, note: str) -> str:
     return f"{text:<{_COMMENT_COLUMN}} # {note}" if note else text
 
@@ -79,3 +107,10 @@ def _dump(value: Any, *, allow_unicode: bool) -> str:
 
 def _plain(value: Any) -> Any:
     return [_plain(item) for item in value] if isinstance(value, tuple) else value
+
+
+def _listed(names: list[str]) -> str:
+    """Names as text: ``a, b and c``, or the first few and how many more there are."""
+    if len(names) > _MOST_NAMES:
+        names = [*names[:_MOST_NAMES], f"{len(names) - _MOST_NAMES} more"]
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

@@ -14,16 +14,16 @@ from patrol.errors import did_you_mean, quoted
 from patrol.scenario.faults.kinds import KINDS, Fault, Forgery, Jump, Wait
 from patrol.scenario.faults.nemesis_spec import NemesisSpec
 from patrol.scenario.faults.targets import Some
-from patrol.scenario.model import (
+from patrol.scenario.model import Scenario
+from patrol.scenario.radio_spec import AdaptiveSpec, BudgetSpec, RadioSpec
+from patrol.scenario.sections import (
     IntruderSpec,
     PatrolSpec,
     RobotEntry,
     RobotGroup,
-    Scenario,
     SensorSpec,
     TerrainSpec,
 )
-from patrol.scenario.radio_spec import AdaptiveSpec, BudgetSpec, RadioSpec
 from patrol.values.section import Section
 
 _SECTIONS: dict[str, type[Section]] = {

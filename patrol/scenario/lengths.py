@@ -7,25 +7,19 @@ range that give the paper's numbers for the paper's body. This module is the onl
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
 
 from patrol.pose import TAU
+from patrol.scenario.robots import RobotSpec
+from patrol.scenario.sections import PatrolSpec
 from patrol.values.section import wrong
 from patrol.values.types import AUTO, LARGEST, Auto
-
-if TYPE_CHECKING:
-    from patrol.scenario.model import Scenario
-    from patrol.scenario.robots import RobotSpec
 
 STANDING_GAP = 1.0
 """Gap between two bodies that stand around an intruder, m."""
 
 MILLIMETRE = 1e-3
-
-NAMED = 8
-"""Robots of one length that a note names."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,95 +59,53 @@ FIELDS = tuple(field.name for field in fields(BodyLengths))
 """The fields of a scenario's section `patrol` that may be ``auto``."""
 
 
-def lengths_of(scenario: Scenario, spec: RobotSpec) -> BodyLengths:
-    """The lengths of one robot's patrol.
+def resolve_lengths(
+    patrol: PatrolSpec, roster: Sequence[RobotSpec], point: float, step: float, sensor_range: float
+) -> Mapping[int, BodyLengths]:
+    """Resolve the lengths of every robot's patrol.
 
     Args:
-        scenario: Its patrol, sensor, step, point and roster are used.
-        spec: The robot, one of the roster.
+        patrol: The scenario's section.
+        roster: The scenario's robots.
+        point: m, side of a point.
+        step: s per tick.
+        sensor_range: m.
 
     Returns:
-        What the scenario states, and for each ``auto`` what follows from the body. Resolved lengths are multiples of
-        1 mm.
+        What the section states, and for each ``auto`` what follows from the body, by robot number. Resolved lengths are
+        multiples of 1 mm. Robots of one radius and speed share an object.
     """
-    return _lengths(scenario, spec.radius, spec.speed, _ring(scenario))
-
-
-def lengths_by_robot(scenario: Scenario) -> dict[int, BodyLengths]:
-    """The lengths of every robot's patrol, by robot number; robots of one radius and speed share an object.
-
-    Args:
-        scenario: As for `lengths_of`.
-    """
-    ring = _ring(scenario)
-    bodies = {(spec.radius, spec.speed) for spec in scenario.roster}
-    found = {body: _lengths(scenario, *body, ring) for body in bodies}
-    return {spec.number: found[spec.radius, spec.speed] for spec in scenario.roster}
-
-
-def common_lengths(scenario: Scenario) -> dict[str, float]:
-    """What each ``auto`` of a scenario comes to, where it is the same for all robots of the roster.
-
-    Args:
-        scenario: As for `lengths_of`.
-
-    Returns:
-        Lengths in m by field of the section `patrol`.
-    """
-    each = set(lengths_by_robot(scenario).values())
-    found = {name: {getattr(lengths, name) for lengths in each} for name in FIELDS}
-    return {
-        name: values.pop()
-        for name, values in found.items()
-        if getattr(scenario.patrol, name) == AUTO and len(values) == 1
+    ring = _ring(roster, sensor_range)
+    bodies = {(spec.radius, spec.speed) for spec in roster}
+    by_body = {
+        (radius, speed): _lengths(patrol, radius, speed * step, min(point, LARGEST), ring) for radius, speed in bodies
     }
+    return {spec.number: by_body[spec.radius, spec.speed] for spec in roster}
 
 
-def notes_on_lengths(scenario: Scenario) -> Mapping[str, str]:
-    """What each field that stays ``auto`` comes to for the robots of a mixed team.
-
-    Args:
-        scenario: Loaded, so that a field is ``auto`` only where robots differ.
-
-    Returns:
-        One line such as ``here 6.6 for truck, 1.65 for scout-1 and scout-2``, by dotted field.
-    """
-    each = lengths_by_robot(scenario)
-    notes = {}
-    for name in FIELDS:
-        if getattr(scenario.patrol, name) != AUTO:
-            continue
-        robots: dict[float, list[str]] = {}
-        for spec in scenario.roster:
-            robots.setdefault(getattr(each[spec.number], name), []).append(spec.name)
-        notes[f"patrol.{name}"] = "here " + ", ".join(f"{value:g} for {_listed(who)}" for value, who in robots.items())
-    return notes
-
-
-def check_lengths(scenario: Scenario) -> None:
+def check_refinement(patrol: PatrolSpec, roster: Sequence[RobotSpec], lengths: Mapping[int, BodyLengths]) -> None:
     """Refuse a square of refinement that would reach behind a robot.
 
     Args:
-        scenario: As for `lengths_of`.
+        patrol: The scenario's section.
+        roster: The scenario's robots.
+        lengths: As resolved.
 
     Raises:
         PydanticCustomError: The side that the scenario states is more than twice a robot's goal distance. It names the
             side, because ``auto`` never leads to that.
     """
-    each = lengths_by_robot(scenario)
-    mixed = len({lengths.goal_distance for lengths in each.values()}) > 1
-    for spec in scenario.roster:
-        side, distance = each[spec.number].refine_side, each[spec.number].goal_distance
+    mixed = len({each.goal_distance for each in lengths.values()}) > 1
+    for spec in roster:
+        side, distance = lengths[spec.number].refine_side, lengths[spec.number].goal_distance
         if side > 2.0 * distance:
-            how = "" if scenario.patrol.goal_distance != AUTO else f" (auto, for {spec.name})" if mixed else " (auto)"
+            how = "" if patrol.goal_distance != AUTO else f" (auto, for {spec.name})" if mixed else " (auto)"
             limit = f"patrol.goal_distance is {distance:g} m{how}, so at most {2.0 * distance:g}"
             raise wrong("patrol.refine_side", f"the square must not reach behind the robot: {limit}", side)
 
 
-def _lengths(scenario: Scenario, radius: float, speed: float, ring: float) -> BodyLengths:
-    """The lengths for a radius in m, a top speed in m/s and an automatic `surround_distance` in m."""
-    patrol, point = scenario.patrol, min(scenario.point, LARGEST)
-    stride = speed * scenario.step
+def _lengths(patrol: PatrolSpec, radius: float, stride: float, point: float, ring: float) -> BodyLengths:
+    """The lengths for a radius, a stride, a point and an automatic `surround_distance`, all in m."""
     goal = _stated(patrol.goal_distance, max(_rounded(max(2.5 * stride, 5.5 * radius)), point))
     return BodyLengths(
         goal_distance=goal,
@@ -167,12 +119,12 @@ def _lengths(scenario: Scenario, radius: float, speed: float, ring: float) -> Bo
     )
 
 
-def _ring(scenario: Scenario) -> float:
+def _ring(roster: Sequence[RobotSpec], sensor_range: float) -> float:
     """The automatic `surround_distance` of a team, m."""
-    radii = [spec.radius for spec in scenario.roster]
+    radii = [spec.radius for spec in roster]
     widest = max(radii)
     side_by_side = len(radii) * (2.0 * widest + STANDING_GAP) / TAU
-    return _rounded(min(max(8.0 * widest, side_by_side), 0.8 * scenario.sensor.range))
+    return _rounded(min(max(8.0 * widest, side_by_side), 0.8 * sensor_range))
 
 
 def _stated(value: float | Auto, automatic: float) -> float:
@@ -182,10 +134,3 @@ def _stated(value: float | Auto, automatic: float) -> float:
 def _rounded(length: float) -> float:
     """A length in whole millimetres, and within what a scenario may state."""
     return min(max(round(length, 3), MILLIMETRE), LARGEST)
-
-
-def _listed(names: list[str]) -> str:
-    """Names as text: ``a, b and c``, or the first few and how many more there are."""
-    if len(names) > NAMED:
-        names = [*names[:NAMED], f"{len(names) - NAMED} more"]
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

@@ -25,15 +25,16 @@ from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.ground.map_file import read_map_file
 from patrol.half_characters import refuse_half_characters
 from patrol.pose import TURNS_IN_ARCS
-from patrol.scenario.dump import dump_section
+from patrol.scenario.dump import dump_section, notes_on_lengths
 from patrol.scenario.explain import one_line
-from patrol.scenario.lengths import common_lengths, notes_on_lengths
-from patrol.scenario.model import RobotEntry, RobotGroup, Scenario
+from patrol.scenario.lengths import FIELDS
+from patrol.scenario.model import Scenario
 from patrol.scenario.nemesis import written_out
 from patrol.scenario.policy_file import policy_digest, policy_file
 from patrol.scenario.robots import RobotSpec
+from patrol.scenario.sections import RobotEntry, RobotGroup
 from patrol.untrusted import IMAGE, read_untrusted
-from patrol.values.types import BUILTINS
+from patrol.values.types import AUTO, BUILTINS
 from patrol.yaml_text import line_of, parse_yaml, read_text
 
 Overrides = Mapping[str, object]
@@ -365,8 +366,10 @@ def _with_policy_digest(scenario: Scenario) -> Scenario:
 
 def _with_lengths(scenario: Scenario) -> Scenario:
     """The scenario with a number for each length that follows the body and is the same for all robots."""
-    lengths = common_lengths(scenario)
-    return scenario.model_copy(update={"patrol": scenario.patrol.model_copy(update=lengths)}) if lengths else scenario
+    auto = [name for name in FIELDS if getattr(scenario.patrol, name) == AUTO]
+    by_name = {name: {getattr(lengths, name) for lengths in scenario.lengths.values()} for name in auto}
+    common = {name: lengths.pop() for name, lengths in by_name.items() if len(lengths) == 1}
+    return scenario.model_copy(update={"patrol": scenario.patrol.model_copy(update=common)}) if common else scenario
 
 
 def _forget_where_a_policy_lies(patrol: dict[str, Any]) -> None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Sequence
+from typing import Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
@@ -11,11 +12,9 @@ from patrol.radio.allowance import BITS, Share
 from patrol.radio.message import MAX_STEP_CM, longest_frame
 from patrol.radio.replay_window import SPAN
 from patrol.radio.units import cm_to_m, m_to_cm
+from patrol.scenario.robots import RobotSpec
 from patrol.values.section import Section, absolute, wrong
 from patrol.values.types import FrameBytes, NotNegative, Overhead, PathText, Positive, Trail, TrailEvery
-
-if TYPE_CHECKING:
-    from patrol.scenario.model import Scenario
 
 _BUCKET_S = 1.0
 """How much of its share a robot may save up, s; or a tick, or the longest frame and a contact's, if these are more."""
@@ -76,49 +75,52 @@ class RadioSpec(Section):
         """
         return 1 if self.adaptive is None else max(1, math.floor(self.adaptive.silence / step + 1e-9))
 
+    def share(self, robots: int, step: float) -> Share | None:
+        """Return each robot's share of the budget, or None where there is none.
 
-def share_of(scenario: Scenario) -> Share | None:
-    """Each robot's share of a scenario's budget, spare robots included; None where there is none.
-
-    Args:
-        scenario: The scenario.
-    """
-    radio = scenario.radio
-    if radio.budget is None:
-        return None
-    per_s = radio.budget.bits_per_s / len(scenario.roster)
-    overhead, longest = radio.budget.overhead, radio.longest_frame
-    contact = longest_frame(0, tagged=radio.key is not None)
-    most = max(per_s * max(_BUCKET_S, scenario.step), BITS * float(longest + contact + 2 * overhead))
-    return Share(per_tick=per_s * scenario.step, most=most, overhead=overhead, frame=longest)
+        Args:
+            robots: Number of robots of the roster, spare ones included.
+            step: s per tick.
+        """
+        if self.budget is None:
+            return None
+        per_s = self.budget.bits_per_s / robots
+        overhead, longest = self.budget.overhead, self.longest_frame
+        contact = longest_frame(0, tagged=self.key is not None)
+        most = max(per_s * max(_BUCKET_S, step), BITS * float(longest + contact + 2 * overhead))
+        return Share(per_tick=per_s * step, most=most, overhead=overhead, frame=longest)
 
 
-def check_radio_spec(scenario: Scenario) -> None:
+def check_radio_spec(
+    radio: RadioSpec, roster: Sequence[RobotSpec], step: float, angle: float, *, intruders: bool
+) -> None:
     """Check the radio against the rest of a scenario.
 
     Args:
-        scenario: The scenario.
+        radio: The scenario's.
+        roster: The scenario's robots.
+        step: s per tick.
+        angle: The sensor's angle of view, degrees.
+        intruders: The scenario has intruders, so robots also send contacts.
 
     Raises:
         PydanticCustomError: When they do not fit together.
     """
-    radio, step = scenario.radio, scenario.step
     if radio.trail:
-        _check_trail(scenario)
+        _check_trail(radio, roster, step, angle)
     if radio.adaptive is not None and not step <= radio.adaptive.silence <= radio.forget_after:
         limit = (
             f"not between one step, {step:g} s, and radio.forget_after, {radio.forget_after:g} s; give a time between"
         )
         raise wrong("radio.adaptive.silence", limit, radio.adaptive.silence)
-    if radio.budget is None:
+    share = radio.share(len(roster), step)
+    if radio.budget is None or share is None:
         return
     bare = longest_frame(0, tagged=radio.key is not None)
     if radio.budget.frame < bare:
         limit = f"less than a frame without a trail may have, {bare} bytes; give more"
         raise wrong("radio.budget.frame", limit, radio.budget.frame)
-    share = share_of(scenario)
-    assert share is not None
-    silent_s = step * (share.earns_most_in if scenario.intruders else share.earns_frame_in)
+    silent_s = step * (share.earns_most_in if intruders else share.earns_frame_in)
     if silent_s > radio.forget_after:
         seconds = f"so low that a robot may be silent for {silent_s:g} s, and claims end after "
         remedy = "give more, a shorter radio.trail or a longer radio.forget_after"
@@ -126,17 +128,15 @@ def check_radio_spec(scenario: Scenario) -> None:
         raise wrong("radio.budget.bits_per_s", limit, radio.budget.bits_per_s)
 
 
-def _check_trail(scenario: Scenario) -> None:
-    radio = scenario.radio
-    for spec in scenario.roster:
-        if m_to_cm(spec.speed * scenario.step * radio.trail_every) >= MAX_STEP_CM:
-            field = f"robots.{spec.number - 1}" if isinstance(scenario.robots, tuple) else "robots"
+def _check_trail(radio: RadioSpec, roster: Sequence[RobotSpec], step: float, angle: float) -> None:
+    for spec in roster:
+        if m_to_cm(spec.speed * step * radio.trail_every) >= MAX_STEP_CM:
             span = "tick" if radio.trail_every == 1 else f"{radio.trail_every} ticks"
             limit = f"a trail holds steps below {cm_to_m(MAX_STEP_CM):g} m per {span}; set radio.trail to 0"
-            raise wrong(f"{field}.speed", limit, spec.speed)
+            raise wrong(f"{spec.section}.speed", limit, spec.speed)
     if radio.trail * radio.trail_every >= SPAN:
         limit = f"a trail reaches back at most {SPAN - 1} ticks, and radio.trail is {radio.trail}; give less"
         raise wrong("radio.trail_every", limit, radio.trail_every)
-    if scenario.sensor.angle < _ALL_ROUND and (radio.spares_frames or radio.trail_every > 1):
+    if angle < _ALL_ROUND and (radio.spares_frames or radio.trail_every > 1):
         limit = "a trail has places and no headings, so a narrower view from them is unknown; set radio.trail to 0"
         raise wrong("radio.trail", limit, radio.trail)

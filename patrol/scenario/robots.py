@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
 
 from patrol.pose import Limits, Pose, wrap
+from patrol.scenario.sections import Body, RobotEntry, RobotGroup
 from patrol.values.types import Kind
-
-if TYPE_CHECKING:
-    from patrol.scenario.model import Body, RobotEntry, RobotGroup
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +21,8 @@ class RobotSpec:
         radius: m.
         turning_radius: m.
         start: None for a random one.
-        spare: Whether it is absent until it joins.
+        spare: It is absent until it joins.
+        section: Dotted field of the scenario that describes it: ``robots`` of a group, ``robots.0`` of a list.
     """
 
     number: int
@@ -35,6 +33,7 @@ class RobotSpec:
     turning_radius: float
     start: Pose | None
     spare: bool = False
+    section: str = field(default="robots", compare=False)
 
     @property
     def limits(self) -> Limits:
@@ -51,16 +50,25 @@ def roster_of(robots: RobotGroup | tuple[RobotEntry, ...]) -> list[RobotSpec]:
     if not isinstance(robots, tuple):
         given = () if robots.starts == "random" else robots.starts
         poses = [*map(_pose, given), *[None] * (robots.whole - len(given))]
-        return [_spec(number, None, robots, pose, number > robots.count) for number, pose in enumerate(poses, start=1)]
+        return [_spec(number, robots, pose, number > robots.count) for number, pose in enumerate(poses, start=1)]
     return [
-        _spec(number, entry.name, entry, None if entry.start == "random" else _pose(entry.start), bool(entry.spare))
+        _spec(
+            number,
+            entry,
+            None if entry.start == "random" else _pose(entry.start),
+            bool(entry.spare),
+            name=entry.name,
+            section=f"robots.{number - 1}",
+        )
         for number, entry in enumerate(robots, start=1)
     ]
 
 
-def _spec(number: int, name: str | None, body: Body, start: Pose | None, spare: bool) -> RobotSpec:
+def _spec(
+    number: int, body: Body, start: Pose | None, spare: bool, name: str | None = None, section: str = "robots"
+) -> RobotSpec:
     name = name or f"r{number}"
-    return RobotSpec(number, name, body.model, body.speed, body.radius, body.turning_radius, start, spare)
+    return RobotSpec(number, name, body.model, body.speed, body.radius, body.turning_radius, start, spare, section)
 
 
 def _pose(place: tuple[float, ...]) -> Pose:

@@ -12,7 +12,7 @@ from patrol.ground.fields import compute_fields
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from patrol.prepare import Prepared
-from patrol.scenario import Scenario, lengths_of
+from patrol.scenario import Scenario
 
 STEP = 0.5
 
@@ -38,7 +38,7 @@ def setup_of(prepared: Prepared, number: int = 1) -> PolicySetup:
         step=scenario.step,
         sensor=scenario.sensor,
         patrol=scenario.patrol,
-        lengths=lengths_of(scenario, spec),
+        lengths=scenario.lengths[spec.number],
         team=len(scenario.roster) - len(scenario.spares),
         options=policy_of(scenario).options,
         terrain=prepared.terrain,

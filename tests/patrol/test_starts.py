@@ -17,7 +17,7 @@ from patrol.ground.maps import read_terrain
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import Pose
 from patrol.scenario import RobotSpec
-from patrol.scenario.model import DEFAULT_RADIUS
+from patrol.scenario.sections import DEFAULT_RADIUS
 from patrol.starts import clearance_at, place_starts, starting_part
 
 

@@ -10,7 +10,6 @@ from patrol.journal.records import FORGED, SURROUNDING, Status
 from patrol.radio.message import CONTACT, Position, Rejected, decode
 from patrol.scenario import load_scenario
 from patrol.scenario.controls import OPERATOR, operated
-from patrol.scenario.lengths import lengths_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -68,7 +67,7 @@ class IntruderFacts:
             self._expect(operated(load_scenario(header.scenario), events))
 
     def _expect(self, scenario: Scenario) -> None:
-        self._beside = BESIDE * lengths_of(scenario, scenario.roster[0]).surround_distance
+        self._beside = BESIDE * scenario.lengths[scenario.roster[0].number].surround_distance
         for spec in scenario.intruders:
             until_s = None if spec.stay is None else spec.at + spec.stay
             self._intruders.append(_Intruder(spec.place, spec.at, until_s))

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from patrol.process.exit_codes import UNKNOWN
-from patrol.scenario.controls import prepared_as_operated
 from worldsim.faults.timeline import Timeline
 from worldsim.verdict.common.check import Check, CheckResult, JudgedRun, Readings
 from worldsim.verdict.common.robots_there import RobotsThere
@@ -192,7 +191,7 @@ def judge(
     """
     if journal is None:
         return Verdict("unknown", (CheckResult("journal", False, "there is no journal"),))
-    prepared = prepared_as_operated(prepared, journal.events)
+    prepared = prepared.as_operated(journal.events)
     judging = Judge(journal, exit_codes, prepared, baseline_s=baseline_s)
     for record in journal.ticks:
         judging.tick(record)

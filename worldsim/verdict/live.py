@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 from patrol.journal import Event, TickRecord
 from patrol.journal.file import GrowingJournal
-from patrol.scenario.controls import OPERATOR, prepared_as_operated
+from patrol.scenario.controls import OPERATOR
 from worldsim.verdict.judge import Judge, Verdict
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ class LiveJudge:
 
     def _begin_anew(self, progress: Callable[[int], None]) -> None:
         """Judge all ticks that were read, but the last, with all events that were read."""
-        self.prepared = prepared_as_operated(self._loaded, self.journal.events)
+        self.prepared = self._loaded.as_operated(self.journal.events)
         self._judge = Judge(self.journal, self._exit_codes, self.prepared)
         self.judged, self._waiting = 0, None
         for record in islice(self.journal.ticks, self._ticks):
@@ -104,7 +104,7 @@ class LiveJudge:
         """Whether an operator has added to the scenario, and not just paused the run, for example."""
         if event.kind != OPERATOR:
             return False
-        return prepared_as_operated(self._loaded, self.journal.events).scenario != self.prepared.scenario
+        return self._loaded.as_operated(self.journal.events).scenario != self.prepared.scenario
 
     def _judge_waiting(self, progress: Callable[[int], None]) -> None:
         if self._waiting is not None and self._judge is not None:

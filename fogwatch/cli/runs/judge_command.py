@@ -80,12 +80,11 @@ def judge(
 
 def _judged(journal: Journal, loaded: Prepared, codes: Mapping[str, int | None]) -> tuple[Verdict, dict[str, Any]]:
     """The verdict, and the summary as summary.json would have it."""
-    from patrol.scenario.controls import prepared_as_operated
     from worldsim.output.summary import summarise
     from worldsim.verdict.judge import judge as judged
 
     verdict = judged(journal, codes, loaded)
-    operated = prepared_as_operated(loaded, journal.events)
+    operated = loaded.as_operated(journal.events)
     summary: dict[str, Any] = json.loads(json.dumps(summarise(journal, verdict, operated)))
     return verdict, summary
 

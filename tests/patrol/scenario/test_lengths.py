@@ -16,8 +16,6 @@ from patrol.scenario import (
     PatrolSpec,
     as_mapping,
     dump_scenario,
-    lengths_by_robot,
-    lengths_of,
     load_scenario,
     parse_overrides,
     scenario_hash,
@@ -36,7 +34,7 @@ MIXED: dict[str, Any] = {
 
 def lengths_for(robots: dict[str, Any], **more: Any) -> BodyLengths:
     scenario = load_scenario({**OPEN, "robots": robots, **more})
-    return lengths_of(scenario, scenario.roster[0])
+    return scenario.lengths[1]
 
 
 @pytest.mark.parametrize("robots", [{}, {"count": 1}, {"count": 16}, {"model": "holonomic", "count": 3, "spare": 2}])
@@ -138,7 +136,7 @@ def test_a_control_keeps_the_lengths() -> None:
 def test_each_robot_of_a_mixed_team_has_its_own_lengths() -> None:
     scenario = load_scenario(MIXED)
     assert scenario.patrol.goal_distance == "auto"
-    assert {number: found.goal_distance for number, found in lengths_by_robot(scenario).items()} == {
+    assert {number: found.goal_distance for number, found in scenario.lengths.items()} == {
         1: 6.6,
         2: 1.65,
         3: 1.65,

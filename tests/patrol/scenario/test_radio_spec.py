@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from patrol.errors import BadInput
-from patrol.scenario import as_mapping, dump_scenario, load_scenario, scenario_hash, share_of
+from patrol.scenario import as_mapping, dump_scenario, load_scenario, scenario_hash
 from patrol.yaml_text import parse_yaml
 
 YARDS: dict[str, Any] = {"terrain": {"builtin": "yards"}}
@@ -106,16 +106,16 @@ def test_a_list_of_robots_is_told_which_of_them_is_too_fast_for_a_trail() -> Non
 
 
 def test_the_share_of_a_robot() -> None:
-    assert share_of(load_scenario(YARDS)) is None
-    share = share_of(load_scenario(with_radio(trail=2, budget={**BUDGET, "overhead": 8})))
+    assert load_scenario(YARDS).radio_share is None
+    share = load_scenario(with_radio(trail=2, budget={**BUDGET, "overhead": 8})).radio_share
     assert share is not None
     assert share.per_tick == 120.0
     assert share.frame == 28 + 1 + 2 * 6
     assert share.most == 8 * (41 + 8 + 28 + 8)
     assert share.cost(20) == 224
-    spare = share_of(load_scenario({**with_radio(budget=BUDGET), "robots": {"count": 4, "spare": 2}}))
+    spare = load_scenario({**with_radio(budget=BUDGET), "robots": {"count": 4, "spare": 2}}).radio_share
     assert spare is not None
     assert spare.per_tick == 100.0, "a robot that joins later takes nothing from the others"
-    rich = share_of(load_scenario(with_radio(budget={"bits_per_s": 50_000})))
+    rich = load_scenario(with_radio(budget={"bits_per_s": 50_000})).radio_share
     assert rich is not None
     assert rich.most == 10_000.0

@@ -28,7 +28,6 @@ from patrol.scenario.controls import (
     as_detail,
     in_force,
     intruders_there,
-    prepared_as_operated,
     read_control,
 )
 from patrol.scenario.copying import FILE, keep_scenario
@@ -159,7 +158,7 @@ def test_all_that_an_operator_does_is_judged_and_gives_the_same_trace_again() ->
     assert rests.times == 0  # whoever holds the ticks for no time keeps nobody waiting
     verdict = judge(journal, {}, prepared)
     assert verdict.valid, verdict.failed
-    again = run_in_process(prepared_as_operated(prepared, journal.events), threads=1)
+    again = run_in_process(prepared.as_operated(journal.events), threads=1)
     assert again.verdict.valid, again.verdict.failed
     assert journal.end is not None
     assert again.journal.end is not None
@@ -382,7 +381,7 @@ def test_a_spare_robot_can_be_called_and_is_replayed() -> None:
     assert sorted(there[:3]) == [Status.ALIVE, Status.ALIVE, Status.DEAD]
     assert there[3:] == [Status.ABSENT, Status.ALIVE]
     assert len({(row.x, row.y) for record in journal.records[6:] for row in record.robots[4:]}) > 5
-    again = run_in_process(prepared_as_operated(prepared, journal.events), threads=1)
+    again = run_in_process(prepared.as_operated(journal.events), threads=1)
     assert again.verdict.valid, again.verdict.failed
     assert end_of(again.journal) == end_of(journal)
     without = run_in_process(prepare(load_scenario({**SMALL, "robots": {"count": 3}, "faults": faults})), threads=1)

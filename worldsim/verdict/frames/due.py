@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from patrol.radio.prediction import Predictor
-from patrol.scenario import share_of
 
 if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain
@@ -44,7 +43,7 @@ class DueFrames:
             terrain: Its ground.
             journal: Of the run; a tick's events are there when the tick is asked about.
         """
-        radio, share = scenario.radio, share_of(scenario)
+        radio, share = scenario.radio, scenario.radio_share
         self._always = not radio.spares_frames
         self._silence = radio.silence_ticks(scenario.step)
         self._error = None if radio.adaptive is None else radio.adaptive.error

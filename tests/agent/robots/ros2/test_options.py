@@ -21,7 +21,7 @@ from patrol.ros2.formats import FORMATS as KNOWN
 from patrol.ros2.messages import OccupancyGrid
 from patrol.ros2.names import LATCHED
 from patrol.scenario import load_scenario
-from patrol.scenario.model import TerrainSpec
+from patrol.scenario.sections import TerrainSpec
 from tests.ros2_hub import Hub
 
 NEEDED = ("--robot", "ros2", "--connect", "tcp/127.0.0.1:7447")
