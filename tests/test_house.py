@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import ast
 import json
+import os
 import re
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -91,59 +93,36 @@ def test_kernels_import_only_numpy_and_numba() -> None:
     assert not strangers
 
 
-def test_the_pure_core_has_no_clock_no_thread_and_no_network() -> None:
-    """Only the processes, and what stands between them and the machine, know that time passes."""
-    machine = {
-        "asyncio",
-        "datetime",
-        "multiprocessing",
-        "queue",
-        "signal",
-        "socket",
-        "subprocess",
-        "threading",
-        "time",
-    }
-    around = {
-        "process.py",
-        "__main__.py",
-        "health.py",
-        "lifeline.py",
-        "notify.py",
-        "logs.py",
-        "metrics.py",
-        "vitals.py",
-        "link.py",
-        "mailbox.py",
-        "multicast.py",
-        "serial_line.py",
-        "warmup.py",
-        "compiling.py",
-        "kernel_cache.py",
-        "deadline.py",
-        "mind_loop.py",
-        "own_robot.py",
-        "wiring.py",
-        "ros2_process.py",
-        "hardware.py",
-        "rivals.py",
-        "driver.py",
-        "forking.py",
-        "shown.py",
-        "stops.py",
-        "standing.py",
-        "steering.py",
-        "stop_orders.py",
-    }
-    impure = {
-        f"{path.relative_to(ROOT)}: {name}"
-        for path in python_files()
-        if path.relative_to(ROOT).parts[0] in {"patrol", "agent", "worldsim"}
-        if path.name not in around and path.parent.name not in {"robots", "radios"}
-        for name in imports(path)
-        if name.partition(".")[0] in machine
-    }
-    assert not impure
+PURE_FILES = ("worldsim/robots/motion.py", "agent/bodies/steering.py", "worldsim/verdict/robots/body_checks.py")
+"""Pure files whose names, or whose folders' names, occur beside processes too."""
+
+
+def test_the_layers_know_the_pure_core_by_path(tmp_path: Path) -> None:
+    """A clock in a pure file is reported, and so is an exemption that nothing needs."""
+    for package in PACKAGES:
+        ignored = shutil.ignore_patterns("__pycache__", "static")
+        shutil.copytree(ROOT / package, tmp_path / package, ignore=ignored)
+    for name in PURE_FILES:
+        file = tmp_path / name
+        file.write_text(file.read_text(encoding="utf-8") + "\nimport time\n", encoding="utf-8")
+    (tmp_path / "worldsim" / "wiring.py").write_text('"""Without a clock."""\n', encoding="utf-8")
+    (tmp_path / "pyproject.toml").write_bytes((ROOT / "pyproject.toml").read_bytes())
+    linter = str(Path(sys.executable).with_name("lint-imports"))
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path), "COLUMNS": "200"}
+
+    def report() -> str:
+        command = [linter, "--no-cache", "--contract", "pure"]
+        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+        assert done.returncode == 1, done.stderr
+        return done.stdout
+
+    first = report()
+    assert "worldsim.wiring -> time" in first
+    (tmp_path / "worldsim" / "wiring.py").write_bytes((ROOT / "worldsim" / "wiring.py").read_bytes())
+    second = report()
+    assert "worldsim.wiring" not in second
+    for name in PURE_FILES:
+        assert f"{name.removesuffix('.py').replace('/', '.')} -> time" in second
 
 
 def test_no_file_names_a_machine_path_or_a_registry() -> None:
