@@ -23,6 +23,8 @@ from tests.conftest import KINDS
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("patrol", "agent", "worldsim", "monitor", "experiments", "fogwatch")
+OUTSIDE = ("tests",)
+"""Folders of Python that stay in a clone."""
 LONGEST_FILE = 600
 
 # A folder of one machine, such as a home; and the hosts that serve Python packages.
@@ -78,6 +80,17 @@ def test_the_quick_suite_has_one_real_fleet_of_each_kind() -> None:
 def test_files_are_short() -> None:
     lengths = {path.relative_to(ROOT): len(path.read_bytes().splitlines()) for path in python_files()}
     assert not {path: lines for path, lines in lengths.items() if lines > LONGEST_FILE}
+
+
+def test_no_package_imports_what_is_not_installed() -> None:
+    strays = {
+        f"{path.relative_to(ROOT)}: {name}"
+        for path in python_files()
+        if path.relative_to(ROOT).parts[0] in PACKAGES
+        for name in imports(path)
+        if name.partition(".")[0] in OUTSIDE
+    }
+    assert not strays
 
 
 def test_kernels_import_only_numpy_and_numba() -> None:
@@ -289,8 +302,6 @@ OWN_FILES = {
     "experiments/sweeps/results.py": "the file that it goes on with, checked like others",
     "fogwatch/cli/main.py": "what stands in for a standard stream that is closed",
     "fogwatch/certificates.py": "the certificate of the authority that it has made",
-    "fogwatch/hostile/run.py": "logs of its own children",
-    "fogwatch/hostile/watch.py": "the kernel's facts about its own children",
     "fogwatch/launch/children.py": "logs of its own children",
     "fogwatch/launch/launcher.py": "the kernel's facts about its own children",
     "monitor/report/html.py": "data of the package",

@@ -12,7 +12,11 @@ pytestmark = [pytest.mark.accept, pytest.mark.timeout(3600)]
 
 
 def chaos(out: Path, *words: str) -> None:
-    command = [sys.executable, "-P", "-m", "fogwatch", "chaos", *words, "--out", str(out)]
+    holds("fogwatch", "chaos", *words, "--out", str(out))
+
+
+def holds(*words: str) -> None:
+    command = [sys.executable, "-P", "-m", *words]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, f"{done.stdout}\n{done.stderr}"
     assert "all held" in done.stdout
@@ -27,4 +31,4 @@ def test_twenty_scenarios_hold_as_processes(tmp_path: Path) -> None:
 
 
 def test_fleets_hold_out_against_strangers_for_half_an_hour(tmp_path: Path) -> None:
-    chaos(tmp_path / "chaos", "--hostile", "--minutes", "30", "--seed", "1")
+    holds("tests.hostile.strangers", "--minutes", "30", "--seed", "1", "--out", str(tmp_path / "strangers"))

@@ -19,7 +19,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import seed as drawn_from
 from hypothesis import strategies as st
 
-from fogwatch.hostile.payloads import changed, noise
 from patrol.errors import BadInput
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Event, Status, pack, unpack
@@ -75,6 +74,7 @@ from patrol.radio.message import encode as encode_frame
 from patrol.random import Draws, Purpose
 from patrol.scenario.controls import read_control
 from tests.fleets import answer_so_far
+from tests.hostile.strangers.payloads import changed, noise
 
 MB = 1 << 20
 MOST_MB = 64

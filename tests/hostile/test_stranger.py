@@ -14,16 +14,16 @@ from pathlib import Path
 
 import pytest
 
-from fogwatch.hostile.door import CONNECTIONS, LET_IN, Door, begin_well, knock, send_noise
-from fogwatch.hostile.judge import problems
-from fogwatch.hostile.member import ASKED, OVERHEARD, Member
-from fogwatch.hostile.run import run_spell
-from fogwatch.hostile.spell import Holds, draw_spell
 from patrol.net.keys import fleet_keys
 from patrol.net.link import open_link
 from patrol.net.security.roles import VIEWER
 from patrol.random import Draws, Purpose
 from patrol.scenario import load_scenario
+from tests.hostile.strangers.door import CONNECTIONS, LET_IN, Door, begin_well, knock, send_noise
+from tests.hostile.strangers.judge import problems
+from tests.hostile.strangers.member import ASKED, OVERHEARD, Member
+from tests.hostile.strangers.run import run_spell
+from tests.hostile.strangers.spell import Holds, draw_spell
 from tests.routers import PATIENCE_S, guarded_by_passwords, routed
 
 ROBOTS = ("r1", "r2", "r3")
@@ -113,7 +113,7 @@ def test_an_interruption_ends_everybody_and_leaves_nothing(tmp_path: Path) -> No
     runtime = tmp_path / "runtime"
     runtime.mkdir(mode=0o700)
     environment = {**os.environ, "TMPDIR": str(tmp_path), "XDG_RUNTIME_DIR": str(runtime)}
-    command = [sys.executable, "-P", "-m", "fogwatch", "chaos", "--hostile", "--seed", "12", "--out"]
+    command = [sys.executable, "-P", "-m", "tests.hostile.strangers", "--seed", "12", "--out"]
     begun = subprocess.Popen(
         [*command, str(tmp_path / "out")], env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )

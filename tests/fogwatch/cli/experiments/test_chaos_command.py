@@ -1,8 +1,5 @@
 from __future__ import annotations
 
-import json
-from collections import Counter
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -11,11 +8,8 @@ from experiments.chaos import Breakage, Narrowed
 from experiments.inprocess import InProcessFleet
 from fogwatch.cli.app import app
 from fogwatch.cli.ending import guarded
-from fogwatch.hostile.judge import Seen
-from fogwatch.hostile.spell import Spell
 from patrol.process.lifeline import Ending
 from patrol.scenario import Scenario, load_scenario
-from worldsim.run_record import COMPLETED
 
 
 def fogwatch(*words: str) -> int:
@@ -156,75 +150,6 @@ def test_an_interruption_tells_what_broke_before(
     assert last.startswith("2 of 30 scenarios, 2 ways each: 2 broke, in ")
     assert last.endswith("; seeds 2000, 2001")
     assert sorted(path.suffix for path in out.iterdir() if path.stem.startswith("seed-")) == [".yaml", ".yaml"]
-
-
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        (("--minutes", "3"), "--minutes: is for --hostile; add it, or give --runs"),
-        (("--hostile", "--processes"), "--processes: fleets are always processes with --hostile; leave it out"),
-        (("--hostile", "--out", "/dev/null"), "--out /dev/null: is no empty folder"),
-        (("--hostile", "--seed", str(2**63)), "the last seed would be above 2^63 - 1"),
-    ],
-)
-def test_options_of_hostile_that_do_not_go_together(
-    words: tuple[str, ...], says: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert fogwatch("chaos", *words) == 2
-    assert says in capsys.readouterr().err
-
-
-def seen_of(spell: Spell, outcome: str) -> tuple[Seen, Counter[str]]:
-    failed = {} if outcome == "valid" else {"fog": "tick 3: 7 points differ"}
-    seen = Seen(
-        COMPLETED, outcome, failed, "a", "a" if spell.lockstep else "", counts=Counter(attacks=1, messages=7), ticks=500
-    )
-    return seen, Counter(floods=2)
-
-
-def test_fleets_that_hold_leave_nothing_behind(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def held(spell: Spell, folder: Path, over: Callable[[], bool]) -> tuple[Seen, Counter[str]]:
-        assert not over()
-        (folder / "run").mkdir(parents=True)
-        return seen_of(spell, "valid")
-
-    monkeypatch.setattr("fogwatch.hostile.session.run_spell", held)
-    assert fogwatch("chaos", "--hostile", "--runs", "3", "--seed", "7", "--out", str(tmp_path / "out")) == 0
-    said = capsys.readouterr().out.splitlines()
-    assert [line.partition(":")[0] for line in said if line.startswith("seed")] == ["seed 7", "seed 8", "seed 9"]
-    assert "  tried: 2 floods" in said
-    assert "  counts: 7 messages" in said
-    assert said[-1].startswith("3 spells, 6 attacks: all held, in ")
-    assert not (tmp_path / "out").exists()
-
-
-def test_without_time_one_fleet_is_attacked(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("fogwatch.hostile.session.run_spell", lambda spell, *_: seen_of(spell, "valid"))
-    assert fogwatch("chaos", "--hostile", "--minutes", "0", "--out", str(tmp_path / "out")) == 0
-    assert capsys.readouterr().out.splitlines()[-1].startswith("1 spell, 2 attacks: all held, in ")
-
-
-def test_a_fleet_that_breaks_is_kept(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def broke(spell: Spell, folder: Path, _over: object) -> tuple[Seen, Counter[str]]:
-        (folder / "run").mkdir(parents=True)
-        return seen_of(spell, "invalid" if spell.seed == 8 else "valid")
-
-    monkeypatch.setattr("fogwatch.hostile.session.run_spell", broke)
-    out = tmp_path / "out"
-    assert fogwatch("chaos", "--hostile", "--runs", "3", "--seed", "7", "--out", str(out)) == 1
-    said = capsys.readouterr().out
-    assert "  verdict: fog: tick 3: 7 points differ" in said.splitlines()
-    assert f"  kept in {out / 'seed-8'}; again: fogwatch chaos --hostile --runs 1 --seed 8" in said.splitlines()
-    assert said.splitlines()[-1].startswith("3 spells, 6 attacks: 1 broke (seeds 8), in ")
-    assert [path.name for path in out.iterdir()] == ["seed-8"]
-    assert (out / "seed-8" / "run").is_dir()
-    assert json.loads((out / "seed-8" / "seen.json").read_text(encoding="utf-8"))["outcome"] == "invalid"
 
 
 @pytest.mark.processes

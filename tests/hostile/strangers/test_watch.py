@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from fogwatch.hostile.run import read_log
-from fogwatch.hostile.watch import HUNG_S, SAMPLE_S, SETTLED_S, START_S, Memory, Progress
 from patrol.net.messages.telemetry import Metrics
+from tests.hostile.strangers.run import read_log
+from tests.hostile.strangers.watch import HUNG_S, SAMPLE_S, SETTLED_S, START_S, Memory, Progress
 
 ME, STRANGER = 10, 77
 
@@ -53,7 +53,7 @@ def test_a_run_that_never_begins_hangs() -> None:
 
 @pytest.fixture
 def proc(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr("fogwatch.hostile.watch._PROC", tmp_path)
+    monkeypatch.setattr("tests.hostile.strangers.watch._PROC", tmp_path)
     return tmp_path
 
 
@@ -81,7 +81,7 @@ def test_growth_counts_from_when_the_stranger_comes(proc: Path) -> None:
         write(proc, 11, ME, world_mb, "-m", "worldsim")
         write(proc, 12, ME, robot_mb, "-m", "agent", "--robot", "r1")
         write(proc, 13, 1, 10 * clock.now, "-m", "monitor")
-        write(proc, STRANGER, ME, 10 * clock.now, "-m", "fogwatch.hostile.stranger")
+        write(proc, STRANGER, ME, 10 * clock.now, "-m", "tests.hostile.strangers.stranger")
         (proc / "99").mkdir(exist_ok=True)  # it has just ended
         memory.look(but=STRANGER)
 

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import pytest
 
-from fogwatch.hostile.door import LET_IN
-from fogwatch.hostile.judge import Seen, problems
-from fogwatch.hostile.member import ASKED, OVERHEARD
-from fogwatch.hostile.spell import Holds, Spell, draw_spell
+from tests.hostile.strangers.door import LET_IN
+from tests.hostile.strangers.judge import Seen, problems
+from tests.hostile.strangers.member import ASKED, OVERHEARD
+from tests.hostile.strangers.spell import Holds, Spell, draw_spell
 from worldsim.run_record import COMPLETED, INTERRUPTED
 
 HELD = Seen(COMPLETED, "valid", trace="a", honest="a", counts=Counter(attacks=3, messages=300))

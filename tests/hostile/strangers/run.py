@@ -14,13 +14,13 @@ from pathlib import Path
 
 from experiments.inprocess import run_in_process
 from fogwatch.api import Result, RunOptions, execute
-from fogwatch.hostile.judge import BEGUN, Seen
-from fogwatch.hostile.spell import Spell
-from fogwatch.hostile.watch import Memory, Progress
 from fogwatch.launch.launcher import Failed
 from fogwatch.launch.runfolder import RunFolder
 from patrol.errors import BadInput
 from patrol.printable import printable
+from tests.hostile.strangers.judge import BEGUN, Seen
+from tests.hostile.strangers.spell import Spell
+from tests.hostile.strangers.watch import Memory, Progress
 
 RESUME_S = 3.0
 """How long a stranger that has stopped reading stands still."""
@@ -60,7 +60,7 @@ class Stranger:
         """Start it; the run's router must be there."""
         self._lifeline = os.pipe()
         robots = ",".join(robot.name for robot in self._spell.scenario.roster)
-        command = [sys.executable, "-P", "-m", "fogwatch.hostile.stranger", "--run", str(self._run)]
+        command = [sys.executable, "-P", "-m", "tests.hostile.strangers.stranger", "--run", str(self._run)]
         command += ["--robots", robots, "--holds", self._spell.holds.name, "--victim", self._spell.victim]
         command += ["--seed", str(self._spell.seed), "--lifeline", str(self._lifeline[0])]
         for attack in self._spell.only:

@@ -6,10 +6,10 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from fogwatch.hostile.door import LET_IN
-from fogwatch.hostile.member import ASKED, OVERHEARD
-from fogwatch.hostile.spell import Holds, Spell
-from fogwatch.hostile.watch import MOST_GROWTH_MB
+from tests.hostile.strangers.door import LET_IN
+from tests.hostile.strangers.member import ASKED, OVERHEARD
+from tests.hostile.strangers.spell import Holds, Spell
+from tests.hostile.strangers.watch import MOST_GROWTH_MB
 from worldsim.run_record import COMPLETED
 
 BEGUN = "attacks"

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 
-from fogwatch.hostile.payloads import all_keys, changed, forged, forged_farewell, noise
-from fogwatch.hostile.spell import Holds, draw_spell, role_of_stranger
 from patrol.exchange import Sensed
 from patrol.net.keys import fleet_keys
 from patrol.net.messages.phases import (
@@ -24,6 +22,8 @@ from patrol.net.security.roles import VIEWER
 from patrol.pose import Pose
 from patrol.random import Draws, Purpose
 from patrol.scenario import as_mapping
+from tests.hostile.strangers.payloads import all_keys, changed, forged, forged_farewell, noise
+from tests.hostile.strangers.spell import Holds, draw_spell, role_of_stranger
 
 KEYS = fleet_keys("f")
 ROBOTS = ("r1", "r2")

@@ -13,14 +13,14 @@ from typing import Any
 
 import zenoh
 
-from fogwatch.hostile.door import Door
-from fogwatch.hostile.payloads import all_keys, changed, forged, forged_command, forged_farewell, noise
 from patrol.net.keys import ROOT, WORLD
 from patrol.net.messages.phases import Malformed, PhaseA, PhaseB, ReplyA, ReplyB, decode_to_robot, encode
 from patrol.net.security.control_auth import ASK, CHALLENGE
 from patrol.net.security.roles import Role, rights_of
 from patrol.pose import Velocity
 from patrol.random import Draws
+from tests.hostile.strangers.door import Door
+from tests.hostile.strangers.payloads import all_keys, changed, forged, forged_command, forged_farewell, noise
 
 FOR_S = 2.0
 """How long an attack that goes on lasts."""

@@ -1,8 +1,8 @@
 """The stranger: a process that attacks one running fleet until it is killed, and reports each attack as a line of JSON.
 
-    python -m fogwatch.hostile.stranger --run FOLDER --robots r1,r2 --seed 7 --holds viewer --lifeline 5
+    python -m tests.hostile.strangers.stranger --run FOLDER --robots r1,r2 --seed 7 --holds viewer --lifeline 5
 
-`fogwatch chaos --hostile` starts it. It looks into the run's folder for what it is meant to hold, and for the router's
+`run.py` starts it. It looks into the run's folder for what it is meant to hold, and for the router's
 address and the fleet's name, which everybody on the machine can see.
 """
 
@@ -15,9 +15,6 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from fogwatch.hostile.door import Door, begin_well, knock, say_nothing, send_noise
-from fogwatch.hostile.member import Member
-from fogwatch.hostile.spell import ATTACKS, Holds, role_of_stranger
 from patrol.errors import BadInput, did_you_mean
 from patrol.net.keys import fleet_keys
 from patrol.net.security.access import FILE, credentials_at
@@ -25,6 +22,9 @@ from patrol.net.security.credentials import read_object
 from patrol.process.exit_codes import BAD_INPUT
 from patrol.process.lifeline import heed, run_process
 from patrol.random import Draws, Purpose
+from tests.hostile.strangers.door import Door, begin_well, knock, say_nothing, send_noise
+from tests.hostile.strangers.member import Member
+from tests.hostile.strangers.spell import ATTACKS, Holds, role_of_stranger
 
 ENTER_S = 20.0
 """How long a member waits to be let in, beside everything else that the machine does."""
@@ -101,7 +101,7 @@ def _chosen(attacks: Mapping[str, Attack], only: Sequence[str]) -> Mapping[str, 
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
-        prog="python -m fogwatch.hostile.stranger", description="Attack a running fleet (see fogwatch chaos --hostile)."
+        prog="python -m tests.hostile.strangers.stranger", description="Attack a running fleet."
     )
     parser.add_argument("--run", type=Path, required=True, metavar="FOLDER", help="the run's folder")
     parser.add_argument("--robots", required=True, metavar="NAMES", help="names of its robots, such as r1,r2")

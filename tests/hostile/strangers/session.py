@@ -1,4 +1,4 @@
-"""A session of `fogwatch chaos --hostile`: spells one after the other, a few lines about each, and what broke."""
+"""A session of attacks on fleets: spells one after the other, a few lines about each, and what broke."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from typing import Self
 from rich.console import Console
 
 from fogwatch.chaos_session import BROKEN
-from fogwatch.hostile.judge import BEGUN, Seen, problems
-from fogwatch.hostile.run import run_spell
-from fogwatch.hostile.spell import Spell, draw_spell
 from fogwatch.progress import duration
 from patrol.errors import BadInput
 from patrol.values.types import MAX_SEED
+from tests.hostile.strangers.judge import BEGUN, Seen, problems
+from tests.hostile.strangers.run import run_spell
+from tests.hostile.strangers.spell import Spell, draw_spell
 
 REPORT = "seen.json"
 """The file, beside the run's folder, with what was seen of a spell that broke."""
@@ -104,7 +104,7 @@ class HostileSession:
         if found:
             self._broken.append(spell.seed)
             kept = self._keep(folder, seen)
-            self._say(f"  kept in {kept}; again: fogwatch chaos --hostile --runs 1 --seed {spell.seed}")
+            self._say(f"  kept in {kept}; again: python -m tests.hostile.strangers --runs 1 --seed {spell.seed}")
         with suppress(OSError):
             shutil.rmtree(folder)
 
