@@ -100,9 +100,19 @@ test-hosts: install ## a router and two robots, a host each: one robot is cut of
 accept: develop ## long measurements, and variants of tests of which CI runs one
 	$(BIN)/python -m pytest -m accept
 
+# Results lie in build/bench, a folder for each time; make bench BENCH="kernels --fast" runs one script and prints alone.
+BENCH ?=
+BENCHES := kernels decisions fleets processes router
+
 .PHONY: bench rivals
-bench: rivals ## measure the speed of everything, beside other libraries (hours; BENCH="kernels --quick")
-	$(BIN)/fogwatch bench $(BENCH)
+bench: rivals ## measure the speed of everything, beside other libraries (hours; BENCH="kernels --fast")
+ifneq ($(BENCH),)
+	$(BIN)/python -m bench.$(BENCH)
+else
+	out=build/bench/$$(date +%Y%m%d-%H%M%S); mkdir -p $$out; \
+	for name in $(BENCHES); do $(BIN)/python -m bench.$$name -o $$out/$$name.json; done; \
+	$(BIN)/python -m bench.table $$out/*.json
+endif
 
 rivals: develop $(VENV)/.rivals ## install the libraries that benchmarks compare our kernels with (needs a C++ compiler)
 

@@ -23,7 +23,7 @@ from tests.conftest import KINDS
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("patrol", "agent", "worldsim", "monitor", "experiments", "fogwatch")
-OUTSIDE = ("tests",)
+OUTSIDE = ("bench", "tests")
 """Folders of Python that stay in a clone."""
 LONGEST_FILE = 600
 
@@ -295,9 +295,6 @@ def test_the_wheel_holds_the_six_packages_and_nothing_else(tmp_path: Path) -> No
 # Files that this program wrote itself, in a place of its own, or brought along.
 OWN_FILES = {
     "agent/psi.py": "fields that its launcher prepared",
-    "experiments/bench/tools/machine.py": "the kernel's facts about this machine",
-    "experiments/bench/measures/processes.py": "what its own fleets wrote",
-    "experiments/bench/tools/procfs.py": "the kernel's facts about its own children",
     "experiments/paper/printed.py": "data of the package",
     "experiments/sweeps/results.py": "the file that it goes on with, checked like others",
     "fogwatch/cli/main.py": "what stands in for a standard stream that is closed",

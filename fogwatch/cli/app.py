@@ -15,7 +15,7 @@ import typer
 
 from fogwatch.cli.command_help import FINISHED, MANY, OTHER, RUNNING, START, OrderedGroup, command
 from fogwatch.cli.ending import complain, run_app
-from fogwatch.cli.experiments import bench_command, chaos_command, experiment, paper, sweep
+from fogwatch.cli.experiments import chaos_command, experiment, paper, sweep
 from fogwatch.cli.fleets import control, doctor_command, fleet, key, process_commands
 from fogwatch.cli.grounds import map_commands, scenario
 from fogwatch.cli.runs import judge_command, page, recording_commands, report_commands
@@ -69,7 +69,6 @@ command(
 )(recording_commands.recording)
 command(app, examples=sweep.EXAMPLES, exit_codes=sweep.EXIT_CODES, panel=MANY)(sweep.sweep)
 command(app, examples=chaos_command.EXAMPLES, exit_codes=chaos_command.EXIT_CODES, panel=MANY)(chaos_command.chaos)
-command(app, examples=bench_command.EXAMPLES, exit_codes=bench_command.EXIT_CODES, panel=OTHER)(bench_command.bench)
 
 PAGE_SPARES = 2
 """How many robots may join a run with a live page, unless the scenario or the command line says so."""

@@ -35,7 +35,6 @@ ORDER = (
     "experiment",
     "paper",
     "chaos",
-    "bench",
     "version",
 )
 """The order in which the help lists the commands: as a newcomer meets them."""

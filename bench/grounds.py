@@ -1,17 +1,20 @@
-"""Grounds that only benchmarks patrol: a square with obstacles from a seed, and a terrain laid out as tiles.
+"""Grounds of benchmarks: an open field, where a robot fits on `site`, a square with obstacles, and a terrain as tiles.
 
-They are written as maps, so that scenarios name them like any other and the command line runs them too.
+The last two are written as maps, so that scenarios name them like any other.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
 
 from patrol.ground.builtins import builtin_terrain
 from patrol.ground.terrain import BoolGrid
+from patrol.prepare import prepare
 from patrol.random import draw
+from patrol.scenario import load_scenario
 
 KILOMETRE = 1000
 """Side of the usual square in m, and in points of 1 m."""
@@ -25,6 +28,29 @@ GAP = 6
 """Between two obstacles, and between one and the border, m at least: any of our bodies passes."""
 
 SEED = 15
+
+
+def open_field() -> tuple[BoolGrid, tuple[int, int]]:
+    """Return an open field with a border, bool (880, 1000), and the row and column of its middle."""
+    is_open = np.ones((880, 1000), dtype=np.bool_)
+    is_open[[0, -1], :] = is_open[:, [0, -1]] = False
+    return is_open, (440, 500)
+
+
+def site() -> tuple[BoolGrid, tuple[int, int]]:
+    """Return where a robot's centre can be on `site`, bool (1600, 2400), and the row and column near its middle."""
+    prepared = prepare(load_scenario({"terrain": {"builtin": "site"}, "robots": {"count": 1, "model": "holonomic"}}))
+    reach = prepared.fields[1].reach
+    places = np.argwhere(reach)
+    row, col = places[int(np.argmin(np.abs(places - np.array(reach.shape) // 2).sum(axis=1)))]
+    return reach, (int(row), int(col))
+
+
+GROUNDS: Mapping[str, Callable[[], tuple[BoolGrid, tuple[int, int]]]] = {
+    "open field of 880 x 1000 points": open_field,
+    "site of 1600 x 2400 points": site,
+}
+"""What makes the grounds that waves run over, and a start on each, by name."""
 
 
 def square(side: int = KILOMETRE, seed: int = SEED) -> BoolGrid:

@@ -1,6 +1,8 @@
-"""The libraries that our kernels are compared with, and what their results have to do with ours.
+"""The libraries that our kernels are compared with, and how far their results agree with ours.
 
 None is needed to use or to test fogwatch. `INSTALL` installs them; one that is missing is named and left out.
+
+    python -m bench.rivals
 """
 
 from __future__ import annotations
@@ -15,15 +17,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.bench.tools.measure import Contender, Measured, Unmeasured
+from bench.grounds import GROUNDS
+from bench.ours import WholeWave
 from patrol.ground.terrain import BoolGrid
 
-INSTALL = "pip install 'fogwatch[bench]'"
+INSTALL = "make rivals"
+DILATATION_PACKAGE = "scipy"
 
 SHORT = 20.0
 """Lengths below this many points are compared as if they were this long: the start itself has a width."""
 
 Floats = NDArray[np.float64]
+
+
+class Disagreement(Exception):
+    """A rival's result is not ours; the message says by how much in one line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +46,7 @@ class WaveRival:
         unit: What its lengths are divided by to be in points.
         low: A length is at least this share of ours, less two points.
         high: And at most this, plus two points.
-        says: How its definition of a length differs from ours.
+        note: How its definition of a length differs from ours.
     """
 
     package: str
@@ -47,7 +55,7 @@ class WaveRival:
     unit: float
     low: float
     high: float
-    says: str
+    note: str
 
 
 def _dijkstra3d(module: Any, is_open: BoolGrid, start: tuple[int, int]) -> Callable[[], Any]:
@@ -116,37 +124,42 @@ WAVES: Mapping[str, WaveRival] = {
 }
 
 
-def wave_rivals(is_open: BoolGrid, start: tuple[int, int], ours: Floats) -> tuple[dict[str, Contender], list[Measured]]:
-    """The rivals of the wave, each with its result checked against ours.
+def version_of(package: str) -> str:
+    """Return the version of a package; empty where it is not installed.
 
     Args:
+        package: What installs it.
+    """
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return ""
+
+
+def checked_wave(name: str, is_open: BoolGrid, start: tuple[int, int]) -> tuple[Callable[[], Any], str]:
+    """Prepare a rival's wave, and check its lengths against ours.
+
+    Args:
+        name: One of `WAVES`, which is installed.
         is_open: bool (h, w), where the robot's centre may be.
         start: Row and column of an open point.
-        ours: float64 (h, w), our lengths in points, infinite where no path leads.
 
     Returns:
-        The contenders by name, and a measure without readings for each rival that is not installed.
+        The call to time, and how far the lengths agree.
 
     Raises:
-        Unmeasured: A rival's lengths do not agree with ours.
+        Disagreement: They are further apart than the two definitions allow.
     """
-    found: dict[str, Contender] = {}
-    missing = []
-    for name, rival in WAVES.items():
-        try:
-            module = importlib.import_module(rival.module)
-        except ModuleNotFoundError:
-            missing.append(Measured(name, "ms", (), says=f"not installed: {INSTALL}"))
-            continue
-        call = rival.begin(module, is_open, start)
-        lengths = np.asarray(np.ma.filled(call(), np.inf), dtype=np.float64) / rival.unit
-        titled = f"{name} {metadata.version(rival.package)}"
-        found[titled] = Contender(call, f"{agreement(name, rival, ours, lengths)}; {rival.says}")
-    return found, missing
+    rival = WAVES[name]
+    call = rival.begin(importlib.import_module(rival.module), is_open, start)
+    lengths = np.asarray(np.ma.filled(call(), np.inf), dtype=np.float64) / rival.unit
+    return call, agreement(name, rival, WholeWave(is_open, start).lengths(), lengths)
 
 
 def agreement(name: str, rival: WaveRival, ours: Floats, theirs: Floats) -> str:
-    """Check a rival's lengths against ours, wherever we find a path. Who cuts corners may find paths elsewhere, too.
+    """Compare a rival's lengths with ours, at all points to which we find a path.
+
+    A rival that cuts corners may find paths to other points, too.
 
     Args:
         name: The rival's.
@@ -155,26 +168,24 @@ def agreement(name: str, rival: WaveRival, ours: Floats, theirs: Floats) -> str:
         theirs: float64 (h, w), the same of the rival; not finite, or very large, where it finds no path.
 
     Returns:
-        How far they agree, for people.
+        How far they agree, for people, such as "lengths within 0.3 %".
 
     Raises:
-        Unmeasured: Further apart than the two definitions allow.
+        Disagreement: They are further apart than the two definitions allow.
     """
     known = np.isfinite(ours)
     own, other = ours[known], theirs[known]
     unlike = ~((other >= rival.low * own - 2.0) & (other <= rival.high * own + 2.0))
     if unlike.any():
-        raise Unmeasured(f"{name}: {np.count_nonzero(unlike)} of {own.size} lengths differ from ours beyond reason")
+        raise Disagreement(f"{name}: {np.count_nonzero(unlike)} of {own.size} lengths differ from ours beyond reason")
     if np.array_equal(own, other):
         return "lengths equal"
     apart = np.abs(own - other) / np.maximum(own, SHORT)
     return f"lengths within {100.0 * float(np.max(apart)):.2g} %"
 
 
-def dilatation_rival(
-    seen: NDArray[np.int32], is_open: BoolGrid, reach: int, tick: int
-) -> tuple[str, Callable[[], Any]]:
-    """The dilatation as scipy does it.
+def dilatation_rival(seen: NDArray[np.int32], is_open: BoolGrid, reach: int, tick: int) -> Callable[[], Any]:
+    """Return the dilatation as scipy does it: its filters, in as many rounds as the window is wide where walls are.
 
     Args:
         seen: int32 (h, w), the tick at which each point was last seen.
@@ -183,21 +194,16 @@ def dilatation_rival(
         tick: Now.
 
     Returns:
-        Its name, and the call to time, which returns the ticks of the dilated ages in an array (h, w).
+        The call to time, which returns the ticks of the dilated ages in an array (h, w).
 
     Raises:
-        ModuleNotFoundError: It is not installed.
+        ModuleNotFoundError: scipy is not installed.
     """
     from scipy import ndimage
 
-    titled = f"scipy.ndimage {metadata.version('scipy')}"
     age = np.where(is_open, tick - seen + 1, 0).astype(np.uint16)
     if is_open.all():
-
-        def whole_window() -> Any:
-            return tick + 1 - ndimage.maximum_filter(age, 2 * reach + 1, mode="constant").astype(np.int32)
-
-        return f"{titled}, maximum_filter", whole_window
+        return lambda: tick + 1 - ndimage.maximum_filter(age, 2 * reach + 1, mode="constant").astype(np.int32)
 
     def rounds() -> Any:
         spread = age
@@ -206,4 +212,18 @@ def dilatation_rival(
                 spread = ndimage.maximum_filter1d(spread, 3, axis=axis, mode="constant") * is_open
         return tick + 1 - spread.astype(np.int32)
 
-    return f"{titled}, {reach} rounds of maximum_filter1d", rounds
+    return rounds
+
+
+def main() -> None:
+    """Print how far the lengths of the rivals that are installed agree with ours, on each ground."""
+    for ground, make in GROUNDS.items():
+        for name, rival in WAVES.items():
+            if version := version_of(rival.package):
+                print(f"{ground}: {name} {version}: {checked_wave(name, *make())[1]}; {rival.note}")
+            else:
+                print(f"{ground}: {name}: not installed: {INSTALL}")
+
+
+if __name__ == "__main__":
+    main()

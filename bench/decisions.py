@@ -1,17 +1,15 @@
-"""How long a full decision takes: points of 10 cm, one robot among five, after some minutes of patrol."""
+"""One decision, from the frames heard to the command: points of 10 cm, one robot among five, on patrol."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from functools import partial
+import time
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 from agent.ports import Decision
-from experiments.bench.grounds import tiled, write_map
-from experiments.bench.tools.groups import DECISIONS
-from experiments.bench.tools.measure import Effort, Measured, Task, processor_s
+from bench.grounds import tiled, write_map
+from bench.runner import Bench
 from experiments.inprocess import InProcessFleet, make_minds
 from patrol.exchange import Reply
 from patrol.prepare import prepare
@@ -19,13 +17,13 @@ from patrol.scenario import Scenario, load_scenario
 from worldsim.world import World
 
 POINT = 0.1
-WARM_TICKS, WARM_TICKS_QUICK = 200, 20
-ROUNDS, ROUNDS_QUICK = 100, 10
+WARM_TICKS = 200
+"""Ticks of a patrol before its decisions count."""
+
 TILED = "site, 2 x 2"
 """Four times the ground of `site`."""
 
 TERRAINS = ("open", "yards", "clutter", "site", TILED)
-QUICK_TERRAINS = ("yards",)
 
 PAPER: Mapping[str, object] = {"patrol.commitment": "none"}
 """The paper's policy in place of our default."""
@@ -48,7 +46,7 @@ class Patrol:
             scenario: The fleet's.
         """
         prepared = prepare(scenario)
-        self._mind = make_minds(prepared)[1]
+        self._mind = make_minds(prepared)[1]  # made apart, so that it shares no belief with the others
         self._fleet = InProcessFleet({**make_minds(prepared), 1: self._mind})
         self._world = World(prepared)
         self._decision: Decision | None = None
@@ -78,33 +76,54 @@ class Patrol:
         self._heard = self._world.exchange(self._fleet.phase_a(self._world.tick, self._reports))
 
 
-def tasks() -> list[Task]:
-    """The measures of decisions."""
-    return [
-        Task(DECISIONS, f"{terrain}, {policy}", partial(_decision, terrain, settings))
-        for terrain in TERRAINS
-        for policy, settings in POLICIES.items()
-    ]
+def main() -> None:
+    """Measure a decision on all terrains with all policies: each value is one, after so many ticks of patrol."""
+    bench = Bench("decisions", processes=3, values=100, warmups=WARM_TICKS, loops=1)
+    for terrain in TERRAINS:
+        for policy, settings in POLICIES.items():
+            bench.time(f"a decision, {terrain}, {policy}", decision_time(terrain, settings))
 
 
-def _decision(terrain: str, settings: Mapping[str, object], effort: Effort) -> Sequence[Measured]:
-    if effort.quick and terrain not in QUICK_TERRAINS:
-        return []
+def decision_time(terrain: str, settings: Mapping[str, object]) -> Callable[[int], float]:
+    """Return a function that measures decisions of robot 1, tick after tick of one patrol.
+
+    Args:
+        terrain: One of `TERRAINS`.
+        settings: What else is set in the scenario, by dotted field.
+
+    Returns:
+        Takes the number of ticks, and returns the processor time of their decisions, s.
+    """
+    patrol: Patrol | None = None
+
+    def time_func(ticks: int) -> float:
+        nonlocal patrol
+        if patrol is None:
+            patrol = begin_patrol(terrain, settings)
+        spent_s = 0.0
+        for _ in range(ticks):
+            begun_s = time.process_time()
+            patrol.decide()
+            spent_s += time.process_time() - begun_s
+            patrol.next_tick()
+        return spent_s
+
+    return time_func
+
+
+def begin_patrol(terrain: str, settings: Mapping[str, object]) -> Patrol:
+    """Return a patrol of five cars before its first decision.
+
+    Args:
+        terrain: One of `TERRAINS`.
+        settings: What else is set in the scenario, by dotted field.
+    """
     with TemporaryDirectory(prefix="fogwatch-bench-") as folder:
-        patrol = Patrol(load_scenario(_scenario(terrain, Path(folder)), settings))
-    warm, rounds = (WARM_TICKS_QUICK, ROUNDS_QUICK) if effort.quick else (WARM_TICKS, ROUNDS)
-    for _ in range(warm):
-        patrol.decide()
-        patrol.next_tick()
-    values = []
-    for _ in range(rounds):
-        values.append(1e3 * processor_s(patrol.decide))
-        patrol.next_tick()
-    return [Measured("a full decision", "ms", tuple(values))]
+        ground: dict[str, str] = {"builtin": terrain}
+        if terrain == TILED:
+            ground = {"map": str(write_map(tiled("site", POINT), POINT, Path(folder) / "site-2x2.yaml"))}
+        return Patrol(load_scenario({"terrain": ground, "point": POINT}, settings))
 
 
-def _scenario(terrain: str, folder: Path) -> dict[str, Any]:
-    if terrain != TILED:
-        return {"terrain": {"builtin": terrain}, "point": POINT}
-    path = write_map(tiled("site", POINT), POINT, folder / "site-2x2.yaml")
-    return {"terrain": {"map": str(path)}, "point": POINT}
+if __name__ == "__main__":
+    main()

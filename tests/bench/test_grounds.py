@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
-from experiments.bench.grounds import GAP, KILOMETRE, square, tiled, write_map
+from bench.grounds import GAP, GROUNDS, KILOMETRE, square, tiled, write_map
 from patrol.ground.builtins import builtin_terrain
 from patrol.ground.fields import parts_of
 from patrol.prepare import prepare
@@ -25,6 +26,13 @@ def test_the_square_kilometre_is_the_same_each_time_and_has_all_its_obstacles() 
     assert passable[:GAP].all()
     _, fewer = parts_of(~square(side=200))
     assert fewer == 10
+
+
+@pytest.mark.parametrize("name", GROUNDS)
+def test_waves_start_on_open_points(name: str) -> None:
+    is_open, start = GROUNDS[name]()
+    assert name.endswith(f"of {is_open.shape[0]} x {is_open.shape[1]} points")
+    assert is_open[start]
 
 
 def test_four_tiles_are_four_times_the_terrain() -> None:

@@ -1,7 +1,4 @@
-"""Our kernels, called as a mind calls them: the one place of the benchmarks that knows how.
-
-Everything else goes through scenarios, minds, fleets and the command line.
-"""
+"""Our kernels, called as a mind calls them. All other benchmarks use scenarios, minds, fleets and the command line."""
 
 from __future__ import annotations
 

@@ -1,1 +1,0 @@
-"""The measures of the benchmarks: kernels, decisions, fleets, processes, the horizon, and what grows with a fleet."""

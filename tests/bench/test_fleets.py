@@ -1,0 +1,59 @@
+"""Fleets of benchmarks: scenarios like any other, and patrols that go where they go otherwise."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bench import fleets
+from bench.decisions import Patrol
+from bench.fleets import fleet_time, square_scenario
+from experiments.inprocess import Outcome, run_in_process
+from patrol.scenario import load_scenario
+
+SMALL: dict[str, Any] = {
+    "terrain": {"builtin": "open"},
+    "point": 1.0,
+    "duration": 15.0,
+    "robots": {"count": 3, "model": "holonomic"},
+}
+
+
+def test_the_kilometre_is_a_scenario_like_any_other(tmp_path: Path) -> None:
+    scenario = load_scenario(square_scenario(1000, tmp_path, loss=0.2))
+    assert len(scenario.roster) == 1000
+    assert [fault.kind for fault in scenario.faults] == ["loss"]
+    assert load_scenario(square_scenario(5, tmp_path)).faults == ()
+
+
+def test_ticks_that_are_skipped_are_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    outcomes: list[Outcome] = []
+
+    def kept(*arguments: Any, **options: Any) -> Outcome:
+        outcomes.append(run_in_process(*arguments, **options))
+        return outcomes[-1]
+
+    monkeypatch.setattr(fleets, "run_in_process", kept)
+    assert fleet_time(lambda _: SMALL, 3, 4, 2) > 0.0
+    assert [outcome.summary["ticks"] for outcome in outcomes] == [7, 7]
+
+
+def test_an_invalid_run_is_no_measurement(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Invalid:
+        verdict = type("Verdict", (), {"valid": False})
+
+    monkeypatch.setattr(fleets, "run_in_process", lambda *_, **__: Invalid)
+    with pytest.raises(RuntimeError, match="verdict is not valid"):
+        fleet_time(lambda _: SMALL, 1, 1, 1)
+
+
+def test_a_measured_patrol_goes_where_it_goes_otherwise() -> None:
+    scenario = load_scenario(SMALL)
+    ticks = list(run_in_process(scenario).journal.ticks)
+    patrol = Patrol(scenario)
+    for tick in ticks[:-1]:
+        assert [(row.x, row.y) for row in tick.robots] == patrol.places
+        patrol.decide()
+        patrol.next_tick()
