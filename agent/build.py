@@ -34,6 +34,7 @@ from patrol.ground.footprint import Footprint
 from patrol.prepare import inbox_of, sensor_footprint
 from patrol.radio.prediction import Predictor
 from patrol.random import Purpose, draw
+from patrol.scenario.policy_file import COMMITTED
 
 if TYPE_CHECKING:
     from agent.routes.path_window import PathWindow
@@ -135,9 +136,9 @@ def build_mind(
     shared = shared or shared_by(prepared)
     scenario, terrain, fields = prepared.scenario, prepared.terrain, prepared.fields[number]
     patrol, spec = scenario.patrol, scenario.roster[number - 1]
-    lengths = scenario.lengths[spec.number]
-    scratch = shared.scratches[group_of(number, len(shared.scratches))]
     kind = policy_of(scenario)
+    lengths = scenario.lengths[spec.number].with_options(kind.options)
+    scratch = shared.scratches[group_of(number, len(shared.scratches))]
 
     def chance(tick: int, index: int, purpose: Purpose) -> float:
         return draw(scenario.seed, purpose, number, incarnation, tick, index)
@@ -192,8 +193,8 @@ def build_mind(
 
 def _rounds(scenario: Scenario, terrain: Terrain, lengths: BodyLengths, kind: PolicyKind) -> int:
     """By how many points a mind dilates what it believes."""
-    if kind.ours and scenario.patrol.commitment != "none":
-        return 0  # commitment asks for single points only
+    if kind.name == COMMITTED:
+        return 0  # it asks for single points only
     # A window of half the terrain's points in every direction already holds all of it.
     return min(round(lengths.dilatation / scenario.point), terrain.height + terrain.width)
 

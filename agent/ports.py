@@ -136,7 +136,7 @@ class PolicySetup:
         terrain: The ground, and what blocks the view.
         fields: Where this robot's body fits and gets to, and what it can see from there.
         posts: Where to stand to see what no body can reach.
-        regions: The ground split into regions, where `patrol.paths` leads through them.
+        regions: The ground split into regions, where `patrol.options.paths` leads through them.
         scratch: Windows shared by policies of one process that never think at the same time.
     """
 

@@ -196,11 +196,11 @@ def _mind(scenario: Scenario, spec: RobotSpec, process: _Process) -> Mind | None
     """The robot's mind, built from the launcher's static fields or from its own; None when it is time to leave."""
     from patrol.process.starting.seldom import seldom_kernels
     from patrol.process.starting.warmup import numba_alone, warm
-    from patrol.scenario.policy_file import PAPER
+    from patrol.scenario.policy_file import BUILT_IN
 
     options = process.options
     warm(("patrol", "agent"), process.log.info, seldom_kernels(scenario))
-    if scenario.patrol.policy == PAPER:  # somebody's own may compile what needs scipy
+    if scenario.patrol.policy in BUILT_IN:  # somebody's own may compile what needs scipy
         numba_alone()
     from agent.build import Shared, build_mind, radii_of, shared_by
     from agent.ports import PolicyFailed

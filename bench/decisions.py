@@ -25,14 +25,14 @@ TILED = "site, 2 x 2"
 
 TERRAINS = ("open", "yards", "clutter", "site", TILED)
 
-PAPER: Mapping[str, object] = {"patrol.commitment": "none"}
+PAPER: Mapping[str, object] = {"patrol.policy": "potential-field"}
 """The paper's policy in place of our default."""
 
 POLICIES: Mapping[str, Mapping[str, object]] = {
-    "default policy, claims": {"patrol.separation": "claims"},
-    "default policy, no claims": {"patrol.separation": "none"},
-    "paper's policy, claims": {**PAPER, "patrol.separation": "claims"},
-    "paper's policy, no claims": {**PAPER, "patrol.separation": "none"},
+    "default policy, claims": {"patrol.options.separation": "claims"},
+    "default policy, no claims": {"patrol.options.separation": "none"},
+    "paper's policy, claims": {**PAPER, "patrol.options.separation": "claims"},
+    "paper's policy, no claims": PAPER,
 }
 
 

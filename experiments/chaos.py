@@ -183,20 +183,29 @@ def _sensor(dice: Draws) -> dict[str, Any]:
 
 
 def _patrol(dice: Draws) -> dict[str, Any]:
-    direction = dice.choice("mode", "mode", "vector")
-    mechanisms = ["claims", "artificial-obstacles", "semaphores", "repulsion"]
-    return {
+    policy = dice.choice("committed", "potential-field")
+    mechanisms = ["claims", "artificial-obstacles", "semaphores"]
+    options: dict[str, Any] = {
         "fow": dice.choice("f1", "f2", "f3", "f4", "f5"),
         "distance": dice.choice("g1", "g2", "g3", "g4", "g5"),
         "paths": dice.choice("wave", "straight", "regions"),
-        "direction": direction,
-        "sectors": dice.choice(8, 5, 16),
-        "dilatation": dice.choice(0, 3, 5),
-        "avoidance": dice.choice("none", "goal-refinement", *(["fuzzy"] if direction == "mode" else [])),
-        "separation": dice.choice("none", dice.choice(*mechanisms), dice.some(mechanisms, len(mechanisms))),
         "random_move": dice.between(0.0, 0.3),
+    }
+    if policy == "potential-field":
+        mechanisms.append("repulsion")
+        direction = dice.choice("mode", "mode", "vector")
+        options |= {
+            "direction": direction,
+            "sectors": dice.choice(8, 5, 16),
+            "dilatation": dice.choice(0, 3, 5),
+            "fuzzy": direction == "mode" and dice.choice(False, False, True),
+        }
+    separation = dice.choice("none", dice.choice(*mechanisms), dice.some(mechanisms, len(mechanisms)))
+    return {
+        "policy": policy,
+        "options": {**options, "separation": separation},
+        "avoidance": dice.choice("none", "goal-refinement"),
         "give_way": dice.choice(True, False),
-        "commitment": dice.choice("target", "none"),
         "manoeuvres": dice.choice(True, False),
     }
 

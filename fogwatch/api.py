@@ -26,7 +26,7 @@ from patrol.process.starting.seldom import seldom_kernels
 from patrol.process.starting.warmup import warm
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import Scenario, load_scenario, open_scenario
-from patrol.scenario.policy_file import PAPER
+from patrol.scenario.policy_file import BUILT_IN
 
 if TYPE_CHECKING:
     from fogwatch.launch.clerk_child import ClerkChild
@@ -133,7 +133,7 @@ def run(
         out: The run folder, new or empty; ``runs/<name>-<time>`` unless given.
         in_process: Whether to run in this process, or as one process per robot over Zenoh. Both give the same trace.
         progress: Called with the measures so far, at most ten times a second.
-        overrides: Values by dotted field, such as ``{"patrol.dilatation": 0}``.
+        overrides: Values by dotted field, such as ``{"patrol.options.separation": "none"}``.
         picture: Whether to draw fog.png, the final fog, which takes about a second.
         recording: Whether to write recording.mcap as well; `fogwatch record` writes it at any later time.
         report: Whether to write report.html as well; `fogwatch report` writes it at any later time.
@@ -185,7 +185,7 @@ def execute(scenario: Scenario, options: RunOptions) -> Result:
     watched = options.recording or options.report or options.page
     packages = (*PACKAGES, "monitor") if watched else PACKAGES
     warm(packages, options.display.say, seldom_kernels(scenario), options.show_kernels)
-    if scenario.patrol.policy != PAPER or scenario.patrol.options:  # else it loads much and cannot fail
+    if scenario.patrol.policy not in BUILT_IN:  # else it loads much and cannot fail
         from agent.policies.found import policy_of
 
         policy_of(scenario)
@@ -281,7 +281,7 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
     names = [spec.name for spec in scenario.roster]
     check_limits(len(names), len(scenario.spares))
     prepared = prepare(scenario) if len(names) > EAGER else None
-    fleet, alike = f"{scenario.name}-{os.urandom(4).hex()}", scenario.patrol.policy == PAPER
+    fleet, alike = f"{scenario.name}-{os.urandom(4).hex()}", scenario.patrol.policy in BUILT_IN
     absent = [names[number - 1] for number in Timeline(scenario).starts_absent]
     handle = os.open(folder.path, os.O_RDONLY | os.O_DIRECTORY)
     # A recovery is judged by a second run, of which a clerk does not know.

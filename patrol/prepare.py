@@ -225,7 +225,8 @@ def _check_critical_areas(scenario: Scenario, terrain: Terrain) -> None:
 
     for number, polygon in enumerate(scenario.patrol.critical_areas or ()):
         if not (terrain.free & cover(polygon, terrain.shape, terrain.point, terrain.origin)).any():
-            raise BadInput(f"patrol.critical_areas.{number}: holds no free point of {terrain.name}; correct or drop it")
+            field = f"patrol.options.critical_areas.{number}"
+            raise BadInput(f"{field}: holds no free point of {terrain.name}; correct or drop it")
 
 
 def _split(scenario: Scenario, terrain: Terrain, by_radius: Mapping[float, StaticFields]) -> dict[float, RegionSplit]:

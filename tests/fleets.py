@@ -16,7 +16,7 @@ from patrol.net.messages.feed import Ground, SoFar, so_far_bytes
 from patrol.scenario import load_scenario
 from worldsim.run_record import RunRecord
 
-COARSE: dict[str, Any] = {"terrain": {"builtin": "open"}, "point": 1.0, "patrol": {"dilatation": 0.0}}
+COARSE: dict[str, Any] = {"terrain": {"builtin": "open"}, "point": 1.0}
 """The beginning of a scenario whose ticks take little time."""
 
 

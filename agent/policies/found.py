@@ -1,8 +1,8 @@
 """Which policy a scenario names, and whether it takes the scenario's options.
 
-A policy is ``potential-field`` (the paper's), ``package.module:Class``, ``./file.py:Class`` beside the scenario, or the
-name of an entry point in the group ``fogwatch.policies``. Only what runs minds comes here: whoever looks at a run never
-imports its policy.
+A policy is ``committed`` (the default), ``potential-field`` (the paper's), ``package.module:Class``,
+``./file.py:Class`` beside the scenario, or the name of an entry point in the group ``fogwatch.policies``. Only what
+runs minds comes here: no command that only reads a run imports its policy.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import importlib
 import importlib.util
 import inspect
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -21,13 +21,21 @@ from pydantic import BaseModel, ValidationError
 
 from agent.ports import Policy, PolicySetup
 from patrol.errors import BadInput, did_you_mean
-from patrol.scenario.policy_file import PAPER, policy_digest, policy_file
+from patrol.scenario.policies import FieldOptions
+from patrol.scenario.policy_file import COMMITTED, PAPER, policy_digest, policy_file
 
 if TYPE_CHECKING:
     from patrol.scenario import PatrolSpec, Scenario
 
 GROUP = "fogwatch.policies"
 """The entry points by which an installed package offers policies."""
+
+
+_BUILT_IN: Mapping[str, str] = {
+    COMMITTED: "agent.policies.committed.policy:Committed",
+    PAPER: "agent.policies.potential_field.lazy:LazyPotentialField",
+}
+"""Where the built-in policies are; they are imported when a run uses them, because their kernels take time to load."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +46,7 @@ class PolicyKind:
         name: As the scenario has it.
         make: Makes the policy of one robot.
         options: The scenario's options as the policy's own model; an empty mapping where it has none.
-        ours: Whether it is the paper's, which cannot fail on purpose.
+        ours: It comes with fogwatch, so that its failures are bugs.
     """
 
     name: str
@@ -55,22 +63,16 @@ def policy_of(scenario: Scenario) -> PolicyKind:
             not take the options.
     """
     patrol = scenario.patrol
-    found = _paper() if patrol.policy == PAPER else _load(patrol)
+    found = _load(patrol)
     if not inspect.isclass(found) or not callable(getattr(found, "decide", None)):
         raise no_class(patrol.policy)
     make = cast(Callable[[PolicySetup], Policy], found)
-    return PolicyKind(patrol.policy, make, _options(patrol, found), patrol.policy == PAPER)
-
-
-def _paper() -> Any:
-    from agent.policies.potential_field.lazy import LazyPotentialField  # here: its kernels take time to load
-
-    return LazyPotentialField
+    return PolicyKind(patrol.policy, make, _options(patrol, found), patrol.policy in _BUILT_IN)
 
 
 def _load(patrol: PatrolSpec) -> Any:
     """What the name stands for."""
-    place, colon, name = patrol.policy.rpartition(":")
+    place, colon, name = _BUILT_IN.get(patrol.policy, patrol.policy).rpartition(":")
     if not colon:
         return _entry_point(patrol.policy)
     path = policy_file(patrol.policy)
@@ -102,7 +104,9 @@ def entry_point_of(name: str) -> EntryPoint:
     offered = {point.name: point for point in entry_points(group=GROUP)}
     if name not in offered:
         remedy = "or give package.module:Class or ./file.py:Class"
-        raise BadInput(f"patrol.policy = {name}: no such policy; {_offer(name, [PAPER, *sorted(offered)])}, {remedy}")
+        raise BadInput(
+            f"patrol.policy = {name}: no such policy; {_offer(name, [*_BUILT_IN, *sorted(offered)])}, {remedy}"
+        )
     return offered[name]
 
 
@@ -157,6 +161,8 @@ def _module_of(path: Path, patrol: PatrolSpec) -> Any:
 
 
 def _options(patrol: PatrolSpec, found: Any) -> Any:
+    if isinstance(patrol.options, FieldOptions):
+        return patrol.options
     given = dict(patrol.options or {})
     model = getattr(found, "Options", None)
     if not (inspect.isclass(model) and issubclass(model, BaseModel)):

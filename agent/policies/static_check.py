@@ -15,7 +15,7 @@ from pathlib import Path
 from agent.policies.found import absent_class, absent_module, check_digest, entry_point_of, no_class, policy_of
 from patrol.errors import BadInput
 from patrol.scenario import Scenario
-from patrol.scenario.policy_file import PAPER, policy_file, policy_source
+from patrol.scenario.policy_file import BUILT_IN, policy_file, policy_source
 from patrol.untrusted import KIB
 
 LONGEST = 256 * KIB
@@ -35,7 +35,7 @@ def check_without_running(scenario: Scenario) -> None:
             with a method `decide` can come of it.
     """
     patrol = scenario.patrol
-    if patrol.policy == PAPER:
+    if patrol.policy in BUILT_IN:
         policy_of(scenario)
         return
     place, colon, name = patrol.policy.rpartition(":")

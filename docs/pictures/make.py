@@ -27,7 +27,7 @@ SCENARIO: dict[str, Any] = {
     "duration": 340,
     "seed": 3,
     "robots": {"count": 8, "model": "car"},
-    "patrol": {"dilatation": 0.0, "separation": "none"},
+    "patrol": {"options": {"separation": "none"}},
     "faults": [
         {"kind": "kill", "who": "r3", "at": 180},
         {"kind": "loss", "rate": 0.5, "at": 220, "for": 80},

@@ -23,12 +23,15 @@ KILLED, RESTARTED = "one killed", "one killed and restarted"
 FEWER = "one robot fewer"
 WITH_TRAIL = " with trail"
 
-FINAL: Mapping[str, object] = {"patrol.commitment": "none", "patrol.random_move": 0.1}
+FINAL: Mapping[str, object] = {
+    "patrol.policy": "potential-field",
+    "patrol.options.random_move_for": "all",
+}
 """What the paper's final algorithm has in place of our defaults."""
 
 VARIANTS: Mapping[str, Mapping[str, object]] = {
-    "final algorithm": {**FINAL, "patrol.separation": "none"},
-    "with claims": {**FINAL, "patrol.separation": "claims"},
+    "final algorithm": {**FINAL, "patrol.options.separation": "none"},
+    "with claims": {**FINAL, "patrol.options.separation": "claims"},
 }
 
 INDEPENDENT = (0.1, 0.25, 0.5, 0.75, 0.9, 1.0)

@@ -52,7 +52,7 @@ def _head(setup: FaultSetup, command: str, computing_s: float, failed: int, pict
     where = f"`{setup.terrain}`, {setup.robots} robots, {setup.duration:g} s, points of {setup.point:g} m"
     yield f"{where}, seeds {', '.join(map(str, setup.seeds))}; all other settings have their defaults:"
     yield "cars that follow the paper's final algorithm and give way (`patrol.give_way`), without and with claims"
-    yield "(`patrol.separation: claims`)."
+    yield "(`patrol.options.separation: claims`)."
     for name, value in setup.settings.items():
         yield f"Set in every run: `{name}: {value}`."
     yield ""

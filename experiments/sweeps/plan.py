@@ -4,13 +4,13 @@ A sweep file is YAML::
 
     base: yards-five.yaml            # a scenario file, or the keys and values of a scenario
     grid:                            # every combination of these values is a case
-      patrol.dilatation: [0, 2, 5]
+      patrol.options.dilatation: [0, 2, 5]
       robots.count: [1, 3]
     cases:                           # named cases; together with a grid, each case is run on the whole grid
-      - {name: mode, set: {patrol.direction: mode}}
-      - {name: vector, set: {patrol.direction: vector}}
+      - {name: mode, set: {patrol.options.direction: mode}}
+      - {name: vector, set: {patrol.options.direction: vector}}
     seeds: 3                         # seeds 1 to 3, or a list of seeds (default: the base scenario's seed)
-    against: {patrol.dilatation: 0}  # compare each case, seed by seed, with the case that differs only in this
+    against: {patrol.options.dilatation: 0}  # compare each case, seed by seed, with the case that differs only in this
 """
 
 from __future__ import annotations
@@ -213,7 +213,7 @@ def _run(base: Base, case: Case, seed: int) -> Run:
 def _partners(base: Base, cases: Sequence[Case], runs: Sequence[Run], against: Mapping[str, object]) -> dict[str, str]:
     """For each case the one whose scenario is the same but for `against`: what results counts, not what is stated.
 
-    For example {set: {}} and {set: {patrol.dilatation: 2}} are the same case where 2 is the base's dilatation.
+    For example {set: {}} and {set: {patrol.options.dilatation: 2}} are the same case where 2 is the base's dilatation.
 
     Args:
         base: The scenario to vary.
@@ -316,7 +316,7 @@ def _grid(given: object, path: Path) -> dict[str, list[object]]:
         raise BadInput(f"{path}: grid = {quoted(given)}: expected {{FIELD: [VALUE, ...], ...}}")
     for field, values in given.items():
         if not isinstance(field, str):
-            raise BadInput(f"{path}: grid: {quoted(field)}: expected a field such as patrol.dilatation")
+            raise BadInput(f"{path}: grid: {quoted(field)}: expected a field such as patrol.options.dilatation")
         if not isinstance(values, list) or not values:
             raise BadInput(f"{path}: grid.{field} = {quoted(values)}: expected a list of values such as [0, 2, 5]")
     return given

@@ -26,7 +26,7 @@ from patrol.process.exit_codes import INTERRUPTED, UNKNOWN
 from patrol.process.lifeline import heed
 from patrol.process.starting.warmup import numba_alone
 from patrol.scenario import BUILTINS, MAX_ROBOTS, RobotGroup, open_scenario, parse_overrides, with_spares
-from patrol.scenario.policy_file import PAPER
+from patrol.scenario.policy_file import BUILT_IN
 
 app = typer.Typer(
     cls=OrderedGroup,
@@ -83,7 +83,7 @@ OUTPUT = "Output"
     examples=[
         "fogwatch run yards --robots 5 --duration 600",
         "fogwatch run my-map.yaml --model differential --radius 0.3 --speed 1",
-        "fogwatch run examples/yards-five.yaml --set patrol.dilatation=2 --seed 7",
+        "fogwatch run examples/yards-five.yaml --set patrol.options.dilatation=2 --seed 7",
     ],
     exit_codes="0 verdict valid, 1 verdict invalid, 2 bad input, 3 verdict unknown (the run could not be judged), 130 "
     "interrupted",
@@ -139,7 +139,7 @@ def run(
         typer.Option(
             "--set",
             metavar="FIELD=VALUE",
-            help="Set any field of the scenario, such as patrol.dilatation=2. Repeatable.",
+            help="Set any field of the scenario, such as patrol.options.separation=none. Repeatable.",
             rich_help_panel=RUN,
         ),
     ] = None,
@@ -228,7 +228,7 @@ def run(
     elif served and isinstance(scenario.robots, RobotGroup) and scenario.robots.spare is None:
         scenario = with_spares(scenario, min(PAGE_SPARES, MAX_ROBOTS - scenario.robots.count))
 
-    if scenario.patrol.policy == PAPER:  # somebody's own may compile what needs scipy
+    if scenario.patrol.policy in BUILT_IN:  # somebody's own may compile what needs scipy
         numba_alone()
     from rich.console import Console
 

@@ -124,7 +124,7 @@ def split_regions(terrain: Terrain, body: BoolGrid | None = None) -> RegionSplit
     corners = sum(len(ring.corners) for ring in rings) or 3 * len(loops)
     if corners > MOST_CORNERS:
         raise BadInput(
-            f"patrol.paths = regions: the outline of {terrain.name} has {corners} corners or more, and at most "
+            f"patrol.options.paths = regions: the outline of {terrain.name} has {corners} corners or more, and at most "
             f"{MOST_CORNERS} are allowed; choose wave, or a larger point"
         )
     polygons = merged(made_convex(convex_pieces(rings)))
@@ -156,13 +156,15 @@ def regions_by_hand(
         for other in range(number):
             if (depth := overlap(polygon, corners[other])) > slack:
                 raise BadInput(
-                    f"patrol.regions.{number}: overlaps region {other} by {depth * terrain.point:.2f} m; move their "
-                    "common border"
+                    f"patrol.options.regions.{number}: overlaps region {other} by {depth * terrain.point:.2f} m; "
+                    "move their common border"
                 )
     labels = _laid(terrain, corners)
     for number in range(len(corners)):
         if not (labels == number).any():
-            raise BadInput(f"patrol.regions.{number}: holds no free point of {terrain.name}; correct or drop it")
+            raise BadInput(
+                f"patrol.options.regions.{number}: holds no free point of {terrain.name}; correct or drop it"
+            )
     _check_gaps(terrain, labels, body)
     return _split(terrain, corners, labels, body)
 
@@ -198,7 +200,7 @@ def _in_metres(terrain: Terrain, polygon: Floats) -> Polygon:
 
 def _checked(terrain: Terrain, number: int, polygon: Sequence[tuple[float, float]]) -> Floats:
     """A polygon given by hand, in points, convex and counter-clockwise."""
-    where = f"patrol.regions.{number}"
+    where = f"patrol.options.regions.{number}"
     if len(polygon) < 3:
         raise BadInput(f"{where}: has {len(polygon)} corners; give at least 3")
     corners = (np.array(polygon, dtype=np.float64) - terrain.origin) / terrain.point
@@ -236,6 +238,6 @@ def _check_gaps(terrain: Terrain, labels: NDArray[np.int32], body: BoolGrid | No
     ox, oy = terrain.origin
     x, y = ox + (col + 0.5) * terrain.point, oy + (row + 0.5) * terrain.point
     raise BadInput(
-        f"patrol.regions: {areas.sum():.2f} m2 of free ground lie in no region, {areas.max():.2f} m2 of them around "
-        f"({x:.2f}, {y:.2f}); widen the regions or add one"
+        f"patrol.options.regions: {areas.sum():.2f} m2 of free ground lie in no region, {areas.max():.2f} m2 of them "
+        f"around ({x:.2f}, {y:.2f}); widen the regions or add one"
     )

@@ -14,11 +14,16 @@ from patrol.scenario.load import (
     with_spares,
 )
 from patrol.scenario.model import Scenario
+from patrol.scenario.policies import (
+    CommittedOptions,
+    FieldOptions,
+    PatrolSpec,
+    PotentialFieldOptions,
+)
 from patrol.scenario.radio_spec import RadioSpec
 from patrol.scenario.robots import RobotSpec
 from patrol.scenario.sections import (
     IntruderSpec,
-    PatrolSpec,
     RobotEntry,
     RobotGroup,
     SensorSpec,
@@ -30,8 +35,11 @@ __all__ = [
     "BUILTINS",
     "MAX_ROBOTS",
     "BodyLengths",
+    "CommittedOptions",
+    "FieldOptions",
     "IntruderSpec",
     "PatrolSpec",
+    "PotentialFieldOptions",
     "RadioSpec",
     "RobotEntry",
     "RobotGroup",

@@ -8,7 +8,7 @@ from typing import Any
 
 import yaml
 
-from patrol.scenario.lengths import FIELDS
+from patrol.scenario.lengths import FIELDS, OPTIONS
 from patrol.scenario.model import Scenario
 from patrol.values.section import Section
 from patrol.values.types import AUTO
@@ -52,7 +52,7 @@ def dump_section(section: Section, indent: int = 0, notes: Mapping[str, str] = _
         if value is None:
             lines.append(_beside(f"{' ' * indent}# {field.alias or name}:", note))
         elif isinstance(value, Section):
-            lines += [_beside(start, note), dump_section(value, indent + 2, notes, f"{name}.")]
+            lines += [_beside(start, note), dump_section(value, indent + 2, notes, f"{inside}{name}.")]
         elif isinstance(value, tuple) and value and isinstance(value[0], Section):
             entries = [entry.model_dump(mode="json", exclude_none=True) for entry in value]
             lines += [_beside(start, note), *(f"{' ' * indent}  - {_flow(entry)}" for entry in entries)]
@@ -71,13 +71,14 @@ def notes_on_lengths(scenario: Scenario) -> Mapping[str, str]:
         One line such as ``here 6.6 for truck, 1.65 for scout-1 and scout-2``, by dotted field.
     """
     notes = {}
-    for name in FIELDS:
-        if getattr(scenario.patrol, name) != AUTO:
+    sections = (("patrol", scenario.patrol, FIELDS), ("patrol.options", scenario.patrol.options, OPTIONS))
+    for section, fields, name in ((dotted, fields, name) for dotted, fields, names in sections for name in names):
+        if getattr(fields, name, None) != AUTO:
             continue
         robots: dict[float, list[str]] = {}
         for spec in scenario.roster:
             robots.setdefault(getattr(scenario.lengths[spec.number], name), []).append(spec.name)
-        notes[f"patrol.{name}"] = "here " + ", ".join(
+        notes[f"{section}.{name}"] = "here " + ", ".join(
             f"{length:g} for {_listed(names)}" for length, names in robots.items()
         )
     return notes

@@ -15,10 +15,11 @@ from patrol.scenario.faults.kinds import KINDS, Fault, Forgery, Jump, Wait
 from patrol.scenario.faults.nemesis_spec import NemesisSpec
 from patrol.scenario.faults.targets import Some
 from patrol.scenario.model import Scenario
+from patrol.scenario.policies import CommittedOptions, PatrolSpec, PotentialFieldOptions
+from patrol.scenario.policy_file import COMMITTED, PAPER
 from patrol.scenario.radio_spec import AdaptiveSpec, BudgetSpec, RadioSpec
 from patrol.scenario.sections import (
     IntruderSpec,
-    PatrolSpec,
     RobotEntry,
     RobotGroup,
     SensorSpec,
@@ -34,6 +35,10 @@ _SECTIONS: dict[str, type[Section]] = {
     "intruders": IntruderSpec,
     "faults": Fault,
     "nemesis": NemesisSpec,
+}
+_OF_PATROL: dict[str, type[Section]] = {
+    f"={COMMITTED}": CommittedOptions,
+    f"={PAPER}": PotentialFieldOptions,
 }
 _OF_RADIO: dict[str, type[Section]] = {"budget": BudgetSpec, "adaptive": AdaptiveSpec}
 _OF_FAULTS: dict[str, type[Section]] = {
@@ -95,7 +100,7 @@ def _describe(
     section, note = _known_at(problem["loc"])
     match problem["type"]:
         case "extra_forbidden" | "invalid_key":
-            return f"{where}: unknown key; {_nearest_key(str(location[-1]), section)}"
+            return f"{where}: {_unknown_key(str(location[-1]), section)}"
         case "missing":
             return f"{where}: missing; give {note or 'it'}"
         case "crossed":
@@ -156,11 +161,12 @@ def _known_at(location: Sequence[int | str]) -> tuple[type[Section], str]:
     section: type[Section] = Scenario
     note = ""
     top = ""
+    tag = ""
     for part in location:
         if not isinstance(part, str):
             continue
         if part.startswith("="):
-            section = _alternative(top, part, section)
+            section, tag = _alternative(top, part, section), part
             continue
         known = _fields(section).get(part)
         note = (known.description or "") if known else ""
@@ -171,6 +177,8 @@ def _known_at(location: Sequence[int | str]) -> tuple[type[Section], str]:
             section = _OF_FAULTS.get(part, section)
         elif top == "radio":
             section = _OF_RADIO.get(part, section)
+        elif top == "patrol" and part == "options":
+            section = _OF_PATROL.get(tag, section)
     return section, note
 
 
@@ -183,10 +191,17 @@ def _alternative(top: str, tag: str, section: type[Section]) -> type[Section]:
     return section
 
 
+def _unknown_key(key: str, section: type[Section]) -> str:
+    if section is CommittedOptions and key in PotentialFieldOptions.model_fields:
+        return f"does nothing for the policy {COMMITTED}; leave it out, or set patrol.policy to {PAPER}"
+    return f"unknown key; {_nearest_key(key, section)}"
+
+
 def _nearest_key(key: str, section: type[Section]) -> str:
     """The known key that is nearest, of this section or with the section that it belongs under; or this section's."""
     of_radio = {f"radio.{name}": other for name, other in _OF_RADIO.items()}
-    everywhere: dict[str, type[Section]] = {"robots": RobotGroup, **_SECTIONS, **of_radio, "": Scenario}
+    of_policy = {"patrol.options": PotentialFieldOptions}
+    everywhere: dict[str, type[Section]] = {"robots": RobotGroup, **_SECTIONS, **of_policy, **of_radio, "": Scenario}
     spelled = {
         name: f"{home}.{name}" if home else f"{name} at the top level"
         for home, other in everywhere.items()

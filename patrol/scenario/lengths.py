@@ -8,11 +8,11 @@ range that give the paper's numbers for the paper's body. This module is the onl
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 from patrol.pose import TAU
+from patrol.scenario.policies import PatrolSpec
 from patrol.scenario.robots import RobotSpec
-from patrol.scenario.sections import PatrolSpec
 from patrol.values.section import wrong
 from patrol.values.types import AUTO, LARGEST, Auto
 
@@ -51,11 +51,23 @@ class BodyLengths:
     surround_distance: float = 8.0
     critical_width: float = 8.0
 
+    def with_options(self, options: object) -> BodyLengths:
+        """Replace lengths by those that a policy's settings state.
+
+        Args:
+            options: The settings of a built-in policy, or of any other whose fields have these names.
+        """
+        stated = {name: getattr(options, name, AUTO) for name in OPTIONS}
+        return replace(self, **{name: float(length) for name, length in stated.items() if length != AUTO})
+
 
 PAPER_LENGTHS = BodyLengths()
 """The lengths of the paper's body."""
 
-FIELDS = tuple(field.name for field in fields(BodyLengths))
+OPTIONS = ("dilatation", "obstacle_radius", "fuzzy_distance", "critical_width")
+"""Lengths that are settings of policies: fields of `patrol.options` that may be ``auto``."""
+
+FIELDS = tuple(field.name for field in fields(BodyLengths) if field.name not in OPTIONS)
 """The fields of a scenario's section `patrol` that may be ``auto``."""
 
 
@@ -111,12 +123,12 @@ def _lengths(patrol: PatrolSpec, radius: float, stride: float, point: float, rin
         goal_distance=goal,
         refine_side=_stated(patrol.refine_side, min(_rounded(2.0 * radius), 2.0 * goal)),
         refine_reach=_stated(patrol.refine_reach, max(_rounded(10.0 * radius), point)),
-        dilatation=_stated(patrol.dilatation, _rounded(5.0 * radius)),
-        obstacle_radius=_stated(patrol.obstacle_radius, _rounded(5.0 * radius)),
-        fuzzy_distance=_stated(patrol.fuzzy_distance, _rounded(5.5 * radius)),
         surround_distance=_stated(patrol.surround_distance, ring),
-        critical_width=_stated(patrol.critical_width, _rounded(8.0 * radius)),
-    )
+        dilatation=_rounded(5.0 * radius),
+        obstacle_radius=_rounded(5.0 * radius),
+        fuzzy_distance=_rounded(5.5 * radius),
+        critical_width=_rounded(8.0 * radius),
+    ).with_options(patrol.options)
 
 
 def _ring(roster: Sequence[RobotSpec], sensor_range: float) -> float:

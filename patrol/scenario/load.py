@@ -14,7 +14,7 @@ import hashlib
 import json
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -27,10 +27,12 @@ from patrol.half_characters import refuse_half_characters
 from patrol.pose import TURNS_IN_ARCS
 from patrol.scenario.dump import dump_section, notes_on_lengths
 from patrol.scenario.explain import one_line
-from patrol.scenario.lengths import FIELDS
+from patrol.scenario.lengths import FIELDS, OPTIONS
 from patrol.scenario.model import Scenario
 from patrol.scenario.nemesis import written_out
-from patrol.scenario.policy_file import policy_digest, policy_file
+from patrol.scenario.older import translate_field, translate_patrol
+from patrol.scenario.policies import FieldOptions
+from patrol.scenario.policy_file import COMMITTED, policy_digest, policy_file
 from patrol.scenario.robots import RobotSpec
 from patrol.scenario.sections import RobotEntry, RobotGroup
 from patrol.untrusted import IMAGE, read_untrusted
@@ -39,7 +41,7 @@ from patrol.yaml_text import line_of, parse_yaml, read_text
 
 Overrides = Mapping[str, object]
 
-_HASH_FORMAT = "fogwatch-scenario/1"
+_HASH_FORMAT = "fogwatch-scenario/2"
 _ENTRIES = {
     "faults": "{kind: kill, at: 60, who: one}",
     "intruders": "{place: [10, 10], at: 60}",
@@ -61,7 +63,7 @@ def load_scenario(
 
     Args:
         source: The file, or the mapping.
-        overrides: Values by dotted field (``patrol.dilatation``, ``robots.0.speed``; ``robots.speed`` goes to every
+        overrides: Values by dotted field (``patrol.give_way``, ``robots.0.speed``; ``robots.speed`` goes to every
             entry of a list); texts are read as YAML.
         base: The folder that a mapping's relative paths are relative to, the current one unless given; a file's are
             relative to the file's folder.
@@ -161,9 +163,10 @@ def parse_overrides(settings: Sequence[str]) -> dict[str, object]:
     for setting in settings:
         field, equals, value = setting.partition("=")
         if not equals or not field.strip():
-            raise BadInput(f"--set {setting}: expected FIELD=VALUE, for example patrol.dilatation=0")
-        overrides.pop(field.strip(), None)
-        overrides[field.strip()] = value
+            raise BadInput(f"--set {setting}: expected FIELD=VALUE, for example patrol.give_way=false")
+        name = translate_field(field.strip())
+        overrides.pop(name, None)
+        overrides[name] = value
     return overrides
 
 
@@ -234,7 +237,6 @@ def _meaning(scenario: Scenario) -> dict[str, Any]:
     """What a scenario means, with the files that it names: no names, a key by its presence alone, robots one by one."""
     meaning = scenario.model_dump(mode="json", exclude={"name", "robots", "nemesis"})
     meaning["radio"]["key"] = scenario.radio.key is not None
-    _forget_what_changes_nothing(meaning["radio"])
     meaning["robots"] = [_robot_meaning(spec) for spec in scenario.roster]
     return meaning
 
@@ -276,19 +278,30 @@ def _resolve(
     aliases: Mapping[str, str] | None = None,
 ) -> Scenario:
     """Apply the overrides and check every value; text: of the file that the mapping was read from, or None."""
+    overrides = {translate_field(field): value for field, value in overrides.items()}
     patrol = raw.get("patrol")
     if "patrol.policy" in overrides and isinstance(patrol, dict):
-        patrol.pop("policy_sha256", None)  # it is of the policy that is replaced
+        patrol.pop("policy_sha256", None)  # it is of the policy that is replaced, and so are its settings
+        if overrides["patrol.policy"] != patrol.get("policy", COMMITTED):
+            patrol.pop("options", None)
     for field, value in overrides.items():
         _override(raw, field, value)
+    if isinstance(raw.get("patrol"), dict):
+        raw["patrol"] = translate_patrol(raw["patrol"])
     raw.setdefault("name", _default_name(raw, name))
     refuse_half_characters(raw, source)
     try:
         scenario = written_out(Scenario.model_validate(raw, context={"base": base}))
         return _with_lengths(scenario)
     except ValidationError as error:
-        places = (lambda _: None) if text is None else partial(line_of, text)
+        places = (lambda _: None) if text is None else partial(_line_of_field, text)
         raise BadInput(one_line(error, source, tuple(overrides), places, aliases or {})) from None
+
+
+def _line_of_field(text: str, location: Sequence[int | str]) -> int | None:
+    """The line of a field, or of what it lies in; files of 0.2 have a policy's settings in the section `patrol`."""
+    places = [location, [*location[:1], *location[2:]]] if location[1:2] == ["options"] else [location]
+    return max((line for place in places if (line := line_of(text, place)) is not None), default=None)
 
 
 def _read_mapping(path: Path) -> tuple[dict[str, Any], str]:
@@ -316,7 +329,7 @@ def _override(raw: dict[str, Any], field: str, value: object) -> None:
         value = parse_yaml(value, f"override {field}")
     parts = field.split(".")
     if not all(parts):
-        raise BadInput(f"override {field!r}: is not a field; write for example patrol.dilatation")
+        raise BadInput(f"override {field!r}: is not a field; write for example patrol.give_way")
     top = parts[0]
     if top in _ENTRIES and parts[1:] and parts[1].isdecimal() and not raw.get(top):
         raise BadInput(f"override {field}: {top} is an empty list; give entries: {top}=[{_ENTRIES[top]}]")
@@ -366,30 +379,25 @@ def _with_policy_digest(scenario: Scenario) -> Scenario:
 
 def _with_lengths(scenario: Scenario) -> Scenario:
     """The scenario with a number for each length that follows the body and is the same for all robots."""
-    auto = [name for name in FIELDS if getattr(scenario.patrol, name) == AUTO]
+    patrol = scenario.patrol
+    common = _common_lengths(scenario, FIELDS, patrol)
+    if isinstance(patrol.options, FieldOptions):
+        common["options"] = patrol.options.model_copy(update=_common_lengths(scenario, OPTIONS, patrol.options))
+    return scenario.model_copy(update={"patrol": patrol.model_copy(update=common)}) if common else scenario
+
+
+def _common_lengths(scenario: Scenario, names: Iterable[str], section: object) -> dict[str, Any]:
+    """What each ``auto`` of a section comes to, where it is the same for all robots; m."""
+    auto = [name for name in names if getattr(section, name, None) == AUTO]
     by_name = {name: {getattr(lengths, name) for lengths in scenario.lengths.values()} for name in auto}
-    common = {name: lengths.pop() for name, lengths in by_name.items() if len(lengths) == 1}
-    return scenario.model_copy(update={"patrol": scenario.patrol.model_copy(update=common)}) if common else scenario
+    return {name: lengths.pop() for name, lengths in by_name.items() if len(lengths) == 1}
 
 
 def _forget_where_a_policy_lies(patrol: dict[str, Any]) -> None:
-    """A policy enters by its file's content; what older versions did not have, only where it differs from theirs."""
+    """Let a policy enter by its file's content."""
     digest = patrol.pop("policy_sha256")
     if digest is not None:
         patrol["policy"] = [digest, patrol["policy"].rpartition(":")[2]]
-    if not patrol["options"]:
-        del patrol["options"]
-    added = (("random_move_for", "holonomic"), ("commitment", "none"), ("manoeuvres", False), ("reach", "paper"))
-    for name, older in added:
-        if patrol[name] == older:
-            del patrol[name]
-
-
-def _forget_what_changes_nothing(radio: dict[str, Any]) -> None:
-    """Fields that older versions did not have, where they are as those versions were."""
-    for name, older in (("trail_every", 1), ("budget", None), ("adaptive", None)):
-        if radio[name] == older:
-            del radio[name]
 
 
 def _robot_meaning(spec: RobotSpec) -> list[Any]:

@@ -21,9 +21,10 @@ from patrol.scenario.faults.kinds import Faults
 from patrol.scenario.faults.nemesis_spec import NemesisSpec, room_for
 from patrol.scenario.faults.roster import check_faults
 from patrol.scenario.lengths import BodyLengths, check_refinement, resolve_lengths
+from patrol.scenario.policies import CommittedPatrol, Patrol
 from patrol.scenario.radio_spec import RadioSpec, check_radio_spec
 from patrol.scenario.robots import RobotSpec, roster_of
-from patrol.scenario.sections import IntruderSpec, PatrolSpec, RobotGroup, Robots, SensorSpec, TerrainSpec
+from patrol.scenario.sections import IntruderSpec, RobotGroup, Robots, SensorSpec, TerrainSpec
 from patrol.values.section import Section, wrong
 from patrol.values.types import AUTO, Name, Pace, Positive, Seed
 
@@ -43,7 +44,7 @@ class Scenario(Section):
         default_factory=RobotGroup, description="a group of equal robots, or a list with one entry per robot"
     )
     sensor: SensorSpec = Field(default_factory=SensorSpec, description="what a robot sees")
-    patrol: PatrolSpec = Field(default_factory=PatrolSpec, description="how a robot decides where to go")
+    patrol: Patrol = Field(default_factory=CommittedPatrol, description="how a robot decides where to go")
     radio: RadioSpec = Field(default_factory=RadioSpec, description="what robots send")
     intruders: tuple[IntruderSpec, ...] = Field(
         (), description="{place: [x, y] m, at: s, for: s or null}, standing still"

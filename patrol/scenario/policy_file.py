@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import hashlib
 from pathlib import Path
+from typing import Final
 
 from patrol.errors import BadInput
 from patrol.untrusted import POLICY, read_untrusted
 
-PAPER = "potential-field"
-"""The policy of the paper, which is the default."""
+COMMITTED: Final = "committed"
+"""The default policy."""
+
+PAPER: Final = "potential-field"
+"""The policy of the paper."""
+
+BUILT_IN = (COMMITTED, PAPER)
+"""Policies that come with fogwatch."""
 
 
 def policy_file(policy: str) -> Path | None:

@@ -125,7 +125,7 @@ PathText = Annotated[str, Field(min_length=1, pattern=r"^[^\x00-\x1f]+$"), expec
 PolicyText = Annotated[
     str,
     Field(pattern=r"^([A-Za-z0-9][A-Za-z0-9._-]{0,63}|[^\x00-\x1f:][^\x00-\x1f]*:[A-Za-z_][A-Za-z0-9_]*)$"),
-    expecting("potential-field, package.module:Class, ./file.py:Class or the name of an entry point"),
+    expecting("committed, potential-field, package.module:Class, ./file.py:Class or the name of an entry point"),
 ]
 Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$"), expecting("64 hex digits")]
 Name = Annotated[

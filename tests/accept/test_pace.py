@@ -15,7 +15,7 @@ from tests.fogwatch.conftest import Run
 
 pytestmark = [pytest.mark.accept, pytest.mark.processes, pytest.mark.timeout(3600)]
 
-PACED: dict[str, Any] = {"terrain": {"builtin": "open"}, "point": 0.5, "patrol": {"dilatation": 0.0}}
+PACED: dict[str, Any] = {"terrain": {"builtin": "open"}, "point": 0.5}
 
 
 @pytest.fixture

@@ -21,7 +21,6 @@ FLEET: dict[str, Any] = {
     "terrain": {"builtin": "site"},
     "duration": 120,
     "robots": {"count": 50, "model": "holonomic"},
-    "patrol": {"dilatation": 0.0},
 }
 WATCHED_S = 600.0
 LAST_S = 60.0

@@ -37,7 +37,7 @@ def test_three_robots_on_the_open_field_patrol_like_the_papers(sensor_range: flo
                 "seed": seed,
                 "robots": {"count": 3, "model": "holonomic"},
                 "sensor": {"range": sensor_range},
-                "patrol": {"dilatation": 0.0, "separation": "none"},
+                "patrol": {"options": {"separation": "none"}},
             }
         )
         outcome = run_in_process(scenario)

@@ -22,12 +22,10 @@ from tests.agent.minds import at, prepared_on
 
 def scenario_of(model: str, **patrol: Any) -> Scenario:
     robots = {"count": 2, "model": model}
-    return load_scenario(
-        {"terrain": {"builtin": "yards"}, "point": 0.5, "robots": robots, "patrol": {"dilatation": 2.0, **patrol}}
-    )
+    return load_scenario({"terrain": {"builtin": "yards"}, "point": 0.5, "robots": robots, "patrol": patrol})
 
 
-PAPERS: dict[str, Any] = {"commitment": "none", "manoeuvres": False, "random_move": 0.1, "random_move_for": "holonomic"}
+PAPERS: dict[str, Any] = {"policy": "potential-field", "manoeuvres": False}
 """A direction chosen anew at each tick, as in the paper."""
 
 
@@ -88,7 +86,7 @@ def test_the_same_inputs_give_the_same_decisions(model: str) -> None:
 @pytest.mark.parametrize("direction", ["mode", "vector"])
 @pytest.mark.parametrize("model", MODELS)
 def test_robots_never_command_themselves_into_a_wall(model: str, direction: str) -> None:
-    scenario = scenario_of(model, direction=direction, **PAPERS)
+    scenario = scenario_of(model, options={"direction": direction}, **PAPERS)
     _, decisions, _ = patrol(scenario, 200)
     assert all(d.figures for decided in decisions for d in decided)
     drives_freely(decisions)
@@ -124,7 +122,7 @@ def test_about_one_in_ten_holonomic_moves_is_random_and_none_without_chance() ->
     _, decisions, _ = patrol(scenario_of("holonomic", **PAPERS), 300)
     random = [d for decided in decisions for d in decided if d.goal is None]
     assert 0.05 < len(random) / 600 < 0.16
-    _, decisions, _ = patrol(scenario_of("holonomic", **{**PAPERS, "random_move": 0.0}), 50)
+    _, decisions, _ = patrol(scenario_of("holonomic", options={"random_move": 0.0}, **PAPERS), 50)
     assert all(d.goal is not None for decided in decisions for d in decided)
     for decision in (d for decided in decisions for d in decided):
         assert isinstance(decision.command, Velocity)
@@ -175,20 +173,28 @@ def test_a_trail_holds_no_places_from_before_a_tick_that_was_skipped() -> None:
     assert pasts == [(), ((6.0, 6.0),), (), ((6.6, 6.0),)]
 
 
-@pytest.mark.parametrize("field", ["sensor.range", "patrol.refine_reach", "patrol.dilatation"])
-def test_a_reach_beyond_all_measure_is_as_good_as_the_terrains(field: str) -> None:
-    for commitment, first in (("none", 0), ("target", 1)):
-        chosen = {field: 1e6, "patrol.commitment": commitment}
-        scenario = load_scenario({"terrain": {"builtin": "open"}, "point": 1.0}, chosen)
-        mind = minds(scenario, rooms(), [Pose(6.0, 6.0, 0.0)])[0]
-        decisions = [mind.step(at(k, Pose(6.0, 6.0, 0.0)), []) for k in (0, 1)]
-        # At tick 0 nothing has an age that a robot could commit itself to.
-        assert [decision.goal is not None for decision in decisions] == [k >= first for k in (0, 1)]
+@pytest.mark.parametrize(
+    ("field", "policy", "first"),
+    [
+        ("sensor.range", "committed", 1),
+        ("patrol.refine_reach", "committed", 1),
+        ("sensor.range", "potential-field", 0),
+        ("patrol.refine_reach", "potential-field", 0),
+        ("patrol.options.dilatation", "potential-field", 0),
+    ],
+)
+def test_a_reach_beyond_all_measure_is_as_good_as_the_terrains(field: str, policy: str, first: int) -> None:
+    chosen = {"patrol.policy": policy, field: 1e6}
+    scenario = load_scenario({"terrain": {"builtin": "open"}, "point": 1.0}, chosen)
+    mind = minds(scenario, rooms(), [Pose(6.0, 6.0, 0.0)])[0]
+    decisions = [mind.step(at(k, Pose(6.0, 6.0, 0.0)), []) for k in (0, 1)]
+    # At tick 0 nothing has an age that a robot could commit itself to.
+    assert [decision.goal is not None for decision in decisions] == [k >= first for k in (0, 1)]
 
 
 def surrounding(own: Pose, contacts: tuple[tuple[float, float], ...] = (), frames: tuple[bytes, ...] = ()) -> Decision:
     """What a robot decides at tick 3 in the rooms with another one at (20, 20)."""
-    mind = minds(scenario_of("holonomic", random_move=0.0), rooms(), [Pose(6.0, 6.0, 0.0)])[0]
+    mind = minds(scenario_of("holonomic", options={"random_move": 0.0}), rooms(), [Pose(6.0, 6.0, 0.0)])[0]
     other = encode(Position.of(2, 3, 1.5, Pose(20.0, 20.0, 0.0)))
     return mind.step(at(3, own, contacts=contacts), [other, *frames])
 

@@ -44,7 +44,7 @@ def watched(incarnation: int = 1, seed: int = 1, quality: float = 1.0) -> tuple[
     """The mind of robot 1, which starts in the left room, and its policy."""
     mapping = {"terrain": {"builtin": "open"}, "point": 0.5, "robots": {"count": 3}, "seed": seed}
     sensor = {"range": 5.0, "quality": quality}
-    scenario = load_scenario({**mapping, "sensor": sensor, "radio": {"forget_after": 5}, "patrol": {"dilatation": 1.0}})
+    scenario = load_scenario({**mapping, "sensor": sensor, "radio": {"forget_after": 5}})
     mind = build_mind(prepared_on(scenario, two_rooms(), [POSE]), 1, incarnation)
     mind.policy = policy = Watching()
     return mind, policy

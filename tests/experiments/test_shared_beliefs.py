@@ -105,7 +105,7 @@ def test_under_every_fault_minds_believe_the_same(kind: str, policy: dict[str, A
         {"sensor": {"quality": 0.5}},
         {"radio": {"adaptive": {"error": 1.0, "silence": 4.0}}},
         {"intruders": [{"place": [40, 22], "at": 2, "for": 10}]},
-        {"patrol": {"separation": "artificial-obstacles"}},
+        {"patrol": {"options": {"separation": "artificial-obstacles"}}},
     ],
     ids=["trails", "cars", "narrow", "quality", "adaptive", "intruder", "obstacles"],
 )

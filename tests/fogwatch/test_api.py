@@ -22,7 +22,6 @@ SMALL = {
     "point": 0.5,
     "duration": 20,
     "robots": {"count": 2, "model": "holonomic"},
-    "patrol": {"dilatation": 0.0},
 }
 
 
@@ -47,7 +46,7 @@ def test_every_way_of_naming_a_scenario_is_the_same(tmp_path: Path) -> None:
         fogwatch.run(way, out=tmp_path / f"run-{number}", picture=False).trace_hash for number, way in enumerate(ways)
     }
     assert len(hashes) == 1
-    overrides = {"point": 0.5, "duration": 20, "robots": SMALL["robots"], "patrol.dilatation": 0}
+    overrides = {"point": 0.5, "duration": 20, "robots": SMALL["robots"]}
     assert {fogwatch.run("open", out=tmp_path / "named", overrides=overrides, picture=False).trace_hash} == hashes
 
 

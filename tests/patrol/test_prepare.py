@@ -85,7 +85,7 @@ def test_an_intruder_must_be_on_passable_ground() -> None:
 def test_a_critical_area_must_hold_free_ground(area: list[list[float]]) -> None:
     """One lies off the terrain, the other within a building."""
     around = [[40, 40], [60, 40], [60, 60]]
-    patrol = {"separation": "semaphores", "critical_areas": [around, area]}
+    patrol = {"options": {"separation": "semaphores", "critical_areas": [around, area]}}
     mapping = {"terrain": {"builtin": "yards"}, "point": 0.5, "robots": {"count": 1}, "patrol": patrol}
-    with pytest.raises(BadInput, match=r"patrol\.critical_areas\.1: holds no free point of yards; correct or drop it"):
+    with pytest.raises(BadInput, match=r"patrol\.options\.critical_areas\.1: holds no free point of yards; correct"):
         prepare(load_scenario(mapping))

@@ -32,7 +32,6 @@ SCENARIO: dict[str, Any] = {
     "point": 0.5,
     "duration": 100,
     "robots": [{"name": "anna", "model": "holonomic"}, {"name": "bert", "model": "car"}],
-    "patrol": {"dilatation": 0.0},
 }
 PATIENCE_S = 800.0
 """How long anything may take, s: less than pytest's own limit, and more than any run here on a busy machine."""

@@ -86,8 +86,7 @@ def faults(
 
     The faults are: frames lost independently, in bursts, or with the last positions sent along; silence; deaths,
     restarts and robots that join; a partition; a short radio range; forged positions. Robots give way and cars make
-    random steps, as by default; set patrol.give_way=false and patrol.random_move_for=holonomic to follow the paper to
-    the letter.
+    random steps; set patrol.give_way=false to follow the paper more closely.
 
     The folder gets faults.md with all results, faults.json, the runs' numbers as CSV and JSON, and pictures. Runs that
     have a result there are not repeated.

@@ -19,7 +19,7 @@ from experiments.sweeps.runner import SweepOutcome, run_sweep
 from experiments.sweeps.stats import Estimate
 from fogwatch.progress import SweepProgress, duration, print_failures
 from patrol.errors import BadInput
-from patrol.scenario.policy_file import PAPER
+from patrol.scenario.policy_file import BUILT_IN
 
 FAILED = 1
 """The exit code when some of the runs failed."""
@@ -88,7 +88,7 @@ def _check_policies(plan: Plan) -> None:
     own = {
         repr((run.scenario.patrol.policy, run.scenario.patrol.options)): run.scenario
         for run in plan.runs
-        if run.scenario.patrol.policy != PAPER
+        if run.scenario.patrol.policy not in BUILT_IN
     }
     if own:
         from agent.policies.found import policy_of

@@ -14,7 +14,7 @@ from patrol.errors import BadInput
 from patrol.printable import printable
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import Scenario, dump_scenario, open_scenario, parse_overrides, scenario_hash, scenario_schema
-from patrol.scenario.policy_file import PAPER
+from patrol.scenario.policy_file import BUILT_IN
 
 if TYPE_CHECKING:
     from worldsim.faults.timeline import Timeline
@@ -24,7 +24,9 @@ app = typer.Typer(help="Print or check a scenario, or print the JSON schema of s
 What = Annotated[str, typer.Argument(metavar="SCENARIO", help="Scenario file, map file or built-in terrain.")]
 Settings = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="FIELD=VALUE", help="Set a field, such as patrol.dilatation=0. Repeatable."),
+    typer.Option(
+        "--set", metavar="FIELD=VALUE", help="Set a field, such as patrol.options.separation=none. Repeatable."
+    ),
 ]
 
 
@@ -51,7 +53,7 @@ def check(what: What, settings: Settings = None) -> None:
     from patrol.prepare import prepare  # here: needs libraries that `fogwatch scenario show` does without
 
     prepared = prepare(scenario)
-    if scenario.patrol.policy != PAPER or scenario.patrol.options:  # else it loads much and cannot fail
+    if scenario.patrol.policy not in BUILT_IN:  # else it loads much and cannot fail
         from agent.policies.static_check import check_without_running
 
         check_without_running(scenario)
@@ -59,7 +61,7 @@ def check(what: What, settings: Settings = None) -> None:
     given = sum(spec.start is not None for spec in scenario.roster)
     typer.echo(printable(f"{what}: can run"))
     typer.echo(f"  {_starts(len(scenario.roster), given)}")
-    if scenario.patrol.policy != PAPER:
+    if scenario.patrol.policy not in BUILT_IN:
         typer.echo(f"  policy {printable(scenario.patrol.policy)}, not run: a run checks its options")
     typer.echo(f"  {area:.0f} m² to patrol on {prepared.terrain.name}, points of {scenario.point:g} m")
     ticks = "1 tick" if scenario.ticks == 1 else f"{scenario.ticks} ticks"

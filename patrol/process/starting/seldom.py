@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
 def _follows_forces(scenario: Scenario) -> bool:
     """Whether robots sum forces, or may: a policy of another kind can build on anything."""
-    from patrol.scenario.policy_file import PAPER  # here, as processes that compile need no scenario
+    from patrol.scenario.policy_file import COMMITTED  # here, as processes that compile need no scenario
 
-    return scenario.patrol.commitment == "none" or scenario.patrol.policy != PAPER
+    return scenario.patrol.policy != COMMITTED
 
 
 def _dilates(scenario: Scenario) -> bool:

@@ -32,7 +32,7 @@ def with_door(width: float) -> Terrain:
 
 def prepared_for(terrain: Terrain, starts: Sequence[Pose], speed: float = SPEED) -> Prepared:
     robots = {"model": "differential", "radius": RADIUS, "speed": speed}
-    patrol = {"goal_distance": 1.65, "refine_side": 0.6, "refine_reach": 3.0, "dilatation": 1.5}
+    patrol = {"goal_distance": 1.65, "refine_side": 0.6, "refine_reach": 3.0}
     return prepared_in(terrain, starts, robots, patrol=patrol)
 
 

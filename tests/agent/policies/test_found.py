@@ -13,13 +13,21 @@ import pytest
 import yaml
 
 from agent.build import build_mind
+from agent.policies.committed.policy import Committed
 from agent.policies.found import GROUP, policy_of
 from agent.policies.potential_field.lazy import LazyPotentialField
 from agent.ports import PolicyFailed, State
 from patrol.errors import BadInput
 from patrol.pose import Pose
 from patrol.prepare import prepare
-from patrol.scenario import Scenario, dump_scenario, load_scenario, scenario_hash
+from patrol.scenario import (
+    CommittedOptions,
+    PotentialFieldOptions,
+    Scenario,
+    dump_scenario,
+    load_scenario,
+    scenario_hash,
+)
 from patrol.scenario.copying import keep_scenario
 from patrol.scenario.policy_file import policy_digest
 from tests.agent.minds import at
@@ -103,11 +111,33 @@ def refused(scenario: Scenario) -> str:
 # --- where it comes from ---------------------------------------------------------------------------------------------
 
 
-def test_the_papers_policy_is_the_default() -> None:
-    for scenario in (load_scenario({"terrain": {"builtin": "open"}}), named("potential-field")):
-        kind = policy_of(scenario)
-        assert (kind.name, kind.make, kind.options, kind.ours) == ("potential-field", LazyPotentialField, {}, True)
-        assert scenario.patrol.policy_sha256 is None
+@pytest.mark.parametrize(
+    ("scenario", "name", "made", "options"),
+    [
+        (load_scenario({"terrain": {"builtin": "open"}}), "committed", Committed, CommittedOptions),
+        (named("committed"), "committed", Committed, CommittedOptions),
+        (named("potential-field"), "potential-field", LazyPotentialField, PotentialFieldOptions),
+    ],
+    ids=["default", "committed", "potential-field"],
+)
+def test_the_built_in_policies(scenario: Scenario, name: str, made: type, options: type) -> None:
+    kind = policy_of(scenario)
+    assert (kind.name, kind.make, kind.ours) == (name, made, True)
+    assert type(kind.options) is options
+    assert scenario.patrol.policy_sha256 is None
+
+
+def test_a_policy_that_builds_on_a_built_in_one_has_its_options_and_lengths(write: Write) -> None:
+    source = """
+    from agent.policies.potential_field.policy import PotentialField
+
+    class Mine(PotentialField):
+        pass
+    """
+    scenario = load_scenario(write("./guard.py:Mine", source, options={"direction": "vector", "dilatation": 3}))
+    kind = policy_of(scenario)
+    assert (kind.options.direction, kind.options.dilatation) == ("vector", 3.0)
+    assert build_mind(prepare(scenario), 1).policy is not None
 
 
 def test_a_file_beside_the_scenario(write: Write, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -317,10 +347,6 @@ def test_a_policy_without_options_takes_none(write: Write) -> None:
     assert said.startswith("patrol.options = {'patience': 3}: ")
     assert "takes no options" in said
     assert policy_of(load_scenario(write("./guard.py:Still", options={}))).options == {}
-
-
-def test_the_papers_policy_takes_no_options() -> None:
-    assert "takes no options" in refused(named("potential-field", options={"alpha": 3}))
 
 
 def test_wrong_options_stop_a_mind_before_it_is_made(write: Write) -> None:

@@ -98,8 +98,3 @@ def test_an_entry_point_is_found_and_its_package_does_not_run() -> None:
     assert "has no Nobody" in one_line(lambda: check_without_running(named("broken")))
     assert "no such policy" in one_line(lambda: check_without_running(named("sleepi")))
     assert "sleepers_of_a_test" not in sys.modules
-
-
-def test_the_papers_policy_takes_no_options() -> None:
-    check_without_running(named("potential-field"))
-    assert "takes no options" in one_line(lambda: check_without_running(named("potential-field", options={"alpha": 3})))

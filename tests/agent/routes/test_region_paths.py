@@ -198,23 +198,17 @@ def test_a_start_in_no_region_has_no_paths() -> None:
 # --- patrols ---------------------------------------------------------------------------------------------------------
 
 
-PAPERS: dict[str, object] = {
-    "commitment": "none",
-    "separation": "none",
-    "random_move": 0.1,
-    "random_move_for": "holonomic",
-}
-"""A direction chosen anew at each tick, as in the paper."""
-
-
-def scenario(terrain: str, model: str, ticks: int, **patrol: object) -> Scenario:
+def scenario(terrain: str, model: str, ticks: int, policy: str = "potential-field", **options: object) -> Scenario:
     return load_scenario(
         {
             "terrain": {"builtin": terrain},
             "point": 0.5,
             "robots": {"count": 3, "model": model},
             "duration": 0.5 * ticks,
-            "patrol": {"paths": "regions", "dilatation": 2.0, **PAPERS, **patrol},
+            "patrol": {
+                "policy": policy,
+                "options": {"paths": "regions", **options},
+            },
         }
     )
 
@@ -236,7 +230,7 @@ def test_patrols_on_regions_see_everything(terrain: str, model: str, direction: 
 
 
 def test_committed_robots_on_regions_see_everything() -> None:
-    outcome = run_in_process(scenario("yards", "holonomic", 800, commitment="target", separation="claims"))
+    outcome = run_in_process(scenario("yards", "holonomic", 800, policy="committed"))
     assert outcome.verdict.valid, outcome.verdict.failed
     assert outcome.summary["seen_share"] == 1.0
 

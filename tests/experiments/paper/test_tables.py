@@ -17,7 +17,7 @@ from experiments.sweeps.plan import Plan
 from experiments.sweeps.results import RunResult
 from experiments.sweeps.runner import SweepOutcome
 from patrol.errors import BadInput
-from patrol.scenario import PatrolSpec
+from patrol.scenario import PotentialFieldOptions
 
 SETUP = PaperSetup(1.0, 12.0, (1, 2))
 TABLES = list(paper().tables.values())
@@ -25,9 +25,11 @@ TABLES = list(paper().tables.values())
 
 def runnable(table: PaperTable) -> PaperTable:
     """The rows whose kind of paths this version has."""
-    kinds = get_args(PatrolSpec.model_fields["paths"].annotation)
+    kinds = get_args(PotentialFieldOptions.model_fields["paths"].annotation)
     settings = {row.name: {**table.settings, **row.settings} for row in table.rows}
-    return table.part([name for name, sets in settings.items() if sets.get("patrol.paths", "wave") in kinds], [])
+    return table.part(
+        [name for name, sets in settings.items() if sets.get("patrol.options.paths", "wave") in kinds], []
+    )
 
 
 def outcome_of(plan: Plan, value: Callable[[str, int], float], metric: str = "mfow_mean_s") -> SweepOutcome:
@@ -56,7 +58,9 @@ def test_every_cell_is_a_scenario_of_its_own(table: PaperTable) -> None:
     for run in plan.runs:
         assert run.scenario.ticks == 10_000
         assert (run.scenario.point, run.scenario.sensor.range) == (1.0, 12.0)
-        assert (run.scenario.patrol.alpha, run.scenario.patrol.beta) == (40.0, 4000.0)
+        options = run.scenario.patrol.options
+        assert isinstance(options, PotentialFieldOptions)
+        assert (options.alpha, options.beta) == (40.0, 4000.0)
         assert {spec.speed for spec in run.scenario.roster} == {4.4}
 
 

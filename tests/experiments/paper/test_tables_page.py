@@ -52,7 +52,7 @@ def page_of(comparison: TableComparison, **pictures: str) -> str:
 def test_the_page_says_how_it_was_made_and_shows_each_cell() -> None:
     text = page_of(comparison_of(5, {("mode", "2"): 2.0}))
     assert "`fogwatch paper table 5`: 10 min of computing" in text
-    assert "`patrol.alpha: 40`" in text
+    assert "`patrol.options.alpha: 40`" in text
     assert "`sensor.angle: 180`" in text
     assert "`sensor.angle: 360`" not in text
     table = paper().table(5)

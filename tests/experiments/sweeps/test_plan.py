@@ -10,8 +10,15 @@ import yaml
 
 from experiments.sweeps.plan import Plan, read_plan
 from patrol.errors import BadInput
+from patrol.scenario import as_mapping
 
-BASE = {"terrain": {"builtin": "open"}, "point": 1, "duration": 20, "robots": {"count": 2, "model": "holonomic"}}
+BASE = {
+    "terrain": {"builtin": "open"},
+    "point": 1,
+    "duration": 20,
+    "robots": {"count": 2, "model": "holonomic"},
+    "patrol": {"policy": "potential-field"},
+}
 
 
 def plan(folder: Path, told: int | None = None, **says: Any) -> Plan:
@@ -25,21 +32,21 @@ def names(found: Plan) -> list[str]:
 
 
 def test_a_grid_is_every_combination_with_every_seed(tmp_path: Path) -> None:
-    found = plan(tmp_path, grid={"patrol.dilatation": [0, 2], "robots.count": [1, 2, 3]}, seeds=2)
+    found = plan(tmp_path, grid={"patrol.goal_distance": [6, 8], "robots.count": [1, 2, 3]}, seeds=2)
     assert found.name == "trial"
-    assert names(found)[:4] == [f"dilatation={d} count={n}" for d, n in ((0, 1), (0, 2), (0, 3), (2, 1))]
+    assert names(found)[:4] == [f"goal_distance={d} count={n}" for d, n in ((6, 1), (6, 2), (6, 3), (8, 1))]
     assert len(found.runs) == 12
     assert len({run.key for run in found.runs}) == 12
     last = found.runs[-1].scenario
-    assert (last.patrol.dilatation, len(last.roster), last.seed) == (2.0, 3, 2)
+    assert (last.patrol.goal_distance, len(last.roster), last.seed) == (8.0, 3, 2)
 
 
 def test_cases_go_over_the_grid(tmp_path: Path) -> None:
     cases = [
         {"name": "far", "set": {"sensor.range": 20}},
-        {"name": "near", "set": {"sensor.range": 5, "patrol.fow": "f2"}},
+        {"name": "near", "set": {"sensor.range": 5, "patrol.options.fow": "f2"}},
     ]
-    found = plan(tmp_path, cases=cases, grid={"patrol.direction": ["mode", "vector"]}, seeds=[4, 9])
+    found = plan(tmp_path, cases=cases, grid={"patrol.options.direction": ["mode", "vector"]}, seeds=[4, 9])
     assert names(found) == [
         "far direction=mode",
         "far direction=vector",
@@ -47,7 +54,9 @@ def test_cases_go_over_the_grid(tmp_path: Path) -> None:
         "near direction=vector",
     ]
     assert found.seeds == (4, 9)
-    assert [run.scenario.patrol.fow for run in found.runs_of("near direction=vector")] == ["f2", "f2"]
+    assert [as_mapping(run.scenario)["patrol"]["options"]["fow"] for run in found.runs_of("near direction=vector")] == [
+        "f2"
+    ] * 2
 
 
 def test_fields_that_end_alike_keep_their_whole_names(tmp_path: Path) -> None:
@@ -59,8 +68,8 @@ def test_fields_that_end_alike_keep_their_whole_names(tmp_path: Path) -> None:
 
 
 def test_cases_are_compared_with_the_ones_that_differ_in_one_thing(tmp_path: Path) -> None:
-    grid = {"patrol.dilatation": [0, 2, 5], "robots.count": [1, 2]}
-    found = plan(tmp_path, grid=grid, against={"patrol.dilatation": 0})
+    grid = {"patrol.options.dilatation": [0, 2, 5], "robots.count": [1, 2]}
+    found = plan(tmp_path, grid=grid, against={"patrol.options.dilatation": 0})
     partners = {case.name: other.name if (other := found.partner(case)) else None for case in found.cases}
     assert partners == {
         f"dilatation={d} count={n}": f"dilatation=0 count={n}" if d else None for d in (0, 2, 5) for n in (1, 2)
@@ -68,14 +77,16 @@ def test_cases_are_compared_with_the_ones_that_differ_in_one_thing(tmp_path: Pat
 
 
 def test_the_base_as_it_is_is_compared_by_what_it_means(tmp_path: Path) -> None:
-    cases = [{"name": "default", "set": {}}, {"name": "two", "set": {"patrol.dilatation": 2}}]
-    base = {**BASE, "patrol": {"dilatation": 0}}
-    found = plan(tmp_path, base=base, cases=cases, against={"patrol.dilatation": 0})
+    cases = [{"name": "default", "set": {}}, {"name": "two", "set": {"patrol.options.dilatation": 2}}]
+    base = {**BASE, "patrol": {"policy": "potential-field", "options": {"dilatation": 0}}}
+    found = plan(tmp_path, base=base, cases=cases, against={"patrol.options.dilatation": 0})
     assert found.partners == {"two": "default"}
 
 
 def test_an_against_that_cannot_be_names_its_field(tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match=r"override patrol\.dilation: unknown key; did you mean dilatation"):
+    with pytest.raises(
+        BadInput, match=r"override patrol\.dilation: unknown key; did you mean patrol.options.dilatation"
+    ):
         plan(tmp_path, cases=[{"name": "a"}], against={"patrol.dilation": 0})
 
 
@@ -103,9 +114,9 @@ def test_the_base_may_be_a_file_with_paths_of_its_own(tmp_path: Path) -> None:
 
 
 def test_the_key_is_what_a_run_means(tmp_path: Path) -> None:
-    one = plan(tmp_path, cases=[{"name": "a", "set": {"patrol.sectors": 8}}], seeds=2)
-    same = plan(tmp_path, cases=[{"name": "b", "set": {"patrol.sectors": 8}}], seeds=[2, 1])
-    other = plan(tmp_path, cases=[{"name": "a", "set": {"patrol.sectors": 9}}], seeds=2)
+    one = plan(tmp_path, cases=[{"name": "a", "set": {"patrol.options.sectors": 8}}], seeds=2)
+    same = plan(tmp_path, cases=[{"name": "b", "set": {"patrol.options.sectors": 8}}], seeds=[2, 1])
+    other = plan(tmp_path, cases=[{"name": "a", "set": {"patrol.options.sectors": 9}}], seeds=2)
     keys, same_keys, other_keys = ({run.key for run in found.runs} for found in (one, same, other))
     assert keys == same_keys
     assert not keys & other_keys
@@ -115,10 +126,10 @@ def test_the_key_is_what_a_run_means(tmp_path: Path) -> None:
     ("says", "problem"),
     [
         ({"grid": {"patrol.dilation": [1]}}, "case dilation=1: override patrol.dilation: unknown key; did you mean"),
-        ({"grid": {"patrol.fow": ["f1", "f9"]}}, 'case fow=f9: override patrol.fow = "f9": expected'),
-        ({"grid": {"patrol.fow": "f1"}}, 'grid.patrol.fow = "f1": expected a list'),
-        ({"grid": {"patrol.fow": []}}, "grid.patrol.fow = []: expected a list"),
-        ({"grid": {"patrol.fow": ["f1", "f1"]}}, "case fow=f1: occurs 2 times"),
+        ({"grid": {"patrol.options.fow": ["f1", "f9"]}}, 'case fow=f9: override patrol.options.fow = "f9": expected'),
+        ({"grid": {"patrol.options.fow": "f1"}}, 'grid.patrol.options.fow = "f1": expected a list'),
+        ({"grid": {"patrol.options.fow": []}}, "grid.patrol.options.fow = []: expected a list"),
+        ({"grid": {"patrol.options.fow": ["f1", "f1"]}}, "case fow=f1: occurs 2 times"),
         ({"grid": {"seed": [1, 2]}}, "case seed=1: sets seed; give the seeds under 'seeds:'"),
         ({"grid": [1]}, "grid = [1]: expected"),
         ({"grid": {f"patrol.{name}": list(range(100)) for name in ("alpha", "beta", "length")}}, "1000000 cases"),
@@ -132,7 +143,10 @@ def test_the_key_is_what_a_run_means(tmp_path: Path) -> None:
         ({"seeds": [1, 1]}, "seeds: 1 occurs twice"),
         ({"seeds": [-1]}, "seeds = [-1]: expected a count"),
         ({"seeds": True}, "seeds = true: expected a count"),
-        ({"against": {"patrol.fow": "f1"}}, 'against = {"patrol.fow": "f1"}: no two cases differ only in that'),
+        (
+            {"against": {"patrol.options.fow": "f1"}},
+            'against = {"patrol.options.fow": "f1"}: no two cases differ only in that',
+        ),
         ({"against": ["f1"]}, 'against = ["f1"]: expected {FIELD: VALUE'),
         ({"sedes": 3}, "sedes: unknown key; did you mean seeds?"),
         ({"name": 3}, "name = 3: expected text"),

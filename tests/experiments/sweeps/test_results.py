@@ -39,7 +39,7 @@ def test_what_was_added_is_there(tmp_path: Path) -> None:
 
 
 def test_a_line_carries_the_settings_of_its_case_and_older_ones_have_none(tmp_path: Path) -> None:
-    settings = {"patrol.separation": ["claims", "repulsion"], "robots.count": 3}
+    settings = {"patrol.options.separation": ["claims", "repulsion"], "robots.count": 3}
     file = write(tmp_path, replace(result("a"), settings=settings), result("b"))
     assert [json.loads(line)["settings"] for line in file.read_text().splitlines()] == [settings, {}]
     older = json.loads(file.read_text().splitlines()[1])

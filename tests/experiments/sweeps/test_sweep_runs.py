@@ -37,6 +37,7 @@ BASE: Mapping[str, Any] = {
     "point": 1,
     "duration": 30,
     "robots": {"count": 2, "model": "holonomic"},
+    "patrol": {"policy": "potential-field"},
 }
 
 
@@ -46,7 +47,9 @@ def plan(cases: Mapping[str, Mapping[str, object]], seeds: Sequence[int] = (1, 2
 
 
 SIX = {
-    f"{name} {count}": {"patrol.direction": name, "robots.count": count} for name in ("mode",) for count in (1, 2, 3)
+    f"{name} {count}": {"patrol.options.direction": name, "robots.count": count}
+    for name in ("mode",)
+    for count in (1, 2, 3)
 }
 
 

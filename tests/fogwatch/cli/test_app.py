@@ -18,7 +18,7 @@ from fogwatch.cli.app import app, main
 from fogwatch.cli.command_help import ORDER
 from fogwatch.launch.limits import PROCESS_GB
 
-SHORT = ["--point", "0.5", "--duration", "5", "--set", "patrol.dilatation=0"]
+SHORT = ["--point", "0.5", "--duration", "5", "--set", "patrol.goal_distance=6"]
 PATIENCE_S = 300.0
 TOO_MANY = int(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 1e9 / PROCESS_GB) + 1
 """Robots that no longer fit into this machine's memory as processes."""
@@ -49,7 +49,7 @@ def test_the_options_override_the_scenario(fogwatch: Callable[..., int], tmp_pat
     out = tmp_path / "out"
     assert fogwatch("run", "open", *options, *starts, "--in-process", "--quiet", "--out", str(out), *COARSE) == 0
     header = (out / "scenario.yaml").read_text(encoding="utf-8")
-    for words in ("model: holonomic", "radius: 0.5", "speed: 2.0", "seed: 9", "count: 2", "dilatation: 0.0"):
+    for words in ("model: holonomic", "radius: 0.5", "speed: 2.0", "seed: 9", "count: 2", "goal_distance: 6.0"):
         assert words in header
     again = ["--in-process", "--threads", "2", "--quiet", "--out", str(tmp_path / "two")]
     assert fogwatch("run", str(out / "scenario.yaml"), *again) == 0
@@ -144,7 +144,7 @@ def test_ctrl_c_while_the_run_is_judged_says_how_to_judge_it(
         pytest.param(["open", "--start", "-50,3"], "50", marks=pytest.mark.processes),
         (["open", "--port", "0"], "--port 0"),
         (["open", "--set", "patrol"], "--set patrol"),
-        (["open", "--set", "patrol.dilation=1"], "did you mean dilatation"),
+        (["open", "--set", "patrol.dilation=1"], "did you mean patrol.options.dilatation"),
         (["open", "--out", "full"], "--out full: is not empty"),
         (["open", "--out", "noise"], "--out noise: cannot be written"),
         (["open", "--out", "noise/run"], "--out noise/run: cannot be written"),

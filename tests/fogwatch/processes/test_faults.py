@@ -72,7 +72,7 @@ def test_every_process_fault_leaves_the_same_trace(model: str, tmp_path: Path) -
         "duration": 16,
         "robots": [{"name": name, "model": model, "spare": name in SPARES or None} for name in (*NAMES, *SPARES)],
         "radio": {"trail": 2, "forget_after": 2},
-        "patrol": {"dilatation": 0.0, "separation": "claims"},
+        "patrol": {"options": {"separation": "claims"}},
         "faults": EVERYTHING,
     }
     one = fogwatch.run(scenario, out=tmp_path / "one", picture=False)

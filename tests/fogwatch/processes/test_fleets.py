@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.processes
 
-COARSE = {"point": 0.5, "patrol": {"dilatation": 0.0}}
+COARSE = {"point": 0.5}
 OPEN: dict[str, Any] = {
     "name": "small",
     "terrain": {"builtin": "open"},
@@ -83,15 +83,14 @@ EVERYTHING = ["claims", "artificial-obstacles", "semaphores", "repulsion"]
 @pytest.mark.parametrize(
     "rules",
     [
-        pytest.param({"paths": "regions", "avoidance": "fuzzy", "separation": EVERYTHING}, id="regions"),
-        pytest.param(
-            {"paths": "straight", "avoidance": "none", "direction": "vector"}, id="straight", marks=pytest.mark.accept
-        ),
+        pytest.param({"paths": "regions", "fuzzy": True, "separation": EVERYTHING}, id="regions"),
+        pytest.param({"paths": "straight", "direction": "vector"}, id="straight", marks=pytest.mark.accept),
     ],
 )
 def test_so_it_is_under_other_rules(rules: dict[str, Any], start: Callable[..., Run]) -> None:
-    scenario = {**OPEN, "terrain": {"builtin": "yards"}, "duration": 30, "patrol": {"dilatation": 2.0, **rules}}
-    run = start({**scenario, "radio": {"trail": 2}})
+    scenario = {**OPEN, "terrain": {"builtin": "yards"}, "duration": 30}
+    patrol = {"policy": "potential-field", "avoidance": "none", "options": rules}
+    run = start({**scenario, "patrol": patrol, "radio": {"trail": 2}})
     assert run.end() == 0, run.errors
     assert run.summary()["ticks"] == 60
     run.assert_undisturbed()

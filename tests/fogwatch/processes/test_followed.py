@@ -32,7 +32,6 @@ SCENARIO: dict[str, Any] = {
     "point": 0.5,
     "duration": 100_000,
     "robots": [{"name": "anna", "model": "holonomic"}, {"name": "bert", "model": "car"}],
-    "patrol": {"dilatation": 0.0},
 }
 JSON = ("--log-format", "json", "--health", "0.3", "--metrics", "127.0.0.1:0")
 MODULES = {"router": "fogwatch.router", "world": "worldsim", "anna": "agent", "bert": "agent", "monitor": "monitor"}

@@ -22,7 +22,6 @@ FLEET: dict[str, Any] = {
     "duration": 20000,
     "pace": 2.0,
     "robots": {"count": 3, "model": "holonomic"},
-    "patrol": {"dilatation": 0.0},
 }
 
 

@@ -31,7 +31,7 @@ def scenario(policy: str, **patrol: Any) -> dict[str, Any]:
         "point": 1.0,
         "duration": 40,
         "robots": {"count": 3, "model": "holonomic"},
-        "patrol": {"policy": policy, "dilatation": 0, **patrol},
+        "patrol": {"policy": policy, **patrol},
     }
 
 

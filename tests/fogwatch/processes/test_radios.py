@@ -43,7 +43,6 @@ SCENARIO: dict[str, Any] = {
     "point": 1.0,
     "duration": 25,
     "robots": {"count": 3, "model": "car"},
-    "patrol": {"dilatation": 0.0},
     "intruders": [{"place": [30.0, 44.0]}],
 }
 

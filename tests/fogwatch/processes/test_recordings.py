@@ -32,7 +32,6 @@ DIRECT: dict[str, Any] = {
     "duration": 20_000,
     "pace": 4.0,
     "robots": [{"name": "anna", "model": "holonomic"}, {"name": "b-2", "model": "holonomic"}],
-    "patrol": {"dilatation": 0.0},
     "radio": {"via": "direct"},
 }
 PATIENCE_S = 300.0

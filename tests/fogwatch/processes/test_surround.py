@@ -17,7 +17,6 @@ def test_robots_surround_an_intruder_the_same_as_processes_and_in_one(tmp_path: 
         "point": 0.5,
         "duration": 40,
         "robots": {"count": 3, "model": "holonomic"},
-        "patrol": {"dilatation": 0.0},
         "intruders": [{"place": [50.0, 40.0], "for": 30.0}, {"place": [52.0, 43.0]}],
     }
     one = fogwatch.run(scenario, out=tmp_path / "one", picture=False)

@@ -236,7 +236,7 @@ def test_a_report_shows_intruders_with_their_numbers(tmp_path: Path) -> None:
     intruders = [{"place": [20, 10], "at": 1, "for": 6}, {"place": [30, 40], "at": 9.0}, {"place": [1, 1], "at": 9.1}]
     robots = [{"model": "holonomic", "start": [20, 14]}, {"model": "holonomic", "start": [24, 10]}]
     facts = {"terrain": {"builtin": "open"}, "duration": 10, "point": 1.0, "robots": robots, "intruders": intruders}
-    run = run_of(tmp_path, {**facts, "patrol": {"dilatation": 0}}).open()
+    run = run_of(tmp_path, {**facts}).open()
     analysis = analyse(run)
     assert [(band.id, band.begin, band.end) for band in analysis.intruders] == [
         ("intruder1", 1.0, 7.0),

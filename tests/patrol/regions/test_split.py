@@ -181,7 +181,7 @@ def test_the_same_terrain_splits_the_same_way() -> None:
 
 def test_too_broken_a_terrain_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("patrol.regions.split.MOST_CORNERS", 20)
-    with pytest.raises(BadInput, match=r"patrol.paths = regions: the outline of yards has .*choose wave"):
+    with pytest.raises(BadInput, match=r"patrol.options.paths = regions: the outline of yards has .*choose wave"):
         split_regions(builtin_terrain("yards", 0.5))
 
 
@@ -247,13 +247,25 @@ def test_what_was_found_can_be_given(name: str) -> None:
 @pytest.mark.parametrize(
     ("change", "problem"),
     [
-        ({0: YARDS[0][:2]}, "patrol.regions.0: has 2 corners; give at least 3"),
-        ({0: ((0, 37), (10, 37), (15, 37))}, "patrol.regions.0: covers less than one point"),
-        ({4: ((80, 0), (100, 0), (90, 40), (100, 88), (80, 40))}, "patrol.regions.4: is not convex at (90, 40); split"),
-        ({0: ((0, 0), (20, 88), (20, 0), (0, 88))}, "patrol.regions.0: its sides cross; list the corners in order"),
-        ({0: ((0, 0), (23, 0), (23, 88), (0, 88))}, "patrol.regions.1: overlaps region 0 by 3.00 m; move"),
-        ({2: ((157, 51), (196, 51), (196, 88))}, "patrol.regions.2: holds no free point of yards; correct or drop it"),
-        ({4: ((80, 0), (98, 0), (98, 88), (84.5, 88), (80, 40))}, "patrol.regions: 176.00 m2 of free ground lie in no"),
+        ({0: YARDS[0][:2]}, "patrol.options.regions.0: has 2 corners; give at least 3"),
+        ({0: ((0, 37), (10, 37), (15, 37))}, "patrol.options.regions.0: covers less than one point"),
+        (
+            {4: ((80, 0), (100, 0), (90, 40), (100, 88), (80, 40))},
+            "patrol.options.regions.4: is not convex at (90, 40); split",
+        ),
+        (
+            {0: ((0, 0), (20, 88), (20, 0), (0, 88))},
+            "patrol.options.regions.0: its sides cross; list the corners in order",
+        ),
+        ({0: ((0, 0), (23, 0), (23, 88), (0, 88))}, "patrol.options.regions.1: overlaps region 0 by 3.00 m; move"),
+        (
+            {2: ((157, 51), (196, 51), (196, 88))},
+            "patrol.options.regions.2: holds no free point of yards; correct or drop it",
+        ),
+        (
+            {4: ((80, 0), (98, 0), (98, 88), (84.5, 88), (80, 40))},
+            "patrol.options.regions: 176.00 m2 of free ground lie in no",
+        ),
     ],
 )
 def test_regions_by_hand_that_are_no_split(change: dict[int, tuple[tuple[float, float], ...]], problem: str) -> None:
@@ -288,7 +300,7 @@ def test_a_scenario_is_prepared_with_a_split_for_each_body(tmp_path: Path) -> No
             "terrain": {"builtin": "yards"},
             "point": 0.5,
             "robots": [{"radius": 1.0}, {"radius": 0.4, "model": "holonomic"}, {"radius": 1.0}],
-            "patrol": {"paths": "regions"},
+            "patrol": {"options": {"paths": "regions"}},
         }
     )
     prepared = prepare(scenario)
@@ -317,10 +329,10 @@ def test_other_paths_need_no_regions(tmp_path: Path) -> None:
 
 
 def test_a_scenarios_own_regions_are_used_and_checked() -> None:
-    raw = {"terrain": {"builtin": "yards"}, "point": 0.5, "patrol": {"paths": "regions", "regions": YARDS}}
+    raw = {"terrain": {"builtin": "yards"}, "point": 0.5, "patrol": {"options": {"paths": "regions", "regions": YARDS}}}
     regions = prepare(load_scenario(raw)).regions
     assert regions is not None
     assert len(regions[1].polygons) == 5
     assert any((20.0, 48.0) in polygon for polygon in regions[1].polygons)
     with pytest.raises(BadInput, match="lie in no region"):
-        prepare(load_scenario({**raw, "patrol": {"paths": "regions", "regions": YARDS[:4]}}))
+        prepare(load_scenario({**raw, "patrol": {"options": {"paths": "regions", "regions": YARDS[:4]}}}))

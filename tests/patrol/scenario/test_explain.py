@@ -38,10 +38,9 @@ def problem(raw: dict[str, Any], overrides: dict[str, object] | None = None) -> 
         "sensor.range",
         "sensor.angle",
         "sensor.quality",
-        "patrol.alpha",
-        "patrol.beta",
-        "patrol.length",
-        "patrol.sectors",
+        "patrol.options.alpha",
+        "patrol.options.beta",
+        "patrol.options.length",
         "patrol.goal_distance",
         "patrol.refine_side",
         "patrol.refine_reach",
@@ -49,33 +48,40 @@ def problem(raw: dict[str, Any], overrides: dict[str, object] | None = None) -> 
     ],
 )
 def test_what_must_be_above_zero_is_a_number_above_zero(field: str, value: object) -> None:
-    section, _, key = field.rpartition(".")
-    message = problem({**YARDS, section: {key: value}} if section else {**YARDS, key: value})
+    raw: Any = value
+    for key in reversed(field.split(".")):
+        raw = {key: raw}
+    message = problem({**YARDS, **raw})
     assert message.startswith(f"scenario: {field}")
     assert " = " in message
     assert "expected" in message
 
 
 @pytest.mark.parametrize(
-    "field", ["seed", "patrol.dilatation", "patrol.random_move", "patrol.tolerance", "radio.trail"]
+    "field",
+    ["seed", "patrol.options.dilatation", "patrol.options.random_move", "patrol.options.tolerance", "radio.trail"],
 )
 def test_what_may_be_zero_is_never_negative(field: str) -> None:
-    load_scenario(YARDS, {field: 0})
+    raw = {**YARDS, "patrol": {"policy": "potential-field"}}
+    load_scenario(raw, {field: 0})
     for value in (-1, float("nan"), True, "'0'", None):
-        assert problem(YARDS, {field: value}).startswith(f"override {field} = ")
+        assert problem(raw, {field: value}).startswith(f"override {field} = ")
 
 
 @pytest.mark.parametrize(
     ("raw", "expected"),
     [
-        ({"dilation": 1}, "scenario: dilation: unknown key; did you mean patrol.dilatation?"),
+        ({"dilation": 1}, "scenario: dilation: unknown key; did you mean patrol.options.dilatation?"),
         ({"terain": {}}, "scenario: terain: unknown key; did you mean terrain?"),
-        ({"patrol": {"dilation": 1}}, "scenario: patrol.dilation: unknown key; did you mean dilatation?"),
-        ({"dilatation": 1}, "scenario: dilatation: unknown key; did you mean patrol.dilatation?"),
+        (
+            {"patrol": {"dilation": 1}},
+            "scenario: patrol.dilation: unknown key; did you mean patrol.options.dilatation?",
+        ),
+        ({"dilatation": 1}, "scenario: dilatation: unknown key; did you mean patrol.options.dilatation?"),
         ({"sensor": {"seed": 1}}, "scenario: sensor.seed: unknown key; did you mean seed at the top level?"),
         ({"robots": {"name": "x"}}, "scenario: robots.name: unknown key; did you mean name at the top level?"),
         ({"robots": [{}, {"sped": 1}]}, "scenario: robots.1.sped: unknown key; did you mean speed?"),
-        ({"xyzzy": 1}, "scenario: xyzzy: unknown key; known are name, terrain, point"),
+        ({"qqqqq": 1}, "scenario: qqqqq: unknown key; known are name, terrain, point"),
         ({7: 1}, "scenario: 7: unknown key"),
         ({"terrain": {}}, "scenario: terrain: exactly one is needed: {builtin: NAME} or {map: FILE.yaml}"),
         ({"terrain": {"builtin": "open", "map": "a.yaml"}}, "scenario: terrain: exactly one is needed"),
@@ -115,20 +121,36 @@ def test_what_may_be_zero_is_never_negative(field: str) -> None:
         ({"sensor": {"quality": [[1, 0.5], [2, 0]]}}, "scenario: sensor.quality.1 = [2, 0]: expected [distance in m,"),
         ({"sensor": {"quality": [[1, 1], [1, 1]]}}, "expected distances that increase along the list"),
         (
-            {"patrol": {"paths": "region"}},
-            'scenario: patrol.paths = "region": expected wave, straight or regions; did you mean regions?',
+            {"patrol": {"options": {"paths": "region"}}},
+            'scenario: patrol.options.paths = "region": expected wave, straight or regions; did you mean regions?',
         ),
-        ({"patrol": {"fow": "f6"}}, 'scenario: patrol.fow = "f6": expected f1, f2, f3, f4 or f5'),
+        ({"patrol": {"options": {"fow": "f6"}}}, 'scenario: patrol.options.fow = "f6": expected f1, f2, f3, f4 or f5'),
         (
             {"patrol": {"policy": "my policy"}},
-            'patrol.policy = "my policy": expected potential-field, package.module:Class',
+            'patrol.policy = "my policy": expected committed, potential-field, package.module',
         ),
-        ({"patrol": {"random_move": 1.1}}, "scenario: patrol.random_move = 1.1: expected a number from 0 to 1"),
+        (
+            {"patrol": {"options": {"random_move": 1.1}}},
+            "scenario: patrol.options.random_move = 1.1: expected a number from 0 to 1",
+        ),
+        (
+            {"patrol": {"options": {"dilatation": 2}}},
+            "scenario: patrol.options.dilatation: does nothing for the policy committed; leave it out, or set pat",
+        ),
+        (
+            {"patrol": {"options": {"separation": ["claims", "repulsion"]}}},
+            "scenario: patrol.options.separation: repulsion changes sums of forces, which only potential-field has; ch",
+        ),
+        (
+            {"patrol": {"policy": "potential-field", "options": {"alpah": 2}}},
+            "scenario: patrol.options.alpah: unknown key; did you mean alpha?",
+        ),
+        ({"patrol": {"options": 3}}, "scenario: patrol.options = 3: expected keys and values (fow, distance, alpha"),
         (
             {"patrol": {"refine_side": 12}},
             "scenario: patrol.refine_side = 12: the square must not reach behind the robot",
         ),
-        ({"patrol": 3}, "scenario: patrol = 3: expected keys and values (policy, policy_sha256, options, fow"),
+        ({"patrol": 3}, "scenario: patrol = 3: expected keys and values (policy, policy_sha256, options, avoidance"),
         ({"radio": {"trail": 5}}, "scenario: radio.trail = 5: expected a whole number from 0 to 4"),
         ({"radio": {"trail": 1}, "robots": {"speed": 700}}, "scenario: robots.speed = 700: a trail holds steps below"),
         ({"faults": [{"kind": "kill"}]}, "scenario: faults.0.who: missing; give a robot's name, a list of names, one"),
@@ -194,8 +216,12 @@ def test_no_mapping_raises_anything_but_bad_input(raw: dict[str, Any]) -> None:
 @pytest.mark.parametrize(
     ("field", "value", "expected"),
     [
-        ("patrol.dilation", "1", "override patrol.dilation: unknown key; did you mean dilatation?"),
-        ("patrol.alpha", "-1", "override patrol.alpha = -1: expected a number above 0 and at most 600 (weight of"),
+        ("patrol.dilation", "1", "override patrol.dilation: unknown key; did you mean patrol.options.dilatation?"),
+        (
+            "patrol.alpha",
+            "-1",
+            "override patrol.options.alpha = -1: expected a number above 0 and at most 600 (weight of",
+        ),
         ("sensor", "{range: -1}", "override sensor.range = -1: expected"),
         ("patrol", "3", "override patrol = 3: expected keys and values"),
         ("sensor.range", "[", "override sensor.range: line 1, column 2"),

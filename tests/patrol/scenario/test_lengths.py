@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from patrol.errors import BadInput
-from patrol.prepare import prepare
 from patrol.scenario import (
     PatrolSpec,
+    PotentialFieldOptions,
     as_mapping,
     dump_scenario,
     load_scenario,
@@ -22,9 +22,10 @@ from patrol.scenario import (
     with_spares,
 )
 from patrol.scenario.controls import amended, read_control
-from patrol.scenario.lengths import FIELDS, PAPER_LENGTHS, BodyLengths
+from patrol.scenario.lengths import FIELDS, OPTIONS, PAPER_LENGTHS, BodyLengths
 
 OPEN: dict[str, Any] = {"terrain": {"builtin": "open"}}
+PAPER = {"policy": "potential-field"}
 SMALL = {"model": "holonomic", "radius": 0.3, "speed": 1.0}
 MIXED: dict[str, Any] = {
     **OPEN,
@@ -82,20 +83,25 @@ def test_no_length_is_shorter_than_a_point() -> None:
 
 
 def test_every_field_that_may_be_auto_is_so_by_default() -> None:
-    assert {name for name, field in PatrolSpec.model_fields.items() if field.default == "auto"} == set(FIELDS)
+    for section, names in ((PatrolSpec, FIELDS), (PotentialFieldOptions, OPTIONS)):
+        assert {name for name, field in section.model_fields.items() if field.default == "auto"} == set(names)
 
 
 # --- where it is resolved --------------------------------------------------------------------------------------------
 
 
 def test_the_loaded_scenario_holds_the_numbers() -> None:
-    scenario = load_scenario({**OPEN, "robots": SMALL})
-    assert {name: getattr(scenario.patrol, name) for name in FIELDS} == asdict(lengths_for(SMALL))
+    scenario = load_scenario({**OPEN, "robots": SMALL, "patrol": PAPER})
+    of_patrol = {name: getattr(scenario.patrol, name) for name in FIELDS}
+    of_policy = {name: getattr(scenario.patrol.options, name) for name in OPTIONS}
+    assert {**of_patrol, **of_policy} == asdict(lengths_for(SMALL))
 
 
 def test_stating_a_number_means_the_same_as_leaving_it_to_auto(tmp_path: Path) -> None:
-    scenario = load_scenario({**OPEN, "robots": SMALL})
-    stated = load_scenario({**OPEN, "robots": SMALL, "patrol": asdict(lengths_for(SMALL))})
+    scenario = load_scenario({**OPEN, "robots": SMALL, "patrol": PAPER})
+    lengths = asdict(lengths_for(SMALL))
+    options = {name: lengths.pop(name) for name in OPTIONS}
+    stated = load_scenario({**OPEN, "robots": SMALL, "patrol": {**PAPER, **lengths, "options": options}})
     assert stated == scenario
     assert scenario_hash(stated) == scenario_hash(scenario)
     file = tmp_path / "open.yaml"
@@ -104,14 +110,16 @@ def test_stating_a_number_means_the_same_as_leaving_it_to_auto(tmp_path: Path) -
 
 
 def test_a_number_stays_whatever_the_body() -> None:
-    found = lengths_for(SMALL, patrol={"dilatation": 0, "goal_distance": 4})
+    found = lengths_for(SMALL, patrol={**PAPER, "goal_distance": 4, "options": {"dilatation": 0}})
     assert (found.dilatation, found.goal_distance, found.refine_side) == (0.0, 4.0, 0.6)
 
 
 def test_auto_can_be_asked_for() -> None:
-    given_ = {**OPEN, "robots": SMALL, "patrol": {"dilatation": 2}}
-    assert load_scenario(given_, parse_overrides(["patrol.dilatation=auto"])).patrol.dilatation == 1.5
-    assert load_scenario(given_, {"robots.radius": 0.4, "patrol.dilatation": "auto"}).patrol.dilatation == 2.0
+    given_ = {**OPEN, "robots": SMALL, "patrol": {**PAPER, "options": {"dilatation": 2}}}
+    auto = load_scenario(given_, parse_overrides(["patrol.options.dilatation=auto"]))
+    assert auto.lengths[1].dilatation == 1.5
+    wider = load_scenario(given_, {"robots.radius": 0.4, "patrol.options.dilatation": "auto"})
+    assert wider.lengths[1].dilatation == 2.0
 
 
 def test_overrides_of_the_body_come_before_its_lengths() -> None:
@@ -185,10 +193,14 @@ def test_a_note_names_a_few_robots_of_many() -> None:
         ({}, {"goal_distance": 0}, "patrol.goal_distance = 0: expected auto, or a number above 0 and at most 1e9 (m, "),
         (
             {},
-            {"dilatation": "Auto"},
-            'patrol.dilatation = "Auto": expected auto, or a number from 0 to 1e9 (m, how far',
+            {**PAPER, "options": {"dilatation": "Auto"}},
+            'patrol.options.dilatation = "Auto": expected auto, or a number from 0 to 1e9 (m, how far',
         ),
-        ({}, {"reach": "far"}, 'patrol.reach = "far": expected paper or area'),
+        (
+            {},
+            {**PAPER, "options": {"reach": "far"}},
+            'patrol.options.reach = "far": expected paper or area',
+        ),
     ],
 )
 def test_a_wrong_length_is_named(robots: Any, patrol: dict[str, Any], expected: str) -> None:
@@ -212,16 +224,3 @@ def test_whatever_the_body_its_lengths_can_be_stated(radius: float, speed: float
     given_ = {**OPEN, "point": point, "sensor": {"range": 1e9}, "robots": {"radius": radius, "speed": speed}}
     scenario = load_scenario({**given_, "patrol": {"goal_distance": goal}})
     assert load_scenario(as_mapping(scenario)) == scenario
-
-
-# --- the reach of the force ------------------------------------------------------------------------------------------
-
-
-def test_the_papers_reach_stands_in_no_hash() -> None:
-    """So a scenario of a version without the field keeps its hash."""
-    assert scenario_hash(load_scenario(OPEN)) == scenario_hash(load_scenario(OPEN, {"patrol.reach": "paper"}))
-    assert scenario_hash(load_scenario(OPEN)) != scenario_hash(load_scenario(OPEN, {"patrol.reach": "area"}))
-
-
-def test_a_mixed_team_prepares() -> None:
-    assert len(prepare(load_scenario(MIXED, {"point": 0.5})).fields) == 3

@@ -36,19 +36,9 @@ pace: lockstep                   # lockstep | realtime | a factor of real time
 robots: {count: 5, model: car, speed: 4.4, radius: 1.0, turning_radius: 3.5}
 sensor: {range: 10, angle: 360, line_of_sight: true, quality: 1.0}
 patrol:
-  policy: potential-field
-  fow: f3
-  distance: g4
-  alpha: 40
-  beta: 4000
-  length: 800
-  paths: wave
-  direction: mode
-  sectors: 8
-  dilatation: 5
+  policy: committed
+  options: {fow: f3, distance: g4, alpha: 40, beta: 4000, length: 800, paths: wave, separation: claims}
   avoidance: goal-refinement
-  separation: claims
-  random_move: 0.02
 radio: {trail: 0, key: null, forget_after: 10}
 faults: []
 """
@@ -199,14 +189,14 @@ def test_overrides_replace_single_fields() -> None:
     scenario = load_scenario(
         {**YARDS, "robots": {"count": 5, "speed": 2}, "sensor": {"range": 20}},
         {
-            "patrol.dilatation": "0",
+            "patrol.contact_memory": "0",
             "sensor.range": "12",
             "robots.count": "3",
             "pace": "realtime",
             "radio.forget_after": 7.5,
         },
     )
-    assert (scenario.patrol.dilatation, scenario.sensor.range, scenario.pace) == (0.0, 12.0, "realtime")
+    assert (scenario.patrol.contact_memory, scenario.sensor.range, scenario.pace) == (0.0, 12.0, "realtime")
     assert [spec.speed for spec in scenario.roster] == [2.0, 2.0, 2.0]
     assert scenario.radio.forget_after == 7.5
 
@@ -214,10 +204,14 @@ def test_overrides_replace_single_fields() -> None:
 def test_overrides_are_read_as_yaml() -> None:
     scenario = load_scenario(
         YARDS,
-        {"robots.starts": "[[1, 2], [3, 4, 0]]", "sensor": "{range: 5, line_of_sight: false}", "patrol.beta": "4e3"},
+        {
+            "robots.starts": "[[1, 2], [3, 4, 0]]",
+            "sensor": "{range: 5, line_of_sight: false}",
+            "patrol.goal_distance": "4e0",
+        },
     )
     assert [spec.start for spec in scenario.roster][:2] == [Pose(1, 2, 0), Pose(3, 4, 0)]
-    assert (scenario.sensor.range, scenario.sensor.line_of_sight, scenario.patrol.beta) == (5.0, False, 4000.0)
+    assert (scenario.sensor.range, scenario.sensor.line_of_sight, scenario.patrol.goal_distance) == (5.0, False, 4.0)
 
 
 def test_overrides_reach_one_entry_of_a_list_or_all() -> None:
@@ -315,10 +309,10 @@ def test_a_dump_says_the_same_to_any_yaml_reader() -> None:
 
 
 def test_a_dump_has_one_field_a_line_with_its_unit() -> None:
-    lines = dump_scenario(load_scenario(LONG)).splitlines()
+    lines = dump_scenario(load_scenario(LONG, {"patrol.policy": "potential-field"})).splitlines()
     assert "point: 0.1                       # m, side of one point of the grid" in lines
-    spreads = "m, how far staleness spreads without commitment; 0: not at all; auto: 5 radii"
-    assert f"  dilatation: auto               # {spreads}; here 5 for on, 1.5 for 007" in lines
+    spreads = "m, how far staleness spreads; 0: not at all; auto: 5 radii"
+    assert f"    dilatation: auto             # {spreads}; here 5 for on, 1.5 for 007" in lines
     assert any(
         line.startswith("  - {model: car, speed: 4.4, radius: 1.0, turning_radius: 3.5, name: 'on', ") for line in lines
     )

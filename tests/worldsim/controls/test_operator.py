@@ -44,7 +44,6 @@ SMALL: dict[str, Any] = {
     "terrain": {"builtin": "open"},
     "point": 1.0,
     "duration": 20,
-    "patrol": {"dilatation": 0.0},
     "robots": 4 * [{}],
     "faults": [{"kind": "loss", "rate": 0.2, "at": 2}, {"kind": "leave", "who": "r4", "at": 3}],
 }

@@ -21,7 +21,7 @@ from worldsim.output.feed_publisher import ANSWER_S, ANSWER_SHARE, MOST_ASKING, 
 from worldsim.output.record import header_of
 from worldsim.world import World
 
-SMALL = {"terrain": {"builtin": "open"}, "point": 1.0, "duration": 5, "robots": 2 * [{}], "patrol": {"dilatation": 0.0}}
+SMALL = {"terrain": {"builtin": "open"}, "point": 1.0, "duration": 5, "robots": 2 * [{}]}
 
 
 class Asking:

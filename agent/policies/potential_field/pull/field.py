@@ -19,7 +19,7 @@ from agent.policies.potential_field.pull.windows import window_of
 from agent.routes.ground import Ground
 from agent.routes.path_window import PathWindow, Place
 from patrol.ground.fields import StaticFields
-from patrol.scenario import BodyLengths, PatrolSpec
+from patrol.scenario import BodyLengths, PotentialFieldOptions
 from patrol.scenario.lengths import PAPER_LENGTHS
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ class Field:
 
     def __init__(
         self,
-        patrol: PatrolSpec,
+        options: PotentialFieldOptions,
         fields: StaticFields,
         posts: Posts,
         point: float,
@@ -84,7 +84,7 @@ class Field:
         """Tabulate the law and allocate the window of the paths.
 
         Args:
-            patrol: The scenario's section `patrol`.
+            options: The policy's.
             fields: The terrain's static fields.
             posts: The points on which no body fits, and where to see them from.
             point: Side of the terrain's points, m.
@@ -95,23 +95,23 @@ class Field:
         """
         height, width = fields.reach.shape
         sources = int(np.count_nonzero(fields.patrolled))
-        self.law = ForceLaw(patrol, point, sources, longest=400 * (height + width), team=team)
+        self.law = ForceLaw(options, point, sources, longest=400 * (height + width), team=team)
         span = min(max(height, width), -(-self.law.limit // 100))
-        self.paths = window_of(patrol.paths, (height, width, span), scratch, fields.patrolled, regions)
+        self.paths = window_of(options.paths, (height, width, span), scratch, fields.patrolled, regions)
         self._point = point
         self._nearby = min(self.law.limit, round(100.0 * lengths.goal_distance / point))
         self._posts = posts
-        self._share = share_table(patrol.claim_width, point) if "claims" in patrol.separations else UNCLAIMED
-        self._as_vector = patrol.direction == "vector"
-        self._sector = sector_table(patrol.sectors, span + 1)
-        self._sectors = patrol.sectors
+        self._share = share_table(options.claim_width, point) if "claims" in options.separations else UNCLAIMED
+        self._as_vector = options.direction == "vector"
+        self._sector = sector_table(options.sectors, span + 1)
+        self._sectors = options.sectors
         self._expected = round(100.0 * FIRST_LOOK / point)
         self._settled = 0
         self._clear = int(np.count_nonzero(self._share == 1.0)) - self._share.size // 2
         self._first = min(self.law.limit, self._expected)
-        straight = patrol.paths == "straight"
+        straight = options.paths == "straight"
         self._rungs = Rungs(self._first // 2, self._nearby, self.law.limit, straight=straight)
-        self._may_stop = patrol.paths in ("wave", "straight") and not self._as_vector
+        self._may_stop = options.paths in ("wave", "straight") and not self._as_vector
 
     def lead(
         self,

@@ -12,13 +12,13 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.scenario import PatrolSpec
+from patrol.scenario import FieldOptions, PotentialFieldOptions
 
 PAPER_POINT = 0.1
 """Side in m of the paper's points; alpha, beta and l refer to it."""
 
 PAPER_AREA = 100.0 * 88.0 / 5.0
-"""Patrolled ground per robot, m2, to which `patrol.reach: area` refers: the terrain `open` with five robots."""
+"""Patrolled ground per robot, m2, to which `reach: area` refers: the terrain `open` with five robots."""
 
 REMEMBERED = 16
 """Tables of f by age that are kept: those of one tick, unless more robots than so many believe in different fogs."""
@@ -33,7 +33,7 @@ def reach_scale(reach: str, area: float) -> float:
     that is stale may lie too far away to differ in its pull. So `area` stretches all lengths by the root of the ratio.
 
     Args:
-        reach: ``paper`` or ``area`` (`patrol.reach`).
+        reach: ``paper`` or ``area`` (`patrol.options.reach`).
         area: Patrolled ground per robot, m2.
 
     Returns:
@@ -166,20 +166,20 @@ WITHIN_REACH = 0.75
 age."""
 
 
-def law_reach(patrol: PatrolSpec, point: float, longest: int) -> float:
+def law_reach(options: FieldOptions, point: float, longest: int) -> float:
     """The reach of a law: the way at which the stalest point pulls as hard as a fresher one close by.
 
     Args:
-        patrol: The scenario's section `patrol`, with the functions' names and constants.
+        options: The policy's, with the functions' names and constants.
         point: Side of the terrain's points, m.
         longest: Upper bound in any case, in points.
 
     Returns:
         Hundredths of a point; at least one point (see `WITHIN_REACH`).
     """
-    weaker, full = log_fow_force(patrol.fow, np.array([WITHIN_REACH, 1.0]), patrol.alpha)
+    weaker, full = log_fow_force(options.fow, np.array([WITHIN_REACH, 1.0]), options.alpha)
     lengths = np.arange(1, longest + 1, dtype=np.float64)
-    forces = log_distance_force(patrol.distance, lengths * point / PAPER_POINT, patrol.beta, patrol.length)
+    forces = log_distance_force(options.distance, lengths * point / PAPER_POINT, options.beta, options.length)
     within = int(np.count_nonzero(forces - forces[0] >= weaker - full))
     return 100.0 * max(within, 1)
 
@@ -197,25 +197,25 @@ class ForceLaw:
             exerts no force.
     """
 
-    def __init__(self, patrol: PatrolSpec, point: float, points: int, longest: int, team: int = 1) -> None:
+    def __init__(self, options: PotentialFieldOptions, point: float, points: int, longest: int, team: int = 1) -> None:
         """Tabulate g.
 
         Args:
-            patrol: The scenario's section `patrol`, with the functions' names and constants.
+            options: The policy's, with the functions' names and constants.
             point: Side of the terrain's points, m.
             points: N.
             longest: Upper bound of the path length in any case, in hundredths of a point.
-            team: Number of robots that share the points; it counts with `patrol.reach: area` only.
+            team: Number of robots that share the points; it counts with `reach: area` only.
         """
-        self._patrol = patrol
+        self._options = options
         self._points = points
-        unit = point / PAPER_POINT / 100.0 / reach_scale(patrol.reach, points * point * point / team)
+        unit = point / PAPER_POINT / 100.0 / reach_scale(options.reach, points * point * point / team)
         lengths = np.arange(1, longest + 1, dtype=np.float64) * unit
-        decay = distance_force(patrol.distance, lengths, patrol.beta, patrol.length)
+        decay = distance_force(options.distance, lengths, options.beta, options.length)
         self.decay = np.concatenate([[0.0], decay])
         self._rising = -decay
         self.limit = longest
-        fresh, stale = fow_force(patrol.fow, np.array([0.0, 1.0]), patrol.alpha)
+        fresh, stale = fow_force(options.fow, np.array([0.0, 1.0]), options.alpha)
         self.limit = self.horizon(float(fresh) * float(decay[min(141, longest) - 1]), float(stale))
         self.decay = self.decay[: self.limit + 1].copy()
         self._rising = self._rising[: self.limit]
@@ -229,7 +229,7 @@ class ForceLaw:
         Returns:
             float64 (mfow + 1,), indexed by age in ticks; read-only.
         """
-        return pull_by_age(self._patrol.fow, self._patrol.alpha, mfow)
+        return pull_by_age(self._options.fow, self._options.alpha, mfow)
 
     def horizon(self, exerted: float, stalest: float) -> int:
         """The longest path that can still matter.
@@ -241,5 +241,5 @@ class ForceLaw:
         Returns:
             Length in hundredths of a point.
         """
-        threshold = self._patrol.tolerance * exerted / (self._points * stalest) if stalest > 0.0 else math.inf
+        threshold = self._options.tolerance * exerted / (self._points * stalest) if stalest > 0.0 else math.inf
         return min(self.limit, int(self._rising.searchsorted(-threshold)) + 1)

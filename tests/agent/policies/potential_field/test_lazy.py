@@ -92,7 +92,7 @@ class Extended(PotentialField):
 
 def drive(folder: Path, name: str | None) -> Outcome:
     """Three cars with the paper's policy, or with one of those above."""
-    settings: dict[str, Any] = {"point": 0.5, "duration": 20, "robots.count": 3, "patrol.commitment": "none"}
+    settings: dict[str, Any] = {"point": 0.5, "duration": 20, "robots.count": 3, "patrol.policy": "potential-field"}
     if name is not None:
         path = folder / "wrapper.py"
         path.write_text(WRAPPER, encoding="utf-8")

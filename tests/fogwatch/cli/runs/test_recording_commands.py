@@ -25,7 +25,6 @@ SMALL = {
     "point": 1.0,
     "duration": 15,
     "robots": {"count": 2, "model": "holonomic"},
-    "patrol": {"dilatation": 0.0},
 }
 
 

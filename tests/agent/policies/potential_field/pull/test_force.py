@@ -26,7 +26,7 @@ from agent.routes.ground import Ground
 from patrol.ground.fields import StaticFields
 from patrol.ground.terrain import Terrain
 from patrol.prepare import prepare
-from patrol.scenario import PatrolSpec, load_scenario
+from patrol.scenario import PotentialFieldOptions, load_scenario
 from tests.agent.minds import setup_of
 
 Bools = NDArray[np.bool_]
@@ -90,30 +90,30 @@ def test_there_is_no_sixth_function(function: object) -> None:
 
 @pytest.mark.parametrize("point", [0.1, 0.5])
 def test_lengths_count_in_points_of_a_tenth_of_a_metre_whatever_the_point(point: float) -> None:
-    law = ForceLaw(PatrolSpec(), point, 1000, 100_000)
+    law = ForceLaw(PotentialFieldOptions(), point, 1000, 100_000)
     five_metres = round(5.0 / point) * 100
     assert law.decay[five_metres] == pytest.approx(math.exp(-(50.0**2) / 4000.0))
     assert law.decay[0] == 0.0
 
 
 def test_the_horizon_of_the_papers_function_is_about_sixty_metres() -> None:
-    law = ForceLaw(PatrolSpec(), 0.1, 1_000_000, 400_000)
+    law = ForceLaw(PotentialFieldOptions(), 0.1, 1_000_000, 400_000)
     assert law.limit / 100 == pytest.approx(math.sqrt(4000 * (40 + 36.84 + math.log(1e6))), rel=0.01)
 
 
 def test_functions_without_a_horizon_follow_every_path() -> None:
-    assert ForceLaw(PatrolSpec(distance="g1"), 0.1, 10_000, 400_000).limit == 400_000
+    assert ForceLaw(PotentialFieldOptions(distance="g1"), 0.1, 10_000, 400_000).limit == 400_000
 
 
 @pytest.mark.parametrize("distance", ["g1", "g2", "g3", "g4", "g5"])
 def test_with_reach_area_the_law_is_the_papers_at_lengths_divided_by_the_scale(distance: str) -> None:
     """Four times the reference's ground per robot: twice the reach."""
     points = round(4 * PAPER_AREA / 0.25)
-    paper = ForceLaw(PatrolSpec(distance=distance), 0.5, points, 100_000, team=1)
-    scaled = ForceLaw(PatrolSpec(distance=distance, reach="area"), 0.5, points, 100_000, team=1)
+    paper = ForceLaw(PotentialFieldOptions(distance=distance), 0.5, points, 100_000, team=1)
+    scaled = ForceLaw(PotentialFieldOptions(distance=distance, reach="area"), 0.5, points, 100_000, team=1)
     for metres in (1, 5, 20, 30):
         assert scaled.decay[metres * 400] == pytest.approx(paper.decay[metres * 200], rel=1e-9)
-    shared = ForceLaw(PatrolSpec(distance=distance, reach="area"), 0.5, points, 100_000, team=4)
+    shared = ForceLaw(PotentialFieldOptions(distance=distance, reach="area"), 0.5, points, 100_000, team=4)
     assert np.array_equal(shared.decay, paper.decay)
 
 
@@ -130,7 +130,12 @@ def test_the_reach_is_the_papers_on_its_own_ground_and_never_shorter() -> None:
 def test_spare_robots_share_no_ground() -> None:
     """The area per robot counts those that patrol from the start."""
     robots = {"count": 1, "spare": 3, "model": "holonomic"}
-    given = {"terrain": {"builtin": "open"}, "point": 1.0, "robots": robots, "patrol": {"reach": "area"}}
+    given = {
+        "terrain": {"builtin": "open"},
+        "point": 1.0,
+        "robots": robots,
+        "patrol": {"policy": "potential-field", "options": {"reach": "area"}},
+    }
     assert setup_of(prepare(load_scenario(given))).team == 1
 
 
@@ -146,7 +151,7 @@ def room(seed: int, height: int, width: int, density: float) -> tuple[Terrain, S
     return terrain, fields, Ground(terrain, passable), (row + 1, col + 1)
 
 
-def pull_of(patrol: PatrolSpec, seed: int, density: float = 0.1) -> Pull:
+def pull_of(patrol: PotentialFieldOptions, seed: int, density: float = 0.1) -> Pull:
     terrain, fields, ground, start = room(seed, 60, 70, density)
     seen = np.random.default_rng(seed + 1).integers(0, 200, terrain.shape).astype(np.int32)
     field = Field(patrol, fields, Posts(fields.proxy), terrain.point, {})
@@ -157,8 +162,8 @@ def pull_of(patrol: PatrolSpec, seed: int, density: float = 0.1) -> Pull:
 @given(seed=st.integers(0, 10**6), direction=st.sampled_from(["mode", "vector"]), f=st.sampled_from(["f1", "f3", "f4"]))
 def test_leaving_out_what_lies_beyond_the_horizon_changes_no_decision(seed: int, direction: str, f: str) -> None:
     settings_ = {"direction": direction, "fow": f}
-    cut = pull_of(PatrolSpec(**settings_), seed)
-    whole = pull_of(PatrolSpec(**settings_, tolerance=0.0), seed)
+    cut = pull_of(PotentialFieldOptions(**settings_), seed)
+    whole = pull_of(PotentialFieldOptions(**settings_, tolerance=0.0), seed)
     scale = whole.sums[2] if direction == "vector" else whole.sums.sum()
     assert np.allclose(cut.sums, whole.sums, rtol=0.0, atol=1e-12 * scale)
     if direction == "mode":
@@ -182,7 +187,7 @@ def test_sums_equal_the_formula_point_by_point_on_an_open_field() -> None:
         expected[sector] += force
         if force > strongest:
             strongest, place = force, (r, c)
-    pull = Field(PatrolSpec(), fields, Posts(fields.proxy), 0.5, {}).pull(
+    pull = Field(PotentialFieldOptions(), fields, Posts(fields.proxy), 0.5, {}).pull(
         ground, *start, seen, lambda _: seen, 100, mfow
     )
     assert pull.sums == pytest.approx(expected, rel=1e-9)
@@ -192,7 +197,7 @@ def test_sums_equal_the_formula_point_by_point_on_an_open_field() -> None:
 def test_the_robots_own_point_exerts_no_force() -> None:
     terrain, fields, ground, start = room(3, 21, 21, 0.0)
     seen = np.full(terrain.shape, 100, dtype=np.int32)
-    field = Field(PatrolSpec(), fields, Posts(fields.proxy), 0.5, {})
+    field = Field(PotentialFieldOptions(), fields, Posts(fields.proxy), 0.5, {})
     before = field.pull(ground, *start, seen, lambda _: seen, 100, 100)
     seen[start[0] - 1, start[1] - 1] = 0
     after = field.pull(ground, *start, seen, lambda _: seen, 100, 100)
@@ -210,7 +215,7 @@ def test_a_point_where_no_body_fits_pulls_through_the_pose_that_sees_it() -> Non
     fields = StaticFields(reach, reach, patrolled, proxy)
     seen = np.full(reach.shape, 100, dtype=np.int32)
     seen[12, 35] = 0
-    field = Field(PatrolSpec(), fields, Posts(fields.proxy), 0.5, {})
+    field = Field(PotentialFieldOptions(), fields, Posts(fields.proxy), 0.5, {})
     far = field.pull(Ground(terrain, reach), 13, 16, seen, lambda _: seen, 100, 100)
     assert bearings_by_force(far.sums)[0] == 0.0
     assert far.near is None
@@ -225,12 +230,12 @@ def test_a_place_close_by_counts_without_its_dilatation() -> None:
     seen[20, 24] = 0
     dilated = np.full(terrain.shape, 100, dtype=np.int32)
     dilated[14:27, 18:31] = 0
-    pull = Field(PatrolSpec(), fields, Posts(fields.proxy), 0.5, {}).pull(
+    pull = Field(PotentialFieldOptions(), fields, Posts(fields.proxy), 0.5, {}).pull(
         ground, 21, 21, seen, lambda _: dilated, 100, 100
     )
     assert pull.near == (21, 25)
     fresh = np.full(terrain.shape, 100, dtype=np.int32)
-    pull = Field(PatrolSpec(), fields, Posts(fields.proxy), 0.5, {}).pull(
+    pull = Field(PotentialFieldOptions(), fields, Posts(fields.proxy), 0.5, {}).pull(
         ground, 21, 21, fresh, lambda _: dilated, 100, 100
     )
     assert pull.near is None
@@ -268,7 +273,7 @@ def test_straight_paths_lead_to_no_obstacle(direction: str, mfow: int) -> None:
     fields = StaticFields(passable, passable, passable, np.full(passable.shape, -1, dtype=np.int32))
     seen = np.where(passable, np.int32(95), np.int32(-1))
     seen[31, 20] = 91
-    patrol = PatrolSpec.model_validate({"paths": "straight", "direction": direction})
+    patrol = PotentialFieldOptions.model_validate({"paths": "straight", "direction": direction})
     field = Field(patrol, fields, Posts(np.full_like(fields.proxy, -1)), terrain.point, {})
     tick = 100
     pull = field.pull(Ground(terrain, passable), 31, 31, seen, lambda _: seen, tick, mfow)
@@ -293,7 +298,7 @@ def test_a_place_in_view_is_no_reason_to_stop_where_a_look_leaves_some_age() -> 
     seen = np.full(terrain.shape, 100, dtype=np.int32)
     seen[20, 24] = 0
     looked = np.full(terrain.shape, 100, dtype=np.int32)
-    field = Field(PatrolSpec(), fields, Posts(fields.proxy), 0.5, {})
+    field = Field(PotentialFieldOptions(), fields, Posts(fields.proxy), 0.5, {})
     assert field.pull(ground, 21, 21, seen, lambda _: seen, 100, 100, (), looked).near is None
     looked[20, 24] = 99
     assert field.pull(ground, 21, 21, seen, lambda _: seen, 100, 100, (), looked).near == (21, 25)

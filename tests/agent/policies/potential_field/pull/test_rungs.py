@@ -25,7 +25,7 @@ from experiments.inprocess import run_in_process
 from patrol.ground.fields import StaticFields
 from patrol.ground.fog import Fog
 from patrol.ground.terrain import Terrain
-from patrol.scenario import PatrolSpec, open_scenario
+from patrol.scenario import PotentialFieldOptions, open_scenario
 
 POINT = 0.25
 TICK = 300
@@ -84,7 +84,7 @@ class Room:
             self.looked[max(0, row - span) : row + span, max(0, col - span) : col + span] = TICK
         self.ground = Ground(Terrain("room", passable, POINT, keep_out=keep_out), reach)
         self.ground.close(areas=[Area(closed)] if closed.any() else [])
-        spec = PatrolSpec.model_validate({"dilatation": 0, **patrol})
+        spec = PotentialFieldOptions.model_validate({"dilatation": 0, **patrol})
         self.field = Field(spec, fields, posts, POINT, {})
         self.law = ForceLaw(spec, POINT, int(patrolled.sum()), 400 * sum(shape))
         self.posts = posts
@@ -210,13 +210,15 @@ def test_robots_climb_until_no_rung_is_left() -> None:
 def test_a_fleet_that_leaves_out_what_is_too_far_drives_as_one_that_does_not(
     body: str, separation: str, paths: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    given_ = {"point": 0.5, "duration": 60, "robots.count": 3, "robots.model": body, "patrol.commitment": "none"}
+    given_ = {"point": 0.5, "duration": 60, "robots.count": 3, "robots.model": body, "patrol.policy": "potential-field"}
     run = partial(run_in_process, verify_fog=False)
     traces = []
     for whole in (False, True):
         if whole:
             monkeypatch.setattr(Field, "lead", lambda self, *asked: self.pull(*asked[:-1]))
-        outcome = run(open_scenario("yards", {**given_, "patrol.separation": separation, "patrol.paths": paths}))
+        outcome = run(
+            open_scenario("yards", {**given_, "patrol.options.separation": separation, "patrol.options.paths": paths})
+        )
         assert outcome.journal.end is not None
         traces.append(outcome.journal.end.trace_hash)
     assert traces[0] == traces[1]

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from agent.policies.potential_field.kernels.stands import nearest_stand
+from agent.policies.committed.kernels.stands import nearest_stand
 from patrol.pose import Pose
 
 if TYPE_CHECKING:
-    from agent.policies.potential_field.targets.cells import Cells
+    from agent.policies.committed.cells import Cells
     from patrol.ground.footprint import Footprint
 
 

@@ -13,12 +13,12 @@ from agent.belief.posts import Posts
 from agent.policies.potential_field.pull.claims import share_table
 from agent.policies.potential_field.pull.field import Field
 from agent.policies.potential_field.pull.fuzzy import FuzzySectors
-from agent.policies.potential_field.separation import (
+from agent.policies.potential_field.pull.repulsion import repel
+from agent.policies.separation import (
     artificial_obstacles,
     critical_areas,
     numbered,
     occupied_areas,
-    repel,
 )
 from agent.routes.ground import Area, Ground
 from agent.routes.path_window import FAR, PathWindow
@@ -29,7 +29,7 @@ from patrol.ground.fields import StaticFields
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from patrol.radio.peers import Peer
-from patrol.scenario import PatrolSpec
+from patrol.scenario import PotentialFieldOptions
 
 HERE = Pose(10.0, 10.0, 0.0)
 
@@ -81,7 +81,7 @@ def test_with_claims_a_point_pulls_the_robot_that_is_nearest_to_it(direction: st
     rival = [(41, 66)]
     chosen = {}
     for separation in ("none", "claims"):
-        patrol = PatrolSpec.model_validate({"direction": direction, "separation": separation})
+        patrol = PotentialFieldOptions.model_validate({"direction": direction, "separation": separation})
         field = Field(patrol, fields, Posts(fields.proxy), 0.5, {})
         pull = field.pull(ground, 41, 41, seen, lambda _: seen, 100, 100, rival)
         chosen[separation] = pull.sums[0] > 0 if direction == "vector" else int(np.argmax(pull.sums)) in (0, 1, 7)
@@ -94,7 +94,7 @@ def test_without_rivals_claims_change_nothing() -> None:
     ground = Ground(terrain, fields.reach)
     seen = np.random.default_rng(3).integers(0, 100, terrain.shape).astype(np.int32)
     sums = [
-        Field(PatrolSpec.model_validate({"separation": separation}), fields, Posts(fields.proxy), 0.5, {})
+        Field(PotentialFieldOptions.model_validate({"separation": separation}), fields, Posts(fields.proxy), 0.5, {})
         .pull(ground, 30, 50, seen, lambda _: seen, 100, 100)
         .sums
         for separation in ("none", "claims")
@@ -130,7 +130,7 @@ def test_narrow_passages_join_wider_ground_and_niches_do_not() -> None:
 
 def test_a_semaphore_closes_an_area_that_another_robot_is_in() -> None:
     terrain = corridor()
-    areas = critical_areas(PatrolSpec(), terrain, terrain.free, 6.0)
+    areas = critical_areas(None, terrain, terrain.free, 6.0)
     grid = numbered(areas, terrain.shape)
     outside, inside = Pose(10.0, 15.0, 0.0), Pose(30.0, 15.0, 0.0)
     assert occupied_areas(grid, terrain, outside, peers((30.0, 15.0))) == [1]
@@ -147,20 +147,20 @@ def test_a_semaphore_closes_an_area_that_another_robot_is_in() -> None:
 
 def test_critical_areas_may_be_given_as_polygons() -> None:
     terrain = corridor()
-    patrol = PatrolSpec.model_validate({"critical_areas": [[[25, 13], [30, 13], [30, 17], [25, 17]]]})
-    (area,) = critical_areas(patrol, terrain, terrain.free, 8.0)
+    polygon = ((25.0, 13.0), (30.0, 13.0), (30.0, 17.0), (25.0, 17.0))
+    (area,) = critical_areas((polygon,), terrain, terrain.free, 8.0)
     assert area[30, 55]
     assert not area[30, 70]
 
 
 @pytest.mark.parametrize("direction", ["mode", "vector"])
 def test_repulsion_pushes_away_from_a_peer_and_less_from_far(direction: str) -> None:
-    patrol = PatrolSpec.model_validate({"direction": direction, "repulsion": 1.0})
+    options = PotentialFieldOptions.model_validate({"direction": direction, "repulsion": 1.0})
     results = []
     for distance in (3.0, 30.0):
         sums = np.array([0.0, 0.0, 10.0]) if direction == "vector" else np.full(8, 1.25)
         before = sums.copy()
-        repel(sums, HERE, peers((10.0, 10.0 + distance)), patrol)
+        repel(sums, HERE, peers((10.0, 10.0 + distance)), options)
         gained = sums - before
         results.append(-gained[1] if direction == "vector" else gained[6])
         assert np.count_nonzero(np.abs(gained) > 1e-9) == 1
@@ -196,7 +196,8 @@ def test_a_rival_claims_what_is_near_it_although_it_is_closed_to_others(separati
     assert ground.join(*terrain.centre(40, 65)) is None
     rival = ground.static.join(*terrain.centre(40, 65))
     assert rival == (41, 66)
-    field = Field(PatrolSpec.model_validate({"separation": separation}), fields, Posts(fields.proxy), 0.5, {})
+    options = PotentialFieldOptions.model_validate({"separation": separation})
+    field = Field(options, fields, Posts(fields.proxy), 0.5, {})
     alone = field.pull(ground, 41, 41, seen, lambda _: seen, 100, 100)
     contested = field.pull(ground, 41, 41, seen, lambda _: seen, 100, 100, [rival])
     assert int(np.argmax(alone.sums)) in (0, 1, 7)

@@ -19,31 +19,31 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.policies.potential_field.kernels.hardest import hardest, reaches
+from agent.policies.committed.cells import around, cells_of
+from agent.policies.committed.kernels.hardest import hardest, reaches
+from agent.policies.committed.nearby import Nearby, Question
+from agent.policies.committed.search import NO_RIVALS, Decay, Laid, Law, least_ways, part_within
+from agent.policies.committed.shunned import Shunned
+from agent.policies.committed.stands import nearest_in_sight
+from agent.policies.committed.target import Target
+from agent.policies.committed.whereabouts import Whereabouts
 from agent.policies.potential_field.pull.force import law_reach, log_pull_by_age
-from agent.policies.potential_field.targets.cells import around, cells_of
-from agent.policies.potential_field.targets.nearby import Nearby, Question
-from agent.policies.potential_field.targets.search import NO_RIVALS, Decay, Laid, Law, least_ways, part_within
-from agent.policies.potential_field.targets.shunned import Shunned
-from agent.policies.potential_field.targets.stands import nearest_in_sight
-from agent.policies.potential_field.targets.target import Target
-from agent.policies.potential_field.targets.whereabouts import Whereabouts
-from agent.ports import Bearing, Intent, Place
+from agent.policies.potential_field.pull.windows import window_of
+from agent.policies.random_steps import RandomSteps
+from agent.policies.separation import Separation
+from agent.ports import Bearing, Intent, Place, Stay
 from agent.routes.path_window import DIAGONAL, FAR
 from agent.routes.wave import LONGEST
 from patrol.ground.footprint import Footprint
+from patrol.scenario import CommittedOptions
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from agent.policies.potential_field.targets.nearby import Found
+    from agent.policies.committed.nearby import Found
     from agent.ports import PolicySetup
     from agent.routes.ground import Spot
     from agent.routes.path_window import PathWindow
     from agent.routes.routes import Element, Way
     from agent.view import View
-
-    Rivals = Callable[[View], NDArray[np.int64]]
 
 NO_NEARER_S = 15.0
 """A robot that has come no nearer to its target for so long gives it up, s."""
@@ -69,7 +69,7 @@ STRETCHED_S = 30.0
 """How often a robot measures how far its claimed ground reaches, s."""
 
 DECIDED = 40.0
-"""Number of widths beyond which a claim is decided, as `agent.policies.potential_field.kernels.hardest` has it."""
+"""Number of widths beyond which a claim is decided, as `agent.policies.committed.kernels.hardest` has it."""
 
 WORTH_WHILE = 0.25
 """A point of the claimed ground is fresh below this share of the age of the stalest point."""
@@ -78,20 +78,25 @@ STILL_STALE = 0.5
 """A target counts as seen once its age is below this share of what it was when it was chosen."""
 
 
-class Commitment:
+class Committed:
     """Chooses a target and keeps to it."""
 
-    def __init__(self, setup: PolicySetup, paths: PathWindow | None, width_m: float) -> None:
-        """Start without a target.
+    Options = CommittedOptions
 
-        Args:
-            setup: As for every policy.
-            paths: The window of the path method, over the whole terrain; None for the wave of the robot's own routes.
-            width_m: Width of the claims, m; 0 without claims.
-        """
-        spec, sensor, terrain = setup.spec, setup.sensor, setup.terrain
+    def __init__(self, setup: PolicySetup) -> None:
+        """Start without a target."""
+        spec, sensor, terrain, options = setup.spec, setup.sensor, setup.terrain, setup.options
         stride = spec.speed * setup.step
-        self._patrol = setup.patrol
+        self._options = options
+        self._separation = Separation(setup)
+        self._random_steps = RandomSteps(setup)
+        # The window of the path method, over the whole terrain; None for the wave of the robot's own routes.
+        paths = None
+        if options.paths != "wave":
+            height, width = terrain.shape
+            sizes = height, width, height + width
+            paths = window_of(options.paths, sizes, setup.scratch, setup.fields.patrolled, setup.regions)
+        width_m = options.claim_width if self._separation.claims else 0.0
         self._point = terrain.point
         self._step = setup.step
         self._posts = setup.posts
@@ -105,7 +110,7 @@ class Commitment:
         self._whereabouts = Whereabouts(spec.radius, stride, setup.step)
         self._hand_over = round(100.0 * HAND_OVER * stride / self._point)
         longest = 4 * sum(terrain.shape)  # points; no way is taken to be longer
-        self._reach = law_reach(setup.patrol, self._point, longest)
+        self._reach = law_reach(options, self._point, longest)
         self._target: Target | None = None
         self._expected = 0
         self._least = math.inf
@@ -114,33 +119,27 @@ class Commitment:
         self._near = min(math.ceil(NEAR_RANGES * sensor.range / self._point), longest)
         sight_points = sensor.range / self._point
         self._nearby = Nearby(setup.posts, sight_points, 100 * self._near, self._width)
-        self._decay = Decay(setup.patrol, self._point)
+        self._decay = Decay(options, self._point)
         self._stretched_until = -1
         # What a car heads for depends on points in sight of its target, which may lie outside a window.
         self._widens = paths is None and not self._slack and width_m > 0.0
         self._at_hand_s = max(AT_HAND_S, AT_HAND_STEPS * setup.step)
         self._shunned = Shunned(math.ceil((2.0 * max(spec.radius, self._point) / self._point) ** 2), setup.step)
 
-    def decide(self, view: View, start: Element, rivals: Rivals, wander: float | None) -> Intent | None:
-        """The way to the target, or to a new one.
-
-        Args:
-            view: Of this tick.
-            start: The element of the ground on which the robot stands.
-            rivals: Gives the elements on which other robots stand, int64 (n, 2), where claims are used; asked only for
-                a choice.
-            wander: Direction of a random step, rad, or None.
-
-        Returns:
-            None where nothing pulls.
-        """
+    def decide(self, view: View) -> Intent:
+        """The way to the target, or to a new one; now and then a random step."""
+        self._separation.keep_apart(view)
+        start, wander = view.start, self._random_steps.draw(view)
+        if start is None:
+            # The body has to find its way back to the reachable ground first.
+            return Bearing((), wander=wander)
         self._whereabouts.note(view.tick, (view.pose.x, view.pose.y))
         way = self._way(view, start)
         if way is None:
-            way = self._choose(view, start, rivals)
+            way = self._choose(view, start)
         target = self._target
         if way is None or target is None:
-            return None
+            return Stay()
         figures = {"way_m": way.length, "age_s": float(self._age(view, target.point) * self._step)}
         if way.length == 0.0 and target.stand == target.close and self._sight is None:
             # It stands where it should, so it only has to turn.
@@ -185,14 +184,14 @@ class Commitment:
         self._expected = round(100.0 * (way.length + 2.0 * self._nearer / NEARER) / self._point)
         return way
 
-    def _choose(self, view: View, start: Element, rivals: Rivals) -> Way | None:
+    def _choose(self, view: View, start: Element) -> Way | None:
         """Commit to the point that pulls hardest, and return the way there; None where nothing pulls."""
         self._target = None
         tick = view.tick
         self._shunned.forget(tick)
         if view.mfow == 0:
             return None
-        home, others = self._whereabouts.home(), rivals(view)
+        home, others = self._whereabouts.home(), self._separation.rivals(view)
         for _ in range(TRIES):
             target = self._best(view, start, others, home)
             if target is None:
@@ -311,7 +310,7 @@ class Commitment:
 
     def _pull(self, view: View) -> NDArray[np.float64]:
         """The logarithm of f by age, ticks."""
-        return log_pull_by_age(self._patrol.fow, self._patrol.alpha, view.mfow)
+        return log_pull_by_age(self._options.fow, self._options.alpha, view.mfow)
 
     def _question(self, view: View, rivals: NDArray[np.int64]) -> Question:
         """What is asked for first: a stale point that is not handed over."""

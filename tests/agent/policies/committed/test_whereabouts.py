@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from agent.policies.potential_field.targets.whereabouts import ROAM_REACH, ROAM_S, Whereabouts
+from agent.policies.committed.whereabouts import ROAM_REACH, ROAM_S, Whereabouts
 
 
 def test_nothing_is_said_before_the_time_is_over() -> None:

@@ -44,7 +44,7 @@ def survey(cell, limit, seen, row0, col0, tick, log_pull, log_decay, bounds):
         row0: Row of ``seen`` under row 0 of the cells.
         col0: Column of ``seen`` under column 0 of the cells.
         tick: Now.
-        log_pull: As of `agent.policies.potential_field.kernels.hardest.hardest`.
+        log_pull: As of `agent.policies.committed.kernels.hardest.hardest`.
         log_decay: As there, up to ``limit``.
         bounds: float64 (m, s), the bounds; filled in, minus infinity where there is no path.
     """
@@ -126,7 +126,7 @@ def hardest_of(
     bounds, floor, posts, cell, row0, col0, limit, seen, looked, tick, least, log_pull, log_decay, others, rival,
     rival_row0, rival_col0, rival_limit, width, hand_over, shunned, best, place, undecided,
 ):
-    """Find the point with the greatest force among some strips; see `agent.policies.potential_field.kernels.hardest`.
+    """Find the point with the greatest force among some strips; see `agent.policies.committed.kernels.hardest`.
 
     Without the rivals' paths, points to which a rival's path could be short enough to matter are left out, and noted if
     they exert a force that is great enough without any rival.

@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from agent.policies.potential_field.kernels.hardest import hardest
-from agent.policies.potential_field.kernels.stands import nearest_stand
-from agent.policies.potential_field.targets.cells import Layer, around, cells_of
-from agent.policies.potential_field.targets.nearby import Nearby, Question, Searched
-from agent.policies.potential_field.targets.search import NO_RIVALS, Decay
+from agent.policies.committed.cells import Layer, around, cells_of
+from agent.policies.committed.kernels.hardest import hardest
+from agent.policies.committed.kernels.stands import nearest_stand
+from agent.policies.committed.nearby import Nearby, Question, Searched
+from agent.policies.committed.search import NO_RIVALS, Decay
 from agent.routes.ground import Ground
 from agent.routes.path_window import FAR
 from agent.routes.wave import LONGEST, Wave
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
-from patrol.scenario import PatrolSpec
+from patrol.scenario import CommittedOptions
 from tests.agent.plans import Robots, prepared_in
 
 Choice = tuple[tuple[int, int], tuple[int, int]]
@@ -198,7 +198,7 @@ def test_claimed_ground_is_measured_in_a_box_no_smaller_than_what_decides_it(see
 
 @pytest.mark.parametrize("name", ["g1", "g2", "g3", "g4", "g5"])
 def test_a_table_of_g_holds_what_each_length_gives_by_itself(name: str) -> None:
-    decay = Decay(PatrolSpec.model_validate({"distance": name}), 0.1)
+    decay = Decay(CommittedOptions.model_validate({"distance": name}), 0.1)
     for stretch in (1.0, 3.7, 1.0):
         decay.stretch(stretch)
         for longest in (0, 7, 500, 120, 9001):

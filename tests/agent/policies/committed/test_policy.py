@@ -12,14 +12,13 @@ import numpy as np
 import pytest
 
 from agent.build import build_mind
-from agent.policies.potential_field.policy import PotentialField
-from agent.policies.potential_field.targets.commitment import (
+from agent.policies.committed.policy import (
     AT_HAND_S,
     NO_NEARER_S,
-    Commitment,
+    Committed,
 )
-from agent.policies.potential_field.targets.shunned import LONGEST_SHUNNED_S, MOST_SHUNNED, SHUNNED_S
-from agent.policies.potential_field.targets.target import Target
+from agent.policies.committed.shunned import LONGEST_SHUNNED_S, MOST_SHUNNED, SHUNNED_S
+from agent.policies.committed.target import Target
 from agent.policies.surround.surround import Surround
 from patrol.ground.terrain import Terrain
 from patrol.pose import MODELS, Pose
@@ -50,18 +49,17 @@ def alone(
     return prepared_in(terrain, [start], robots, patrol={**CALM, **(patrol or {})}, sensor=sees)
 
 
-def commitment_of(robots: Robots, robot: int = 0) -> Commitment:
-    """What a robot is committed by."""
+def policy_of(robots: Robots, robot: int = 0) -> Committed:
+    """The policy of a robot."""
     surround = robots.minds[robot].policy
     assert isinstance(surround, Surround)
     policy = surround._otherwise
-    assert isinstance(policy, PotentialField)
-    assert policy._commitment is not None
-    return policy._commitment
+    assert isinstance(policy, Committed)
+    return policy
 
 
 def target_of(robots: Robots, robot: int = 0) -> Target | None:
-    return commitment_of(robots, robot)._target
+    return policy_of(robots, robot)._target
 
 
 def seen_share(robots: Robots) -> float:
@@ -166,7 +164,7 @@ def test_who_comes_no_nearer_gives_up_and_leaves_the_place_out() -> None:
     waits = np.diff([robots.held_from, *(change.k for change in stuck)]) * STEP
     assert (waits >= AT_HAND_S).all()
     assert (waits <= AT_HAND_S + NO_NEARER_S + 2.5).all()
-    shunned = commitment_of(robots)._shunned.places
+    shunned = policy_of(robots)._shunned.places
     assert {shun[:2] for shun in shunned} == {change.old.close for change in stuck}
     spells = [(shun[2] - change.k) * STEP for shun, change in zip(shunned, stuck, strict=True)]
     assert spells == [SHUNNED_S] * len(stuck)
@@ -176,7 +174,7 @@ def test_who_comes_no_nearer_gives_up_and_leaves_the_place_out() -> None:
 
 
 def test_a_place_that_is_given_up_again_is_left_out_for_longer_and_others_are_not() -> None:
-    commitment = commitment_of(Robots(alone(two_rooms())))
+    commitment = policy_of(Robots(alone(two_rooms())))
     spells = []
     for turn in range(2000):
         commitment._shunned.add(turn, (5, 5))
@@ -195,7 +193,7 @@ def test_what_was_given_up_is_tried_again_where_nothing_else_is_left() -> None:
     robots = Robots(alone(two_rooms()))
     for _ in range(3):
         robots.tick()
-    commitment, target = commitment_of(robots), target_of(robots)
+    commitment, target = policy_of(robots), target_of(robots)
     assert target is not None
     commitment._shunned._around = 10**9
     commitment._shunned.add(robots.k, target.point)
@@ -210,7 +208,7 @@ def test_a_target_to_which_no_way_leads_any_more_is_dropped_at_once() -> None:
     robots.tick()
     robots.tick()
     mind = robots.minds[0]
-    far = commitment_of(robots)
+    far = policy_of(robots)
     target = target_of(robots)
     assert target is not None
     # A wreck in the corridor: the target in the other room cannot be reached.
@@ -273,7 +271,7 @@ def test_a_window_that_decides_gives_the_target_that_the_whole_ground_gives(monk
         robots, targets = Robots(given), []
         decided: list[bool] = []
         for number in range(len(starts)):
-            commitment = commitment_of(robots, number)
+            commitment = policy_of(robots, number)
             assert commitment._widens
             commitment._widens = widens
             if not measures:
@@ -300,7 +298,7 @@ def test_a_window_that_decides_gives_the_target_that_the_whole_ground_gives(monk
 
 def test_who_has_stayed_in_a_circle_for_long_leaves_it() -> None:
     robots = Robots(alone(two_rooms(), Pose(4.0, 4.0, 0.0)))
-    commitment = commitment_of(robots)
+    commitment = policy_of(robots)
     robots.tick()
     for tick in range(200):
         commitment._whereabouts.note(tick, (4.0, 4.0))
@@ -328,7 +326,7 @@ def test_a_room_that_fits_into_the_circle_is_patrolled_as_ever() -> None:
     assert all(change.age < 0.5 * change.old.age for change in changed)
     assert not any(change.old.away for change in changed)
     assert len(late) >= 25
-    assert commitment_of(robots)._shunned.places == []
+    assert policy_of(robots)._shunned.places == []
 
 
 # --- sensors, laws and places ----------------------------------------------------------------------------------------

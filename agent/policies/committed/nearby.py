@@ -16,15 +16,15 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.policies.potential_field.kernels.rivals import rivals_within
-from agent.policies.potential_field.kernels.strips import DECIDED, STRIP, hardest_of, posts_within, survey
-from agent.policies.potential_field.targets.cells import NO_CELLS, Cells, Layer, around
+from agent.policies.committed.cells import NO_CELLS, Cells, Layer, around
+from agent.policies.committed.kernels.rivals import rivals_within
+from agent.policies.committed.kernels.strips import DECIDED, STRIP, hardest_of, posts_within, survey
 from agent.routes.path_window import FAR
 from agent.routes.wave import LONGEST
 
 if TYPE_CHECKING:
     from agent.belief.posts import Posts
-    from agent.policies.potential_field.targets.search import Decay
+    from agent.policies.committed.search import Decay
     from agent.routes.routes import Element
     from agent.view import View
 
@@ -43,7 +43,7 @@ EVERY = 1000
 NOBODY = np.zeros((0, 2), dtype=np.int64)
 
 NONE_UNDECIDED = 0, 0, LONGEST, -1, LONGEST, -1
-"""What `agent.policies.potential_field.kernels.strips.hardest_of` has noted before it begins."""
+"""What `agent.policies.committed.kernels.strips.hardest_of` has noted before it begins."""
 
 
 class Found(NamedTuple):
@@ -81,8 +81,8 @@ class Surveyed(NamedTuple):
 
     Attributes:
         cells: The paths.
-        decay: As log_decay of `agent.policies.potential_field.kernels.hardest.hardest`, up to the longest path.
-        bounds: float64 (m, s), see `agent.policies.potential_field.kernels.strips.survey`.
+        decay: As log_decay of `agent.policies.committed.kernels.hardest.hardest`, up to the longest path.
+        bounds: float64 (m, s), see `agent.policies.committed.kernels.strips.survey`.
         posts: int32 (k, 4), the entries of the posts to which paths lead, of points that are old enough.
     """
 
@@ -97,12 +97,12 @@ class Question(NamedTuple):
 
     Attributes:
         view: Of this tick.
-        pull: As log_pull of `agent.policies.potential_field.kernels.hardest.hardest`.
+        pull: As log_pull of `agent.policies.committed.kernels.hardest.hardest`.
         decay: The logarithm of g.
         others: int64 (n, 2), the points (row, col) of the terrain on which rivals stand.
-        shunned: int64 (n, 3), see `agent.policies.potential_field.kernels.hardest.hardest`.
+        shunned: int64 (n, 3), see `agent.policies.committed.kernels.hardest.hardest`.
         least: Points younger than this are left out, ticks.
-        hand_over: See `agent.policies.potential_field.kernels.hardest.hardest`.
+        hand_over: See `agent.policies.committed.kernels.hardest.hardest`.
     """
 
     view: View

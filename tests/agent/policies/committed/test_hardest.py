@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from agent.policies.potential_field.kernels.hardest import hardest, reaches
-from agent.policies.potential_field.targets.search import NO_RIVALS
+from agent.policies.committed.kernels.hardest import hardest, reaches
+from agent.policies.committed.search import NO_RIVALS
 from agent.routes.kernels.wave import SETTLED
 from agent.routes.path_window import FAR
 

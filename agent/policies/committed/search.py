@@ -12,7 +12,7 @@ from agent.policies.potential_field.pull.force import PAPER_POINT, log_distance_
 if TYPE_CHECKING:
     from agent.routes.path_window import PathWindow
     from agent.routes.routes import Element
-    from patrol.scenario import PatrolSpec
+    from patrol.scenario import FieldOptions
 
 NO_RIVALS = np.zeros((0, 0), dtype=np.int32)
 """The lengths of rivals' paths where there are no rivals."""
@@ -40,7 +40,7 @@ class Law(NamedTuple):
     """How hard points pull, along the paths of a window.
 
     Attributes:
-        pull: As log_pull of `agent.policies.potential_field.kernels.hardest.hardest`.
+        pull: As log_pull of `agent.policies.committed.kernels.hardest.hardest`.
         decay: As its log_decay.
         beyond: The hardest that a point without a known path could pull.
     """
@@ -53,14 +53,14 @@ class Law(NamedTuple):
 class Decay:
     """The logarithm of g by length, with a unit of length that may be stretched."""
 
-    def __init__(self, patrol: PatrolSpec, point: float) -> None:
+    def __init__(self, options: FieldOptions, point: float) -> None:
         """Compute nothing yet.
 
         Args:
-            patrol: The scenario's section `patrol`, with the function's name and constants.
+            options: The policy's, with the function's name and constants.
             point: Side of the terrain's points, m.
         """
-        self._patrol = patrol
+        self._options = options
         self._point = point
         self._stretch = 1.0
         self._table = np.zeros(0)
@@ -82,8 +82,8 @@ class Decay:
         Args:
             lengths: In hundredths of a point.
         """
-        unit, patrol = self._point / PAPER_POINT / 100.0 / self._stretch, self._patrol
-        return log_distance_force(patrol.distance, lengths.astype(np.float64) * unit, patrol.beta, patrol.length)
+        unit, law = self._point / PAPER_POINT / 100.0 / self._stretch, self._options
+        return log_distance_force(law.distance, lengths.astype(np.float64) * unit, law.beta, law.length)
 
     def from_on(self, first: int, end: int, step: int) -> NDArray[np.float64]:
         """By some lengths at equal distances, remembered for the present unit.

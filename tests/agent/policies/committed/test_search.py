@@ -4,9 +4,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agent.policies.potential_field.kernels.rivals import rivals_within
-from agent.policies.potential_field.targets.search import Decay, least_lengths
-from patrol.scenario import PatrolSpec
+from agent.policies.committed.kernels.rivals import rivals_within
+from agent.policies.committed.search import Decay, least_lengths
+from patrol.scenario import CommittedOptions
 
 PLACE = st.integers(-40, 40)
 
@@ -26,7 +26,7 @@ def test_rivals_count_from_which_a_way_over_open_ground_is_short_enough(
 
 
 def test_what_is_remembered_of_the_law_is_forgotten_with_its_unit() -> None:
-    decay = Decay(PatrolSpec(), 0.5)
+    decay = Decay(CommittedOptions(), 0.5)
     before = decay.from_on(1000, 5000, 1000).copy()
     assert before.tolist() == decay.of(np.arange(1000, 5000, 1000)).tolist()
     decay.stretch(2.0)

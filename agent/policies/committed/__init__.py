@@ -1,0 +1,1 @@
+"""The default policy: go to one place until somebody has seen it."""

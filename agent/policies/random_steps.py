@@ -1,0 +1,36 @@
+"""Random steps, which keep a patrol unpredictable (paper, step 6)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from patrol.pose import TAU
+from patrol.random import Purpose
+
+if TYPE_CHECKING:
+    from agent.ports import PolicySetup
+    from agent.view import View
+
+
+class RandomSteps:
+    """Draws the random steps of one robot."""
+
+    def __init__(self, setup: PolicySetup) -> None:
+        """Take the probability from the policy's settings.
+
+        Args:
+            setup: As for every policy, with options that have `random_move` and `random_move_for`.
+        """
+        options = setup.options
+        makes_them = options.random_move_for == "all" or setup.spec.model == "holonomic"
+        self._probability = options.random_move if makes_them else 0.0
+
+    def draw(self, view: View) -> float | None:
+        """Return the direction of a random step, rad, or None in most ticks.
+
+        Args:
+            view: Of this tick.
+        """
+        if self._probability > 0.0 and view.draw(0, Purpose.RANDOM_MOVE) < self._probability:
+            return TAU * view.draw(1, Purpose.RANDOM_MOVE)
+        return None

@@ -1,0 +1,157 @@
+"""Keeping robots apart beyond sharing positions (paper, "Artificial Obstacles", "Semaphores", and claims).
+
+Obstacles and semaphores change where paths may lead. A claim says which robot a point is left to; what it weighs is up
+to the policy.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.routes.ground import Area, Disc
+from patrol.ground.doors.passages import narrow_passages
+from patrol.ground.shapes import cover
+from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.pose import Pose
+from patrol.radio.peers import Peer, places_of
+from patrol.values.types import Polygons
+
+if TYPE_CHECKING:
+    from agent.ports import PolicySetup
+    from agent.view import View
+
+
+NOBODY: NDArray[np.int64] = np.zeros((0, 2), dtype=np.int64)
+
+
+class Separation:
+    """What keeps one robot apart from the others, as the policy's setting `separation` says.
+
+    Attributes:
+        claims: Points are left to the robot that has the shorter way to them.
+    """
+
+    def __init__(self, setup: PolicySetup) -> None:
+        """Find the critical areas where there are semaphores.
+
+        Args:
+            setup: As for every policy, with options that have `separations` and `critical_areas`.
+        """
+        options, terrain, lengths = setup.options, setup.terrain, setup.lengths
+        self.claims = "claims" in options.separations
+        self._obstacle_radius = lengths.obstacle_radius if "artificial-obstacles" in options.separations else None
+        self._point = terrain.point
+        self._areas: list[Area] = []
+        self._numbered: NDArray[np.int32] | None = None
+        if "semaphores" in options.separations:
+            areas = critical_areas(options.critical_areas, terrain, setup.fields.reach, lengths.critical_width)
+            self._areas = [Area(area) for area in areas]
+            self._numbered = numbered(areas, terrain.shape) if areas else None
+
+    def keep_apart(self, view: View) -> None:
+        """Close artificial obstacles and occupied critical areas for this tick.
+
+        Robots that surround an intruder have to stand near each other, so nothing is closed while one is known.
+
+        Args:
+            view: Of this tick.
+        """
+        if view.contacts:
+            return
+        discs: list[Disc] = []
+        if self._obstacle_radius is not None:
+            discs = artificial_obstacles(view.pose, view.peers, self._obstacle_radius, self._point)
+        areas = []
+        if self._numbered is not None:
+            taken = occupied_areas(self._numbered, view.ground.terrain, view.pose, view.peers)
+            areas = [self._areas[number - 1] for number in taken]
+        if discs or areas:
+            view.ground.close(discs, areas)
+
+    def rivals(self, view: View) -> NDArray[np.int64]:
+        """Return the elements of the static ground where other robots stand, int64 (n, 2); none without claims.
+
+        Args:
+            view: Of this tick.
+        """
+        return view.ground.static.join_each(places_of(view.peers)) if self.claims else NOBODY
+
+
+def artificial_obstacles(pose: Pose, peers: Mapping[int, Peer], radius: float, point: float) -> list[Disc]:
+    """A virtual obstacle at each peer, small enough not to cover the robot's own point (paper, "Artificial Obstacles").
+
+    Args:
+        pose: The robot's own.
+        peers: The robots heard so far, by number.
+        radius: Of the obstacles, m.
+        point: Side of the terrain's points, m.
+
+    Returns:
+        Discs (x, y, radius) in m.
+    """
+    discs = []
+    for x, y in places_of(peers).tolist():
+        apart = math.hypot(x - pose.x, y - pose.y) - point
+        if apart > 0.0:
+            discs.append((x, y, min(radius, apart)))
+    return discs
+
+
+def critical_areas(polygons: Polygons | None, terrain: Terrain, reach: BoolGrid, width: float) -> list[BoolGrid]:
+    """The semaphores' areas: the scenario's polygons, or the narrow passages where it gives none (paper, "Semaphores").
+
+    Args:
+        polygons: Those of the scenario, m, or None.
+        terrain: The map.
+        reach: bool (h, w), the points on which the robot's centre may be.
+        width: Passages narrower than this count as narrow, m.
+
+    Returns:
+        bool (h, w) for each area.
+    """
+    if polygons is None:
+        return narrow_passages(terrain, reach, width)
+    return [cover(polygon, terrain.shape, terrain.point, terrain.origin) for polygon in polygons]
+
+
+def occupied_areas(areas: NDArray[np.int32], terrain: Terrain, pose: Pose, peers: Mapping[int, Peer]) -> list[int]:
+    """The critical areas that a peer is in and this robot is not.
+
+    Args:
+        areas: int32 (h, w), the number of each point's critical area, 0 for none.
+        terrain: The map.
+        pose: The robot's own.
+        peers: The robots heard so far, by number.
+
+    Returns:
+        The areas' numbers, ascending.
+    """
+    own = _area_at(areas, terrain, pose.x, pose.y)
+    taken = {_area_at(areas, terrain, x, y) for x, y in places_of(peers).tolist()}
+    return sorted(taken - {0, own})
+
+
+def _area_at(areas: NDArray[np.int32], terrain: Terrain, x: float, y: float) -> int:
+    row, col = terrain.point_at(x, y)
+    return int(areas[row, col]) if terrain.inside(row, col) else 0
+
+
+def numbered(areas: list[BoolGrid], shape: tuple[int, int]) -> NDArray[np.int32]:
+    """Critical areas as one grid of numbers.
+
+    Args:
+        areas: bool (h, w) for each area.
+        shape: (h, w).
+
+    Returns:
+        int32 (h, w), numbers from 1, 0 for no area; where two areas overlap the later one counts.
+    """
+    grid = np.zeros(shape, dtype=np.int32)
+    for number, area in enumerate(areas, start=1):
+        grid[area] = number
+    return grid

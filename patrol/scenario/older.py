@@ -1,0 +1,81 @@
+"""Sections `patrol` of earlier versions, as this version has them.
+
+Up to 0.2, `potential-field` was the name of both built-in policies: `commitment` chose between them, and the settings
+of both stood in the section `patrol` itself, those without effect too.
+
+    {commitment: target, alpha: 40, dilatation: 5}     0.2
+    {policy: committed, options: {alpha: 40}}          since 0.3
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+from patrol.scenario.policies import CommittedOptions, PotentialFieldOptions
+from patrol.scenario.policy_file import BUILT_IN, COMMITTED, PAPER
+
+_MOVED = frozenset(PotentialFieldOptions.model_fields) - {"fuzzy"}
+"""Fields of 0.2's section `patrol` that are settings of policies."""
+
+_DEFAULTS_0_2: Mapping[str, Any] = MappingProxyType(
+    {"separation": "claims", "random_move": 0.02, "random_move_for": "all"}
+)
+"""What 0.2 took for the paper's policy where a file did not say, and this version does not."""
+
+_REPULSION = "repulsion"
+
+
+def translate_field(field: str) -> str:
+    """Translate the dotted name of a field of an earlier version; return any other as it is.
+
+    Args:
+        field: For example ``patrol.alpha``, which is ``patrol.options.alpha`` now.
+    """
+    section, _, name = field.partition(".")
+    return f"patrol.options.{name}" if section == "patrol" and name.partition(".")[0] in _MOVED else field
+
+
+def translate_patrol(patrol: Mapping[str, Any]) -> dict[str, Any]:
+    """Translate a section of an earlier version; leave one of this version as it is.
+
+    Args:
+        patrol: The section as a file has it, overrides included; unchecked.
+
+    Returns:
+        The section as this version has it. A section that states `commitment` is one of 0.2, which accepted settings
+        without effect: they are left out. In any other they stay, so that they are refused.
+    """
+    section = {name: value for name, value in patrol.items() if name not in _MOVED}
+    stated = {name: value for name, value in patrol.items() if name in _MOVED}
+    commitment = section.get("commitment")
+    of_0_2 = commitment in ("target", "none")
+    if of_0_2:
+        del section["commitment"]
+        if section.get("policy", PAPER) in BUILT_IN:
+            section["policy"] = COMMITTED if commitment == "target" else PAPER
+    policy = section.get("policy", COMMITTED)
+    if section.get("avoidance") == "fuzzy":
+        section["avoidance"], stated["fuzzy"] = "none", True
+    if of_0_2:
+        stated = _with_effect(stated, policy)
+    given = section.get("options")
+    if stated and (given is None or isinstance(given, Mapping)):
+        section["options"] = {**stated, **(given or {})}
+    return section
+
+
+def _with_effect(stated: Mapping[str, Any], policy: object) -> dict[str, Any]:
+    """The settings of a section of 0.2 that its policy uses."""
+    if policy == PAPER:
+        return {**_DEFAULTS_0_2, **stated}
+    if policy != COMMITTED:
+        return {}
+    used = {name: value for name, value in stated.items() if name in CommittedOptions.model_fields}
+    separation = used.get("separation")
+    if separation == _REPULSION:
+        used["separation"] = "none"
+    elif isinstance(separation, list | tuple):
+        used["separation"] = [mechanism for mechanism in separation if mechanism != _REPULSION]
+    return used

@@ -1,0 +1,214 @@
+"""The section `patrol`: what holds for every policy, and the settings of the built-in ones.
+
+    patrol: {give_way: false}                                         committed, with its defaults
+    patrol: {policy: potential-field, options: {direction: vector}}   the paper's policy
+    patrol: {policy: ./mine.py:Mine, options: {near: 4}}              a policy of one's own, which checks its options
+
+The section is one of three models, chosen by `policy`. The settings of a built-in policy are checked with the rest of
+the scenario; those of any other when a run finds its class (`agent.policies.found`).
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
+
+from patrol.scenario.policy_file import COMMITTED, PAPER, policy_file
+from patrol.values.section import Section, absolute, wrong
+from patrol.values.types import (
+    AUTO,
+    SEPARATIONS,
+    AutoNotNegative,
+    AutoPositive,
+    Digest,
+    Exponent,
+    Flag,
+    NotNegative,
+    PolicyText,
+    Polygons,
+    Positive,
+    Probability,
+    Sectors,
+    Separation,
+    Tolerance,
+)
+
+
+class FieldOptions(Section):
+    """Settings of both built-in policies: the law of attraction, how robots keep apart, and random steps."""
+
+    fow: Literal["f1", "f2", "f3", "f4", "f5"] = Field("f3", description="f1..f5, force of a point's staleness")
+    distance: Literal["g1", "g2", "g3", "g4", "g5"] = Field("g4", description="g1..g5, fall of the force with distance")
+    alpha: Exponent = Field(40.0, description="weight of staleness in f")
+    beta: Positive = Field(4000.0, description="spread of g4, in squared points of 0.1 m for any `point`")
+    length: Positive = Field(800.0, description="l of g3 and g5, in points of 0.1 m for any `point`")
+    paths: Literal["wave", "straight", "regions"] = Field(
+        "wave", description="wave (round obstacles) | straight | regions (straight within convex regions)"
+    )
+    regions: Polygons | None = Field(None, description="m, convex polygons; null: found automatically")
+    separation: Separation = Field("claims", description=SEPARATIONS)
+    random_move: Probability = Field(
+        0.02, description="probability of a random step in a tick, so that patrols stay unpredictable"
+    )
+    random_move_for: Literal["holonomic", "all"] = Field(
+        "all", description="holonomic | all, the bodies that make random steps; the paper's cars make none"
+    )
+    claim_width: Positive = Field(0.3, description="m, width s of the claims")
+    obstacle_radius: AutoPositive = Field(
+        AUTO, description="m, of the artificial obstacle at each other robot; auto: 5 radii"
+    )
+    critical_areas: Polygons | None = Field(None, description="m, polygons; null: narrow passages")
+    critical_width: AutoPositive = Field(
+        AUTO, description="m, passages narrower than this are critical areas; auto: 8 radii"
+    )
+
+    @property
+    def separations(self) -> tuple[str, ...]:
+        """The mechanisms in use, none when there are none."""
+        chosen = (self.separation,) if isinstance(self.separation, str) else self.separation
+        return tuple(name for name in chosen if name != "none")
+
+
+class CommittedOptions(FieldOptions):
+    """Settings of `committed`: one place is chosen, and kept until it has been seen."""
+
+    separation: Separation = Field("claims", description="none | claims | artificial-obstacles | semaphores, or a list")
+
+    @model_validator(mode="after")
+    def _has_no_forces(self) -> Self:
+        if "repulsion" in self.separations:
+            raise wrong("separation", f"repulsion changes sums of forces, which only {PAPER} has; choose another")
+        return self
+
+
+class PotentialFieldOptions(FieldOptions):
+    """Settings of `potential-field`: the paper's rules, with its switches."""
+
+    direction: Literal["mode", "vector"] = Field("mode", description="mode (strongest sector) | vector (sum)")
+    sectors: Sectors = Field(8, description="number of sectors that mode chooses from")
+    reach: Literal["paper", "area"] = Field(
+        "paper", description="paper | area (farther on larger ground), how far g reaches"
+    )
+    dilatation: AutoNotNegative = Field(AUTO, description="m, how far staleness spreads; 0: not at all; auto: 5 radii")
+    separation: Separation = Field("none", description=SEPARATIONS)
+    random_move: Probability = Field(
+        0.1, description="probability of a random step in a tick, so that patrols stay unpredictable"
+    )
+    random_move_for: Literal["holonomic", "all"] = Field(
+        "holonomic", description="holonomic | all, the bodies that make random steps; the paper's cars make none"
+    )
+    repulsion: NotNegative = Field(0.5, description="repulsion of a robot nearby, as a share of all attraction")
+    repulsion_reach: Positive = Field(10.0, description="m, distance over which the repulsion falls")
+    fuzzy: Flag = Field(False, description="obstacles nearby weaken their sector (with direction: mode)")
+    fuzzy_distance: AutoPositive = Field(
+        AUTO, description="m, R_0: nearer obstacles weaken their sector; auto: 5.5 radii"
+    )
+    tolerance: Tolerance = Field(1e-16, description="relative error by leaving out far points; 0: none left out")
+
+    @model_validator(mode="after")
+    def _fuzzy_weakens_sectors(self) -> Self:
+        if self.fuzzy and self.direction != "mode":
+            raise wrong("fuzzy", "weakens sectors, and direction is vector; set direction to mode")
+        return self
+
+
+POLICY = (
+    "committed | potential-field (the paper's) | package.module:Class | ./file.py:Class beside this file | entry point"
+)
+"""What `policy` may be."""
+
+
+class PatrolSpec(Section):
+    """How a robot decides where to go, and how it gets there."""
+
+    policy: PolicyText = Field(COMMITTED, description=POLICY)
+    policy_sha256: Digest | None = Field(None, description="of the policy's file; filled in when this file is loaded")
+    options: Any = Field(None, description="settings of the policy, by name")
+    avoidance: Literal["none", "goal-refinement"] = Field(
+        "goal-refinement", description="none | goal-refinement (a goal moves away from obstacles)"
+    )
+    give_way: Flag = Field(True, description="of two robots that bumped, one goes round the other")
+    manoeuvres: Flag = Field(
+        True, description="cars make three-point turns and back out; all find back to the ground of routes"
+    )
+    goal_distance: AutoPositive = Field(
+        AUTO, description="m, from the robot to its goal; auto: 2.5 strides, at least 5.5 radii"
+    )
+    refine_side: AutoPositive = Field(
+        AUTO, description="m, side of the square in which the goal is refined; auto: 2 radii"
+    )
+    refine_reach: AutoPositive = Field(
+        AUTO, description="m, reach of the obstacle field psi that refines the goal; auto: 10 radii"
+    )
+    surround_distance: AutoPositive = Field(
+        AUTO, description="m, from an intruder to the robots around it; auto: 8 radii, at most 0.8 sensor ranges"
+    )
+    surround_repulsion: NotNegative = Field(0.3, description="repulsion of a robot nearby, as a share of attraction")
+    contact_memory: NotNegative = Field(
+        5.0, description="s after the last report of an intruder until patrolling resumes"
+    )
+
+    @field_validator("policy")
+    @classmethod
+    def _from_the_files_folder(cls, value: str, info: ValidationInfo) -> str:
+        path = policy_file(value)
+        return value if path is None else f"{absolute(str(path), info)}:{value.rpartition(':')[2]}"
+
+    @model_validator(mode="after")
+    def _a_file_has_a_hash(self) -> Self:
+        if self.policy_sha256 is not None and policy_file(self.policy) is None:
+            raise wrong("policy_sha256", "only a policy that is a file has a hash; drop it")
+        return self
+
+    @property
+    def critical_areas(self) -> Polygons | None:
+        """The semaphores' areas where the policy's settings state them, m."""
+        return self.options.critical_areas if isinstance(self.options, FieldOptions) else None
+
+    @property
+    def regions(self) -> Polygons | None:
+        """The regions where the policy's settings state them, m."""
+        return self.options.regions if isinstance(self.options, FieldOptions) else None
+
+    @property
+    def paths(self) -> Literal["wave", "straight", "regions"]:
+        """How the policy measures ways; those of one's own use the wave."""
+        return self.options.paths if isinstance(self.options, FieldOptions) else "wave"
+
+
+class CommittedPatrol(PatrolSpec):
+    """The section with the default policy."""
+
+    policy: Literal["committed"] = Field(COMMITTED, description=POLICY)
+    options: CommittedOptions = Field(default_factory=CommittedOptions, description="settings of committed")
+
+
+class PaperPatrol(PatrolSpec):
+    """The section with the paper's policy."""
+
+    policy: Literal["potential-field"] = Field(PAPER, description=POLICY)
+    options: PotentialFieldOptions = Field(
+        default_factory=PotentialFieldOptions, description="settings of potential-field"
+    )
+
+
+class OwnPatrol(PatrolSpec):
+    """The section with a policy of one's own."""
+
+    policy: PolicyText = Field(description=POLICY)
+    options: dict[str, Any] | None = Field(None, description="settings of a policy of one's own, by name")
+
+
+def _tag(section: Any) -> str:
+    policy = section.get("policy", COMMITTED) if isinstance(section, dict) else getattr(section, "policy", COMMITTED)
+    return f"={policy}" if policy in (COMMITTED, PAPER) else "=own"
+
+
+Patrol = Annotated[
+    Annotated[CommittedPatrol, Tag("=committed")]
+    | Annotated[PaperPatrol, Tag("=potential-field")]
+    | Annotated[OwnPatrol, Tag("=own")],
+    Discriminator(_tag),
+]
+"""The section `patrol` of a scenario."""

@@ -1,0 +1,146 @@
+"""Sections `patrol` of earlier versions: what they come to, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from patrol.errors import BadInput
+from patrol.scenario import (
+    CommittedOptions,
+    PotentialFieldOptions,
+    Scenario,
+    as_mapping,
+    dump_scenario,
+    load_scenario,
+    parse_overrides,
+)
+
+YARDS: dict[str, Any] = {"terrain": {"builtin": "yards"}}
+RESOLVED_0_2: dict[str, Any] = {
+    "policy": "potential-field",
+    "fow": "f3",
+    "distance": "g4",
+    "alpha": 40.0,
+    "beta": 4000.0,
+    "length": 800.0,
+    "paths": "wave",
+    "commitment": "target",
+    "direction": "mode",
+    "sectors": 8,
+    "reach": "paper",
+    "dilatation": 5.0,
+    "avoidance": "goal-refinement",
+    "separation": "claims",
+    "random_move": 0.02,
+    "random_move_for": "all",
+    "give_way": True,
+    "manoeuvres": True,
+    "claim_width": 0.3,
+    "obstacle_radius": 5.0,
+    "critical_width": 8.0,
+    "repulsion": 0.5,
+    "repulsion_reach": 10.0,
+    "fuzzy_distance": 5.5,
+    "goal_distance": 5.5,
+    "refine_side": 2.0,
+    "refine_reach": 10.0,
+    "surround_distance": 8.0,
+    "surround_repulsion": 0.3,
+    "contact_memory": 5.0,
+    "tolerance": 1e-16,
+}
+"""The section of a `scenario.yaml` that 0.2 wrote into the folder of a run with its defaults."""
+
+
+def read(**patrol: Any) -> Scenario:
+    return load_scenario({**YARDS, "patrol": patrol})
+
+
+def test_a_run_folder_of_0_2_means_what_it_meant() -> None:
+    assert read(**RESOLVED_0_2) == load_scenario(YARDS)
+
+
+def test_so_does_one_that_followed_the_paper() -> None:
+    scenario = read(**{**RESOLVED_0_2, "commitment": "none", "dilatation": 2.0, "avoidance": "fuzzy", "tolerance": 0})
+    options = scenario.patrol.options
+    assert isinstance(options, PotentialFieldOptions)
+    assert (options.dilatation, options.fuzzy, options.tolerance, options.separation) == (2.0, True, 0.0, "claims")
+    assert (options.random_move, options.random_move_for) == (0.02, "all")
+    assert scenario.patrol.avoidance == "none"
+
+
+def test_what_a_file_of_0_2_leaves_out_has_the_defaults_of_0_2() -> None:
+    options = read(commitment="none", alpha=3).patrol.options
+    assert isinstance(options, PotentialFieldOptions)
+    assert (options.alpha, options.separation, options.random_move, options.random_move_for) == (
+        3.0,
+        "claims",
+        0.02,
+        "all",
+    )
+
+
+def test_a_section_that_does_not_state_commitment_has_the_policy_that_it_names() -> None:
+    assert isinstance(read(alpha=3).patrol.options, CommittedOptions)
+    assert isinstance(read(policy="potential-field", alpha=3).patrol.options, PotentialFieldOptions)
+
+
+@pytest.mark.parametrize(("stated", "kept"), [("repulsion", "none"), (["claims", "repulsion"], ("claims",))])
+def test_repulsion_did_nothing_for_a_committed_robot(stated: Any, kept: Any) -> None:
+    options = read(commitment="target", separation=stated).patrol.options
+    assert isinstance(options, CommittedOptions)
+    assert options.separation == kept
+
+
+def test_settings_that_a_policy_of_ones_own_never_had_are_left_out(tmp_path: Path) -> None:
+    policy = tmp_path / "mine.py"
+    policy.write_text("class Mine:\n    def decide(self, view): ...\n", encoding="utf-8")
+    scenario = read(**{**RESOLVED_0_2, "policy": f"{policy}:Mine", "options": {"near": 3}})
+    assert scenario.patrol.options == {"near": 3}
+
+
+def test_overrides_of_0_2_go_where_the_fields_are() -> None:
+    options = load_scenario(YARDS, parse_overrides(["patrol.commitment=none", "patrol.sectors=16"])).patrol.options
+    assert isinstance(options, PotentialFieldOptions)
+    assert options.sectors == 16
+    over_a_file = load_scenario({**YARDS, "patrol": RESOLVED_0_2}, {"patrol.alpha": 2}).patrol.options
+    assert isinstance(over_a_file, CommittedOptions)
+    assert over_a_file.alpha == 2.0
+
+
+def test_another_policy_does_not_take_over_the_settings_of_the_one_that_it_replaces() -> None:
+    scenario = load_scenario({**YARDS, "patrol": {"options": {"alpha": 3}}}, {"patrol.policy": "potential-field"})
+    assert scenario == load_scenario({**YARDS, "patrol": {"policy": "potential-field"}})
+    same = load_scenario({**YARDS, "patrol": {"options": {"alpha": 3}}}, {"patrol.policy": "committed"})
+    assert as_mapping(same)["patrol"]["options"]["alpha"] == 3.0
+
+
+@pytest.mark.parametrize(
+    ("patrol", "expected"),
+    [
+        ({"dilatation": 2}, "patrol.options.dilatation: does nothing for the policy committed; leave it out, or set"),
+        ({"avoidance": "fuzzy"}, "patrol.options.fuzzy: does nothing for the policy committed"),
+        ({"commitment": "maybe"}, "patrol.commitment: unknown key"),
+        ({"commitment": "none", "sectors": 0}, "patrol.options.sectors = 0: expected"),
+    ],
+)
+def test_what_is_refused(patrol: dict[str, Any], expected: str) -> None:
+    with pytest.raises(BadInput) as refused:
+        read(**patrol)
+    assert expected in str(refused.value)
+
+
+def test_a_mistake_in_a_file_of_0_2_is_named_with_its_line(tmp_path: Path) -> None:
+    file = tmp_path / "old.yaml"
+    file.write_text("terrain: {builtin: yards}\npatrol:\n  commitment: none\n  sectors: 0\n", encoding="utf-8")
+    with pytest.raises(BadInput, match=r"line 4: patrol\.options\.sectors = 0"):
+        load_scenario(file)
+
+
+def test_what_is_written_is_this_version() -> None:
+    text = dump_scenario(read(**RESOLVED_0_2))
+    assert "commitment" not in text
+    assert "  policy: committed " in text
