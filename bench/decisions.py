@@ -46,7 +46,7 @@ class Patrol:
             scenario: The fleet's.
         """
         prepared = prepare(scenario)
-        self._mind = make_minds(prepared)[1]  # made apart, so that it shares no belief with the others
+        self._mind = make_minds(prepared)[1]  # made apart: as in a process, it shares no memory with the others
         self._fleet = InProcessFleet({**make_minds(prepared), 1: self._mind})
         self._world = World(prepared)
         self._decision: Decision | None = None

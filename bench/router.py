@@ -80,7 +80,7 @@ class Load:
         return _spent(router) - begun_s
 
     def bytes_sent(self, loops: int) -> float:
-        """Return the bytes that this machine has sent to itself, headers of TCP and IP included.
+        """Return the bytes that this machine has sent to itself, with headers, other processes included.
 
         Args:
             loops: How many times `BYTE_ROUNDS` rounds.
