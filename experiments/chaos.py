@@ -185,16 +185,14 @@ def _sensor(dice: Draws) -> dict[str, Any]:
 def _patrol(dice: Draws) -> dict[str, Any]:
     policy = dice.choice("committed", "potential-field")
     mechanisms = ["claims", "artificial-obstacles", "semaphores"]
-    options: dict[str, Any] = {
-        "fow": dice.choice("f1", "f2", "f3", "f4", "f5"),
-        "distance": dice.choice("g1", "g2", "g3", "g4", "g5"),
-        "paths": dice.choice("wave", "straight", "regions"),
-        "random_move": dice.between(0.0, 0.3),
-    }
+    options: dict[str, Any] = {"random_move": dice.between(0.0, 0.3)}
     if policy == "potential-field":
         mechanisms.append("repulsion")
         direction = dice.choice("mode", "mode", "vector")
         options |= {
+            "fow": dice.choice("f1", "f2", "f3", "f4", "f5"),
+            "distance": dice.choice("g1", "g2", "g3", "g4", "g5"),
+            "paths": dice.choice("wave", "straight", "regions"),
             "direction": direction,
             "sectors": dice.choice(8, 5, 16),
             "dilatation": dice.choice(0, 3, 5),

@@ -21,7 +21,7 @@ from pydantic import BaseModel, ValidationError
 
 from agent.ports import Policy, PolicySetup
 from patrol.errors import BadInput, did_you_mean
-from patrol.scenario.policies import FieldOptions
+from patrol.scenario.policies import PatrolOptions
 from patrol.scenario.policy_file import COMMITTED, PAPER, policy_digest, policy_file
 
 if TYPE_CHECKING:
@@ -161,7 +161,7 @@ def _module_of(path: Path, patrol: PatrolSpec) -> Any:
 
 
 def _options(patrol: PatrolSpec, found: Any) -> Any:
-    if isinstance(patrol.options, FieldOptions):
+    if isinstance(patrol.options, PatrolOptions):
         return patrol.options
     given = dict(patrol.options or {})
     model = getattr(found, "Options", None)

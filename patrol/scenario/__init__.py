@@ -16,7 +16,7 @@ from patrol.scenario.load import (
 from patrol.scenario.model import Scenario
 from patrol.scenario.policies import (
     CommittedOptions,
-    FieldOptions,
+    PatrolOptions,
     PatrolSpec,
     PotentialFieldOptions,
 )
@@ -36,8 +36,8 @@ __all__ = [
     "MAX_ROBOTS",
     "BodyLengths",
     "CommittedOptions",
-    "FieldOptions",
     "IntruderSpec",
+    "PatrolOptions",
     "PatrolSpec",
     "PotentialFieldOptions",
     "RadioSpec",

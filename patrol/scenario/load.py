@@ -31,7 +31,7 @@ from patrol.scenario.lengths import FIELDS, OPTIONS
 from patrol.scenario.model import Scenario
 from patrol.scenario.nemesis import written_out
 from patrol.scenario.older import translate_field, translate_patrol
-from patrol.scenario.policies import FieldOptions
+from patrol.scenario.policies import PatrolOptions
 from patrol.scenario.policy_file import COMMITTED, policy_digest, policy_file
 from patrol.scenario.robots import RobotSpec
 from patrol.scenario.sections import RobotEntry, RobotGroup
@@ -381,7 +381,7 @@ def _with_lengths(scenario: Scenario) -> Scenario:
     """The scenario with a number for each length that follows the body and is the same for all robots."""
     patrol = scenario.patrol
     common = _common_lengths(scenario, FIELDS, patrol)
-    if isinstance(patrol.options, FieldOptions):
+    if isinstance(patrol.options, PatrolOptions):
         common["options"] = patrol.options.model_copy(update=_common_lengths(scenario, OPTIONS, patrol.options))
     return scenario.model_copy(update={"patrol": patrol.model_copy(update=common)}) if common else scenario
 

@@ -35,18 +35,9 @@ from patrol.values.types import (
 )
 
 
-class FieldOptions(Section):
-    """Settings of both built-in policies: the law of attraction, how robots keep apart, and random steps."""
+class PatrolOptions(Section):
+    """Settings of both built-in policies: how robots keep apart, and random steps."""
 
-    fow: Literal["f1", "f2", "f3", "f4", "f5"] = Field("f3", description="f1..f5, force of a point's staleness")
-    distance: Literal["g1", "g2", "g3", "g4", "g5"] = Field("g4", description="g1..g5, fall of the force with distance")
-    alpha: Exponent = Field(40.0, description="weight of staleness in f")
-    beta: Positive = Field(4000.0, description="spread of g4, in squared points of 0.1 m for any `point`")
-    length: Positive = Field(800.0, description="l of g3 and g5, in points of 0.1 m for any `point`")
-    paths: Literal["wave", "straight", "regions"] = Field(
-        "wave", description="wave (round obstacles) | straight | regions (straight within convex regions)"
-    )
-    regions: Polygons | None = Field(None, description="m, convex polygons; null: found automatically")
     separation: Separation = Field("claims", description=SEPARATIONS)
     random_move: Probability = Field(
         0.02, description="probability of a random step in a tick, so that patrols stay unpredictable"
@@ -54,7 +45,6 @@ class FieldOptions(Section):
     random_move_for: Literal["holonomic", "all"] = Field(
         "all", description="holonomic | all, the bodies that make random steps; the paper's cars make none"
     )
-    claim_width: Positive = Field(0.3, description="m, width s of the claims")
     obstacle_radius: AutoPositive = Field(
         AUTO, description="m, of the artificial obstacle at each other robot; auto: 5 radii"
     )
@@ -70,7 +60,7 @@ class FieldOptions(Section):
         return tuple(name for name in chosen if name != "none")
 
 
-class CommittedOptions(FieldOptions):
+class CommittedOptions(PatrolOptions):
     """Settings of `committed`: one place is chosen, and kept until it has been seen."""
 
     separation: Separation = Field("claims", description="none | claims | artificial-obstacles | semaphores, or a list")
@@ -82,9 +72,18 @@ class CommittedOptions(FieldOptions):
         return self
 
 
-class PotentialFieldOptions(FieldOptions):
+class PotentialFieldOptions(PatrolOptions):
     """Settings of `potential-field`: the paper's rules, with its switches."""
 
+    fow: Literal["f1", "f2", "f3", "f4", "f5"] = Field("f3", description="f1..f5, force of a point's staleness")
+    distance: Literal["g1", "g2", "g3", "g4", "g5"] = Field("g4", description="g1..g5, fall of the force with distance")
+    alpha: Exponent = Field(40.0, description="weight of staleness in f")
+    beta: Positive = Field(4000.0, description="spread of g4, in squared points of 0.1 m for any `point`")
+    length: Positive = Field(800.0, description="l of g3 and g5, in points of 0.1 m for any `point`")
+    paths: Literal["wave", "straight", "regions"] = Field(
+        "wave", description="wave (round obstacles) | straight | regions (straight within convex regions)"
+    )
+    regions: Polygons | None = Field(None, description="m, convex polygons; null: found automatically")
     direction: Literal["mode", "vector"] = Field("mode", description="mode (strongest sector) | vector (sum)")
     sectors: Sectors = Field(8, description="number of sectors that mode chooses from")
     reach: Literal["paper", "area"] = Field(
@@ -98,6 +97,7 @@ class PotentialFieldOptions(FieldOptions):
     random_move_for: Literal["holonomic", "all"] = Field(
         "holonomic", description="holonomic | all, the bodies that make random steps; the paper's cars make none"
     )
+    claim_width: Positive = Field(0.3, description="m, width s of the claims")
     repulsion: NotNegative = Field(0.5, description="repulsion of a robot nearby, as a share of all attraction")
     repulsion_reach: Positive = Field(10.0, description="m, distance over which the repulsion falls")
     fuzzy: Flag = Field(False, description="obstacles nearby weaken their sector (with direction: mode)")
@@ -164,17 +164,17 @@ class PatrolSpec(Section):
     @property
     def critical_areas(self) -> Polygons | None:
         """The semaphores' areas where the policy's settings state them, m."""
-        return self.options.critical_areas if isinstance(self.options, FieldOptions) else None
+        return self.options.critical_areas if isinstance(self.options, PatrolOptions) else None
 
     @property
     def regions(self) -> Polygons | None:
         """The regions where the policy's settings state them, m."""
-        return self.options.regions if isinstance(self.options, FieldOptions) else None
+        return self.options.regions if isinstance(self.options, PotentialFieldOptions) else None
 
     @property
     def paths(self) -> Literal["wave", "straight", "regions"]:
-        """How the policy measures ways; those of one's own use the wave."""
-        return self.options.paths if isinstance(self.options, FieldOptions) else "wave"
+        """How the policy measures ways; all but `potential-field` use the wave."""
+        return self.options.paths if isinstance(self.options, PotentialFieldOptions) else "wave"
 
 
 class CommittedPatrol(PatrolSpec):

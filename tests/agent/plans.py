@@ -34,6 +34,17 @@ def plan(size: Spot, *free: tuple[float, float, float, float], point: float = PO
     return Terrain("plan", passable, point)
 
 
+def cluttered(seed: int, shape: tuple[int, int], blocks: int, point: float = 0.25) -> Terrain:
+    """Blocks on a plain, none of them near the corners."""
+    dice = np.random.default_rng(seed)
+    passable = np.ones(shape, dtype=np.bool_)
+    for _ in range(blocks):
+        row, col = (int(dice.integers(6, size - 6)) for size in shape)
+        high, wide = (int(extent) for extent in dice.integers(1, 9, 2))
+        passable[row : row + high, col : min(col + wide, shape[1] - 6)] = False
+    return Terrain("cluttered", passable, point)
+
+
 def prepared_in(
     terrain: Terrain,
     starts: Sequence[Pose],

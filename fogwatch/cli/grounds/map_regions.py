@@ -49,7 +49,7 @@ def regions(
 ) -> None:
     """Split a map into convex regions, or check the regions that a scenario gives.
 
-    Robots use them with patrol.options.paths: regions.
+    Robots use them with the policy potential-field and patrol.options.paths: regions.
     """
     overrides: dict[str, object] = {}
     for name, value in (("point", point), ("radius", radius)):
@@ -125,7 +125,7 @@ def _count(count: int, what: str) -> str:
 def _write(out: Path, split: RegionSplit) -> None:
     """Write the polygons as YAML for a scenario file, to the millimetre."""
     corners = [", ".join(f"[{x:.3f}, {y:.3f}]" for x, y in polygon) for polygon in split.polygons]
-    begin = ["patrol:", "  options:", "    paths: regions", "    regions: # m"]
+    begin = ["patrol:", "  policy: potential-field", "  options:", "    paths: regions", "    regions: # m"]
     lines = [*begin, *(f"      - [{each}]" for each in corners), ""]
     try:
         out.write_text("\n".join(lines), encoding="utf-8")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -300,7 +301,7 @@ def test_a_scenario_is_prepared_with_a_split_for_each_body(tmp_path: Path) -> No
             "terrain": {"builtin": "yards"},
             "point": 0.5,
             "robots": [{"radius": 1.0}, {"radius": 0.4, "model": "holonomic"}, {"radius": 1.0}],
-            "patrol": {"options": {"paths": "regions"}},
+            "patrol": {"policy": "potential-field", "options": {"paths": "regions"}},
         }
     )
     prepared = prepare(scenario)
@@ -328,11 +329,20 @@ def test_other_paths_need_no_regions(tmp_path: Path) -> None:
     assert Prepared.load(scenario, tmp_path / "static").regions is None
 
 
+def by_regions(polygons: Any) -> dict[str, Any]:
+    """A scenario's section `patrol` with these regions."""
+    return {"policy": "potential-field", "options": {"paths": "regions", "regions": polygons}}
+
+
 def test_a_scenarios_own_regions_are_used_and_checked() -> None:
-    raw = {"terrain": {"builtin": "yards"}, "point": 0.5, "patrol": {"options": {"paths": "regions", "regions": YARDS}}}
+    raw = {
+        "terrain": {"builtin": "yards"},
+        "point": 0.5,
+        "patrol": by_regions(YARDS),
+    }
     regions = prepare(load_scenario(raw)).regions
     assert regions is not None
     assert len(regions[1].polygons) == 5
     assert any((20.0, 48.0) in polygon for polygon in regions[1].polygons)
     with pytest.raises(BadInput, match="lie in no region"):
-        prepare(load_scenario({**raw, "patrol": {"options": {"paths": "regions", "regions": YARDS[:4]}}}))
+        prepare(load_scenario({**raw, "patrol": by_regions(YARDS[:4])}))

@@ -51,6 +51,8 @@ def test_what_must_be_above_zero_is_a_number_above_zero(field: str, value: objec
     raw: Any = value
     for key in reversed(field.split(".")):
         raw = {key: raw}
+    if "options" in raw.get("patrol", {}):
+        raw["patrol"]["policy"] = "potential-field"
     message = problem({**YARDS, **raw})
     assert message.startswith(f"scenario: {field}")
     assert " = " in message
@@ -121,10 +123,13 @@ def test_what_may_be_zero_is_never_negative(field: str) -> None:
         ({"sensor": {"quality": [[1, 0.5], [2, 0]]}}, "scenario: sensor.quality.1 = [2, 0]: expected [distance in m,"),
         ({"sensor": {"quality": [[1, 1], [1, 1]]}}, "expected distances that increase along the list"),
         (
-            {"patrol": {"options": {"paths": "region"}}},
+            {"patrol": {"policy": "potential-field", "options": {"paths": "region"}}},
             'scenario: patrol.options.paths = "region": expected wave, straight or regions; did you mean regions?',
         ),
-        ({"patrol": {"options": {"fow": "f6"}}}, 'scenario: patrol.options.fow = "f6": expected f1, f2, f3, f4 or f5'),
+        (
+            {"patrol": {"policy": "potential-field", "options": {"fow": "f6"}}},
+            'scenario: patrol.options.fow = "f6": expected f1, f2, f3, f4 or f5',
+        ),
         (
             {"patrol": {"policy": "my policy"}},
             'patrol.policy = "my policy": expected committed, potential-field, package.module',
@@ -145,7 +150,7 @@ def test_what_may_be_zero_is_never_negative(field: str) -> None:
             {"patrol": {"policy": "potential-field", "options": {"alpah": 2}}},
             "scenario: patrol.options.alpah: unknown key; did you mean alpha?",
         ),
-        ({"patrol": {"options": 3}}, "scenario: patrol.options = 3: expected keys and values (fow, distance, alpha"),
+        ({"patrol": {"options": 3}}, "scenario: patrol.options = 3: expected keys and values (separation, random_move"),
         (
             {"patrol": {"refine_side": 12}},
             "scenario: patrol.refine_side = 12: the square must not reach behind the robot",
@@ -217,11 +222,7 @@ def test_no_mapping_raises_anything_but_bad_input(raw: dict[str, Any]) -> None:
     ("field", "value", "expected"),
     [
         ("patrol.dilation", "1", "override patrol.dilation: unknown key; did you mean patrol.options.dilatation?"),
-        (
-            "patrol.alpha",
-            "-1",
-            "override patrol.options.alpha = -1: expected a number above 0 and at most 600 (weight of",
-        ),
+        ("patrol.random_move", "-1", "override patrol.options.random_move = -1: expected a number from 0 to 1 ("),
         ("sensor", "{range: -1}", "override sensor.range = -1: expected"),
         ("patrol", "3", "override patrol = 3: expected keys and values"),
         ("sensor.range", "[", "override sensor.range: line 1, column 2"),

@@ -37,7 +37,7 @@ robots: {count: 5, model: car, speed: 4.4, radius: 1.0, turning_radius: 3.5}
 sensor: {range: 10, angle: 360, line_of_sight: true, quality: 1.0}
 patrol:
   policy: committed
-  options: {fow: f3, distance: g4, alpha: 40, beta: 4000, length: 800, paths: wave, separation: claims}
+  options: {separation: claims, random_move: 0.02}
   avoidance: goal-refinement
 radio: {trail: 0, key: null, forget_after: 10}
 faults: []
@@ -178,7 +178,7 @@ def test_a_scenario_cannot_be_changed() -> None:
 def test_reading_leaves_the_callers_mapping_alone() -> None:
     raw = {"terrain": {"builtin": "yards"}, "robots": [{"speed": 1}]}
     before = json.dumps(raw)
-    load_scenario(raw, {"robots.0.speed": "2", "patrol.alpha": 3})
+    load_scenario(raw, {"robots.0.speed": "2", "patrol.goal_distance": 3})
     assert json.dumps(raw) == before
 
 
@@ -341,7 +341,15 @@ def test_the_hash_is_of_the_meaning(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "field",
-    ["seed=8", "point=0.2", "pace=realtime", "robots.count=4", "robots.starts=[[1,2]]", "radio.key=a", "patrol.fow=f4"],
+    [
+        "seed=8",
+        "point=0.2",
+        "pace=realtime",
+        "robots.count=4",
+        "robots.starts=[[1,2]]",
+        "radio.key=a",
+        "patrol.random_move=0",
+    ],
 )
 def test_the_hash_changes_with_the_meaning(field: str) -> None:
     assert scenario_hash(load_scenario(YARDS, parse_overrides([field]))) != scenario_hash(load_scenario(YARDS))

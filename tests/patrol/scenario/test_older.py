@@ -84,7 +84,7 @@ def test_what_a_file_of_0_2_leaves_out_has_the_defaults_of_0_2() -> None:
 
 
 def test_a_section_that_does_not_state_commitment_has_the_policy_that_it_names() -> None:
-    assert isinstance(read(alpha=3).patrol.options, CommittedOptions)
+    assert isinstance(read(separation="none").patrol.options, CommittedOptions)
     assert isinstance(read(policy="potential-field", alpha=3).patrol.options, PotentialFieldOptions)
 
 
@@ -106,16 +106,17 @@ def test_overrides_of_0_2_go_where_the_fields_are() -> None:
     options = load_scenario(YARDS, parse_overrides(["patrol.commitment=none", "patrol.sectors=16"])).patrol.options
     assert isinstance(options, PotentialFieldOptions)
     assert options.sectors == 16
-    over_a_file = load_scenario({**YARDS, "patrol": RESOLVED_0_2}, {"patrol.alpha": 2}).patrol.options
+    over_a_file = load_scenario({**YARDS, "patrol": RESOLVED_0_2}, {"patrol.separation": "none"}).patrol.options
     assert isinstance(over_a_file, CommittedOptions)
-    assert over_a_file.alpha == 2.0
+    assert over_a_file.separation == "none"
 
 
 def test_another_policy_does_not_take_over_the_settings_of_the_one_that_it_replaces() -> None:
-    scenario = load_scenario({**YARDS, "patrol": {"options": {"alpha": 3}}}, {"patrol.policy": "potential-field"})
-    assert scenario == load_scenario({**YARDS, "patrol": {"policy": "potential-field"}})
-    same = load_scenario({**YARDS, "patrol": {"options": {"alpha": 3}}}, {"patrol.policy": "committed"})
-    assert as_mapping(same)["patrol"]["options"]["alpha"] == 3.0
+    stated = {**YARDS, "patrol": {"options": {"random_move": 0.5}}}
+    replaced = load_scenario(stated, {"patrol.policy": "potential-field"})
+    assert replaced == load_scenario({**YARDS, "patrol": {"policy": "potential-field"}})
+    same = load_scenario(stated, {"patrol.policy": "committed"})
+    assert as_mapping(same)["patrol"]["options"]["random_move"] == 0.5
 
 
 @pytest.mark.parametrize(

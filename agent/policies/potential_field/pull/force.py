@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.scenario import FieldOptions, PotentialFieldOptions
+from patrol.scenario import PotentialFieldOptions
 
 PAPER_POINT = 0.1
 """Side in m of the paper's points; alpha, beta and l refer to it."""
@@ -166,7 +166,7 @@ WITHIN_REACH = 0.75
 age."""
 
 
-def law_reach(options: FieldOptions, point: float, longest: int) -> float:
+def law_reach(options: PotentialFieldOptions, point: float, longest: int) -> float:
     """The reach of a law: the way at which the stalest point pulls as hard as a fresher one close by.
 
     Args:

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 from agent.build import build_mind
+from agent.policies.committed.given_up import LEFT_OUT_S, GivenUp
 from agent.policies.committed.policy import (
     AT_HAND_S,
     NO_NEARER_S,
     Committed,
+    Target,
 )
-from agent.policies.committed.shunned import LONGEST_SHUNNED_S, MOST_SHUNNED, SHUNNED_S
-from agent.policies.committed.target import Target
 from agent.policies.surround.surround import Surround
 from patrol.ground.terrain import Terrain
 from patrol.pose import MODELS, Pose
@@ -41,12 +41,11 @@ def alone(
     start: Pose = CORNER,
     model: str = "holonomic",
     *,
-    patrol: Mapping[str, Any] | None = None,
     sensor: Mapping[str, Any] | None = None,
 ) -> Prepared:
     robots = {**BASE, "model": model, **({"turning_radius": 1.0} if model == "car" else {})}
     sees = {"range": 3.0, **(sensor or {})}
-    return prepared_in(terrain, [start], robots, patrol={**CALM, **(patrol or {})}, sensor=sees)
+    return prepared_in(terrain, [start], robots, patrol={"options": CALM}, sensor=sees)
 
 
 def policy_of(robots: Robots, robot: int = 0) -> Committed:
@@ -119,26 +118,6 @@ def test_without_an_age_nothing_pulls() -> None:
     assert target_of(robots) is not None
 
 
-def test_a_car_goes_only_as_far_as_its_target_comes_into_sight() -> None:
-    robots = Robots(alone(two_rooms(), model="car"))
-    for _ in range(2):
-        robots.tick()
-    target = target_of(robots)
-    assert target is not None
-    assert target.stand != target.close
-    assert math.dist(target.stand, target.point) * POINT <= 3.0
-
-
-@pytest.mark.parametrize("model", ["holonomic", "differential"])
-def test_a_body_that_reaches_points_exactly_does_not_stop_short_of_its_target(model: str) -> None:
-    robots = Robots(alone(two_rooms(), model=model))
-    for _ in range(2):
-        robots.tick()
-    target = target_of(robots)
-    assert target is not None
-    assert target.stand == target.close
-
-
 # --- giving up -------------------------------------------------------------------------------------------------------
 
 
@@ -164,43 +143,27 @@ def test_who_comes_no_nearer_gives_up_and_leaves_the_place_out() -> None:
     waits = np.diff([robots.held_from, *(change.k for change in stuck)]) * STEP
     assert (waits >= AT_HAND_S).all()
     assert (waits <= AT_HAND_S + NO_NEARER_S + 2.5).all()
-    shunned = policy_of(robots)._shunned.places
-    assert {shun[:2] for shun in shunned} == {change.old.close for change in stuck}
-    spells = [(shun[2] - change.k) * STEP for shun, change in zip(shunned, stuck, strict=True)]
-    assert spells == [SHUNNED_S] * len(stuck)
+    given_up = policy_of(robots)._given_up.places
+    assert {place[:2] for place in given_up} == {change.old.stand for change in stuck}
+    spells = [(place[2] - change.k) * STEP for place, change in zip(given_up, stuck, strict=True)]
+    assert spells == [LEFT_OUT_S] * len(stuck)
     # The next targets are not beside those that were given up.
     for earlier, later in itertools.pairwise(stuck):
         assert math.dist(earlier.old.point, later.old.point) * POINT > 0.6
-
-
-def test_a_place_that_is_given_up_again_is_left_out_for_longer_and_others_are_not() -> None:
-    commitment = policy_of(Robots(alone(two_rooms())))
-    spells = []
-    for turn in range(2000):
-        commitment._shunned.add(turn, (5, 5))
-        spells.append((commitment._shunned.places[-1][2] - turn) * STEP)
-    assert spells[:6] == [60.0, 120.0, 240.0, 480.0, 960.0, 960.0]
-    assert spells[-1] == LONGEST_SHUNNED_S
-    commitment._shunned.add(2000, (5, 40))
-    assert [one[:2] for one in commitment._shunned.places] == [(5, 5), (5, 40)]
-    assert (commitment._shunned.places[-1][2] - 2000) * STEP == SHUNNED_S
-    for col in range(3 * MOST_SHUNNED):
-        commitment._shunned.add(2000, (0, 50 * col))
-    assert len(commitment._shunned.places) == MOST_SHUNNED
 
 
 def test_what_was_given_up_is_tried_again_where_nothing_else_is_left() -> None:
     robots = Robots(alone(two_rooms()))
     for _ in range(3):
         robots.tick()
-    commitment, target = policy_of(robots), target_of(robots)
+    policy, target = policy_of(robots), target_of(robots)
     assert target is not None
-    commitment._shunned._around = 10**9
-    commitment._shunned.add(robots.k, target.point)
-    commitment._target = None
+    policy._given_up = GivenUp(1000.0, POINT, STEP)
+    policy._given_up.add(robots.k, target.point)
+    policy._target = None
     robots.tick()
     assert target_of(robots) is not None
-    assert commitment._shunned.places == []
+    assert policy._given_up.places == []
 
 
 def test_a_target_to_which_no_way_leads_any_more_is_dropped_at_once() -> None:
@@ -212,7 +175,7 @@ def test_a_target_to_which_no_way_leads_any_more_is_dropped_at_once() -> None:
     target = target_of(robots)
     assert target is not None
     # A wreck in the corridor: the target in the other room cannot be reached.
-    far._target = Target((40, 200), (40, 190), (40, 200), 10, away=False)
+    far._target = Target((40, 200), (40, 200), 10)
     discs = [(11.0, 4.0, 1.5)]
     mind.body.obstacles = lambda *_: discs  # type: ignore[method-assign]
     robots.tick()
@@ -227,20 +190,26 @@ def test_a_target_to_which_no_way_leads_any_more_is_dropped_at_once() -> None:
 def pair(separation: str) -> Robots:
     """One robot in each room."""
     starts = [Pose(4.0, 4.0, 0.0), Pose(18.0, 4.0, 0.0)]
-    patrol = {**CALM, "separation": separation}
+    patrol = {"options": {**CALM, "separation": separation}}
     robots = {**BASE, "model": "holonomic"}
     return Robots(prepared_in(two_rooms(), starts, robots, patrol=patrol, sensor={"range": 3.0}))
 
 
-def test_with_claims_each_robot_sees_to_its_own_ground_first() -> None:
-    robots = pair("claims")
-    for _ in range(60):  # later on all of it is fresh
-        robots.tick()
-        for robot in (0, 1):
-            target = target_of(robots, robot)
-            if target is not None and not target.away:
-                here, there = (robots.apart(robots.minds[0]._ground.terrain.centre(*target.point), r) for r in (0, 1))
-                assert (here < there + 2.0) if robot == 0 else (there < here + 2.0)
+def test_with_claims_two_robots_side_by_side_go_different_ways() -> None:
+    """Without, they want the same places."""
+    together = {}
+    for separation in ("claims", "none"):
+        patrol = {"options": {**CALM, "separation": separation}}
+        starts = [Pose(4.0, 4.0, 0.0), Pose(4.8, 4.0, 0.0)]
+        given = prepared_in(two_rooms(), starts, {**BASE, "model": "holonomic"}, patrol=patrol, sensor={"range": 3.0})
+        robots, near = Robots(given), 0
+        for _ in range(200):
+            robots.tick()
+            first, second = target_of(robots, 0), target_of(robots, 1)
+            near += first is not None and second is not None and math.dist(first.point, second.point) * POINT < 1.0
+        together[separation] = near
+    assert together["claims"] < 20
+    assert together["none"] > 2 * together["claims"] + 20
 
 
 def test_a_robot_whose_own_ground_is_fresh_takes_anothers() -> None:
@@ -254,82 +223,17 @@ def test_a_robot_whose_own_ground_is_fresh_takes_anothers() -> None:
     assert target.point[1] >= 110
 
 
-def test_a_window_that_decides_gives_the_target_that_the_whole_ground_gives(monkeypatch: pytest.MonkeyPatch) -> None:
-    rooms = [(10.0 * left, 0.0, 10.0 * left + 8.0, 8.0) for left in range(8)]
-    gaps = [(10.0 * left - 2.0, 3.0, 10.0 * left, 5.0) for left in range(1, 8)]
-    starts = [Pose(10.0 * room + 4.0, 4.0, 0.0) for room in range(1, 7)]
-    patrol = {**CALM, "separation": "claims", "claim_width": 0.2}
-    given = prepared_in(
-        plan((78.0, 8.0), *rooms, *gaps, point=0.5),
-        starts,
-        {**BASE, "model": "holonomic"},
-        patrol=patrol,
-        sensor={"range": 1.5},
-    )
-    found = []
-    for widens, measures in ((True, False), (False, False), (False, True)):
-        robots, targets = Robots(given), []
-        decided: list[bool] = []
-        for number in range(len(starts)):
-            commitment = policy_of(robots, number)
-            assert commitment._widens
-            commitment._widens = widens
-            if not measures:
-                # As while something is closed.
-                monkeypatch.setattr(commitment._nearby, "claimed", lambda *_: None)
-            whole = commitment._within_reach
-
-            def counted(*what: Any, search: Any = whole, decided: list[bool] = decided) -> Target | None:
-                target: Target | None = search(*what)
-                decided.append(target is not None)
-                return target
-
-            monkeypatch.setattr(commitment, "_within_reach", counted)
-        for _ in range(150):
-            robots.tick()
-            targets.append([target_of(robots, number) for number in range(len(starts))])
-        found.append(targets)
-        assert any(decided) == widens
-    assert found[0] == found[1] == found[2]
-
-
-# --- leaving a circle ------------------------------------------------------------------------------------------------
-
-
-def test_who_has_stayed_in_a_circle_for_long_leaves_it() -> None:
-    robots = Robots(alone(two_rooms(), Pose(4.0, 4.0, 0.0)))
-    commitment = policy_of(robots)
-    robots.tick()
-    for tick in range(200):
-        commitment._whereabouts.note(tick, (4.0, 4.0))
-    commitment._target = None
-    robots.tick()
-    target = target_of(robots)
-    assert target is not None
-    assert target.away
-    assert target.stand == target.close
-    x, y = robots.terrain.centre(*target.stand)
-    assert math.dist((x, y), (4.0, 4.0)) > commitment._whereabouts.reach
-    # It goes there although the point comes into sight before.
-    while robots.apart((x, y)) > 1.0:
-        assert robots.k < 40
-        assert commitment._whereabouts.home() is None or target_of(robots) == target
-        robots.tick()
-
-
-def test_a_room_that_fits_into_the_circle_is_patrolled_as_ever() -> None:
-    """Who cannot leave goes from one place to the next without stopping."""
+def test_a_small_room_is_patrolled_without_a_stop() -> None:
     room = plan((3.0, 3.0), (0.0, 0.0, 3.0, 3.0))
     robots = Robots(alone(room, Pose(1.0, 1.0, 0.0), sensor={"range": 0.6}))
     changed = changes(robots, 400)
     late = [change for change in changed if change.k * STEP > 100.0]
     assert all(change.age < 0.5 * change.old.age for change in changed)
-    assert not any(change.old.away for change in changed)
     assert len(late) >= 25
-    assert policy_of(robots)._shunned.places == []
+    assert policy_of(robots)._given_up.places == []
 
 
-# --- sensors, laws and places ----------------------------------------------------------------------------------------
+# --- sensors and places ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -363,36 +267,6 @@ def test_in_a_long_corridor_the_far_end_is_within_reach() -> None:
     assert min(ends) < 20.0
 
 
-@pytest.mark.parametrize("fow", ["f1", "f2", "f3", "f4", "f5"])
-@pytest.mark.parametrize("distance", ["g1", "g2", "g3", "g4", "g5"])
-def test_every_law_gives_targets_whatever_the_age(fow: str, distance: str) -> None:
-    law = {"fow": fow, "distance": distance}
-    robots = Robots(alone(two_rooms(), patrol=law))
-    with np.errstate(invalid="raise", divide="raise"):
-        for _ in range(25):
-            (decision,) = robots.tick()
-            assert all(math.isfinite(number) for number in decision.figures.values())
-        assert target_of(robots) is not None
-        # Everything was seen just now, and a tick later all of it is one tick old.
-        fog = robots.minds[0].belief.fog
-        patrolled = fog.last_seen < 10**6
-        for age in (0, 1):
-            mind = Robots(alone(two_rooms(), patrol=law)).minds[0]
-            mind.belief.fog.last_seen[patrolled] = np.maximum(mind.belief.fog.last_seen[patrolled], -1)
-            assert mind.step(at(age, Pose(2.0, 2.0, 0.0)), []).mfow == age
-
-
-@pytest.mark.parametrize("paths", ["straight", "wave"])
-def test_with_every_kind_of_paths_two_rooms_are_seen(paths: str) -> None:
-    robots = Robots(alone(two_rooms(), patrol={"paths": paths}))
-    held = 0
-    for _ in range(700):
-        (decision,) = robots.tick()
-        held += decision.command.speed_mps == 0.0
-    assert held < 30
-    assert seen_share(robots) > (0.95 if paths == "straight" else 0.999), held
-
-
 def test_who_is_off_the_ground_leaves_it_to_its_body() -> None:
     mind = Robots(alone(two_rooms())).minds[0]
     assert mind.step(at(3, Pose(11.0, 1.0, 0.0)), []).state == "holding"
@@ -405,7 +279,7 @@ def test_minds_that_share_working_memory_decide_as_if_they_did_not() -> None:
         two_rooms(),
         [body.pose for body in apart.bodies],
         {**BASE, "model": "holonomic"},
-        patrol={**CALM, "separation": "claims"},
+        patrol={"options": {**CALM, "separation": "claims"}},
         sensor={"range": 3.0},
     )
     apart.minds = [build_mind(prepared, number) for number in (1, 2)]

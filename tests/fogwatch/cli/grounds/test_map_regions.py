@@ -73,7 +73,8 @@ def test_bad_input_is_one_line(arguments: tuple[str, ...], problem: str) -> None
 
 def test_a_scenarios_gap_is_told(tmp_path: Path) -> None:
     (tmp_path / "gap.yaml").write_text(
-        "terrain: {builtin: open}\npoint: 0.5\npatrol: {regions: [[[0, 0], [100, 0], [100, 80], [0, 80]]]}"
+        "terrain: {builtin: open}\npoint: 0.5\n"
+        "patrol: {policy: potential-field, regions: [[[0, 0], [100, 0], [100, 80], [0, 80]]]}"
     )
     with pytest.raises(BadInput, match=r"patrol.options.regions: 800.00 m2 of free ground lie in no region"):
         output(str(tmp_path / "gap.yaml"))

@@ -119,8 +119,11 @@ def test_every_module_that_is_needed_seldom_exists() -> None:
             {"patrol.policy": "potential-field"},
             {"agent.belief.kernels.dilate", "agent.policies.potential_field.kernels.force"},
         ),
-        ({"patrol.options.paths": "regions"}, {"agent.routes.kernels.region_paths", "patrol.regions.kernels.cuts"}),
-        ({"patrol.options.paths": "straight"}, {"agent.routes.kernels.straight"}),
+        (
+            {"patrol.policy": "potential-field", "patrol.options.paths": "regions"},
+            {"agent.routes.kernels.region_paths", "patrol.regions.kernels.cuts"},
+        ),
+        ({"patrol.policy": "potential-field", "patrol.options.paths": "straight"}, {"agent.routes.kernels.straight"}),
     ],
 )
 def test_a_scenario_says_which_seldom_kernels_it_needs(settings: dict[str, object], expected: set[str]) -> None:

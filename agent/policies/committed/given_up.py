@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
-SHUNNED_S = 60.0
+LEFT_OUT_S = 60.0
 """How long a robot leaves out a target's surroundings, s; doubled each time that it gives them up again."""
 
-LONGEST_SHUNNED_S = 960.0
+LONGEST_S = 960.0
 """Upper bound of the same, s; also how long a robot remembers that it left them out."""
 
-MOST_SHUNNED = 64
+AROUND_RADII = 2.0
+"""Radius of a place's surroundings, in radii of the robot."""
+
+MOST_PLACES = 64
 """Places that are left out at a time, or remembered."""
 
 NONE: NDArray[np.int64] = np.zeros((0, 3), dtype=np.int64)
@@ -19,23 +24,24 @@ NONE: NDArray[np.int64] = np.zeros((0, 3), dtype=np.int64)
 Point = tuple[int, int]
 
 
-class Shunned:
+class GivenUp:
     """What one robot leaves out.
 
     Attributes:
         places: Row and column of each place, the tick until which it is left out, and for how many ticks.
     """
 
-    def __init__(self, around: int, step: float) -> None:
+    def __init__(self, radius: float, point: float, step: float) -> None:
         """Leave nothing out.
 
         Args:
-            around: Squared radius of a place's surroundings, in points.
+            radius: Of the robot, m.
+            point: Side of the terrain's points, m.
             step: s per tick.
         """
         self.places: list[tuple[int, int, int, int]] = []
-        self._around = around
-        self._least, self._most = (round(bound / step) for bound in (SHUNNED_S, LONGEST_SHUNNED_S))
+        self._around = math.ceil((AROUND_RADII * max(radius, point) / point) ** 2)
+        self._least, self._most = (round(bound / step) for bound in (LEFT_OUT_S, LONGEST_S))
 
     def add(self, tick: int, point: Point) -> None:
         """Leave a point and its surroundings out.
@@ -44,10 +50,11 @@ class Shunned:
             tick: Now.
             point: Row and column of the terrain.
         """
-        before = max((one[3] for one in self.places if self._is_beside(one, point)), default=0)
+        remembered = [place for place in self.places if tick < place[2] + self._most]
+        before = max((place[3] for place in remembered if self._is_beside(place, point)), default=0)
         spell = min(max(2 * before, self._least), self._most)
-        self.forgive(point)
-        self.places = [*self.places, (*point, tick + spell, spell)][-MOST_SHUNNED:]
+        others = [place for place in remembered if not self._is_beside(place, point)]
+        self.places = [*others, (*point, tick + spell, spell)][-MOST_PLACES:]
 
     def forgive(self, point: Point) -> None:
         """Forget what is around a point.
@@ -55,18 +62,14 @@ class Shunned:
         Args:
             point: Row and column of the terrain.
         """
-        self.places = [one for one in self.places if not self._is_beside(one, point)]
+        self.places = [place for place in self.places if not self._is_beside(place, point)]
 
-    def forget(self, tick: int) -> None:
-        """Forget what was left out long ago; who gives a place up again before long is to leave it out for longer.
-
-        Args:
-            tick: Now.
-        """
-        self.places = [one for one in self.places if tick < one[2] + self._most]
+    def clear(self) -> None:
+        """Forget everything."""
+        self.places = []
 
     def now(self, tick: int) -> NDArray[np.int64]:
-        """What is left out at a tick.
+        """Return what is left out at a tick.
 
         Args:
             tick: Now.
@@ -74,11 +77,9 @@ class Shunned:
         Returns:
             int64 (n, 3), row, column and squared radius in points.
         """
-        if not self.places:
-            return NONE
         rows = [(row, col, self._around) for row, col, until, _ in self.places if tick < until]
-        return np.array(rows, dtype=np.int64).reshape(-1, 3)
+        return np.array(rows, dtype=np.int64).reshape(-1, 3) if rows else NONE
 
-    def _is_beside(self, shunned: tuple[int, int, int, int], point: Point) -> bool:
+    def _is_beside(self, place: tuple[int, int, int, int], point: Point) -> bool:
         """Whether a point belongs to the surroundings of one that was given up."""
-        return (shunned[0] - point[0]) ** 2 + (shunned[1] - point[1]) ** 2 <= self._around
+        return (place[0] - point[0]) ** 2 + (place[1] - point[1]) ** 2 <= self._around

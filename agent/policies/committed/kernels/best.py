@@ -1,0 +1,82 @@
+"""Kernel of the choice of a target: the point with the greatest worth of its age per way."""
+
+from __future__ import annotations
+
+from numba import njit, types
+
+CELLS = types.Array(types.uint32, 2, "C", readonly=True)
+POINTS = types.Array(types.int32, 2, "C", readonly=True)
+TICKS = types.Array(types.int32, 2, "C", readonly=True)
+WORTH = types.Array(types.float64, 1, "C", readonly=True)
+PLACES = types.Array(types.int64, 2, "C", readonly=True)
+SCORE = types.Array(types.float64, 1, "C")
+FOUND = types.Array(types.int64, 1, "C")
+int64 = types.int64
+float64 = types.float64
+BEST = types.void(
+    POINTS, types.boolean, CELLS, int64, int64, int64, CELLS, int64, int64, TICKS, TICKS, int64, WORTH, float64,
+    float64, PLACES, SCORE, FOUND,
+)  # fmt: skip
+
+
+@njit(BEST, cache=True, nogil=True)
+def best_of(
+    points, listed, own, row0, col0, limit, rival, rival_row0, rival_col0, last_seen, looked, tick, worth, near, others,
+    left_out, score, place,
+):  # fmt: skip
+    """Find the best of a box's points, or of points that are listed with where to stand for them.
+
+    A point of age a at the end of a way of length L is worth ``worth[a] / (L + near)``, and ``others`` times that where
+    a rival has the shorter way. Of equal points the first counts, row by row, those of the box before listed ones.
+    Points that are in view now, and those around a place that is left out, do not count.
+
+    Args:
+        points: int32 (n, 4), row and column of each listed point and of where to stand for it.
+        listed: Only the listed points count; else all points of the box, each seen from where it is.
+        own: uint32 (m, k), path lengths from the robot (`agent.routes.box_lengths.BoxLengths`).
+        row0: Row of the terrain under row 0 of ``own``.
+        col0: Column of the terrain under column 0 of ``own``.
+        limit: Longest way that counts, in hundredths of a point.
+        rival: uint32 (p, q), path lengths from the nearest rival; (0, 0) without any.
+        rival_row0: Row of the terrain under row 0 of ``rival``.
+        rival_col0: Column of the terrain under column 0 of ``rival``.
+        last_seen: int32 (h, w), when each point was last seen; after ``tick`` for points that nobody patrols.
+        looked: int32 (h, w), when each point was last in view.
+        tick: Now.
+        worth: float64 (a + 1,), by age in ticks.
+        near: Added to each way, in hundredths of a point.
+        others: Share that a rival's point counts.
+        left_out: int64 (s, 3), row, column and squared radius of what is left out, in points.
+        score: float64 (1,), the best score so far; written where a point has more.
+        place: int64 (4,), row and column of that point and of where to stand; written likewise.
+    """
+    for k in range(points.shape[0] if listed else own.shape[0]):
+        row, up, first, end = k + row0, k, int64(0), own.shape[1]
+        if listed:
+            row, up, first = int64(points[k, 0]), points[k, 2] - row0, points[k, 3] - col0
+            end = first + 1 if 0 <= first < own.shape[1] and 0 <= up < own.shape[0] else first
+        for across in range(first, end):
+            cell = own[up, across]
+            length = int64(cell >> types.uint32(1))
+            if cell == 0 or length > limit:
+                continue
+            col = int64(points[k, 1]) if listed else across + col0
+            age = tick - max(last_seen[row, col], 0)
+            if age <= 0 or looked[row, col] == tick:
+                continue
+            found = worth[age] / (length + near)
+            if found <= score[0]:
+                continue
+            rival_row, rival_col = up + row0 - rival_row0, across + col0 - rival_col0
+            if 0 <= rival_row < rival.shape[0] and 0 <= rival_col < rival.shape[1]:
+                other = rival[rival_row, rival_col]
+                if other != 0 and int64(other >> types.uint32(1)) < length:
+                    found *= others
+            for place_left_out in range(left_out.shape[0]):
+                off_row = up + row0 - left_out[place_left_out, 0]
+                off_col = across + col0 - left_out[place_left_out, 1]
+                if off_row * off_row + off_col * off_col <= left_out[place_left_out, 2]:
+                    found = 0.0
+            if found > score[0]:
+                score[0] = found
+                place[0], place[1], place[2], place[3] = row, col, up + row0, across + col0

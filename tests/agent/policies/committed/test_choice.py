@@ -1,0 +1,108 @@
+"""The choice of a target: the best point of the whole terrain, whatever box it is found in."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from agent.policies.committed.choice import NEAR_M, OTHERS, Best, Choice
+from agent.policies.committed.kernels.best import best_of
+from agent.routes.box_lengths import BoxLengths
+from agent.routes.path_window import FAR
+from agent.routes.wave import LONGEST
+from patrol.pose import Pose
+from tests.agent.plans import Robots, cluttered, prepared_in
+
+
+def best_by_looking_everywhere(choice: Choice, view: Any, start: Any, rivals: NDArray[np.int64]) -> float:
+    """The score of the best point of the terrain, by the wave of the whole of it and plain numpy."""
+    terrain, wave = view.ground.terrain, view.routes.window()
+    own = wave.lengths_from(view.ground, *start, [start], LONGEST)[1:-1, 1:-1].astype(np.float64)
+    other = np.full(own.shape, np.inf)
+    if len(rivals):
+        others = [(int(row), int(col)) for row, col in rivals]
+        lengths = wave.lengths_from(view.ground.static, *start, others, LONGEST)[1:-1, 1:-1].astype(np.float64)
+        other = np.where(lengths < FAR, lengths, np.inf)
+        own = view.routes.window().lengths_from(view.ground, *start, [start], LONGEST)[1:-1, 1:-1].astype(np.float64)
+    row, col = np.indices(own.shape)
+    for point_row, point_col, post_row, post_col in choice._posts.rows.tolist():
+        row[point_row, point_col], col[point_row, point_col] = post_row, post_col
+    way, rival = own[row, col], other[row, col]
+    age = np.where(view.fog.patrolled, view.tick - np.maximum(view.fog.last_seen, 0), 0).clip(0).astype(np.float64)
+    score = age**2 / (way + 100.0 * NEAR_M / terrain.point) * np.where(rival < way, OTHERS, 1.0)
+    return float(score[(way < FAR) & (view.fog.looked != view.tick)].max())
+
+
+@pytest.mark.parametrize("model", ["holonomic", "car"])
+@pytest.mark.parametrize("separation", ["claims", "none"])
+def test_it_is_the_best_point_of_the_whole_terrain(
+    model: str, separation: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    terrain = cluttered(15, (100, 140), 30)
+    starts = [Pose(x, y, 0.0) for x in (0.75, 1.75, 34.0) for y in (0.75, 24.0)]
+    body = {"radius": 0.3, "speed": 1.5, "model": model, **({"turning_radius": 1.0} if model == "car" else {})}
+    patrol = {"options": {"separation": separation}}
+    robots = Robots(prepared_in(terrain, starts, body, patrol=patrol, sensor={"range": 3.0}))
+    real, searched = Choice._search, []
+
+    def checked(
+        self: Choice, view: Any, start: Any, rivals: NDArray[np.int64], left_out: NDArray[np.int64]
+    ) -> Best | None:
+        best = real(self, view, start, rivals, left_out)
+        if best is not None and not left_out.size:
+            wanted = best_by_looking_everywhere(self, view, start, rivals)
+            lengths = view.routes.window().lengths_from(view.ground, *start, [start], LONGEST)
+            way = float(lengths[best.stand[0] + 1, best.stand[1] + 1])
+            age = view.tick - max(int(view.fog.last_seen[best.point]), 0)
+            score = age**2 / (way + 100.0 * NEAR_M / terrain.point)
+            assert wanted == pytest.approx(score) or wanted == pytest.approx(OTHERS * score)
+            searched.append(best)
+        return best
+
+    monkeypatch.setattr(Choice, "_search", checked)
+    for _ in range(80):
+        robots.tick()
+    assert len(searched) > 20
+
+
+@settings(max_examples=60)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_the_kernel_finds_what_plain_python_finds(seed: int) -> None:
+    dice = np.random.default_rng(seed)
+    shape, tick, limit = (12, 14), 50, int(dice.integers(100, 3000))
+    last_seen = dice.integers(-1, 52, shape).astype(np.int32)
+    looked = np.where(dice.random(shape) < 0.1, tick, last_seen).astype(np.int32)
+    own = BoxLengths((dice.integers(0, 2000, (8, 9)) * (dice.random((8, 9)) < 0.8)).astype(np.uint32), 2, 3, limit)
+    rival = BoxLengths(dice.integers(0, 2000, (6, 7)).astype(np.uint32), 4, 1, limit)
+    points = np.array([[0, 0, 5, 6], [11, 13, 3, 4], [1, 1, 40, 40]], dtype=np.int32)
+    left_out = np.array([[5, 5, 2], [8, 9, 0]], dtype=np.int64)
+    worth, near, others = np.arange(60.0) ** 2, 300.0, 0.1
+
+    def score_of(row: int, col: int, stand_row: int, stand_col: int) -> float:
+        up, across = stand_row - own.row0, stand_col - own.col0
+        if not (0 <= up < 8 and 0 <= across < 9) or own.cell[up, across] == 0:
+            return 0.0
+        way = int(own.cell[up, across]) >> 1
+        age = tick - max(int(last_seen[row, col]), 0)
+        if way > limit or age <= 0 or looked[row, col] == tick:
+            return 0.0
+        if any((stand_row - r) ** 2 + (stand_col - c) ** 2 <= squared for r, c, squared in left_out.tolist()):
+            return 0.0
+        up, across = stand_row - rival.row0, stand_col - rival.col0
+        far = not (0 <= up < 6 and 0 <= across < 7) or rival.cell[up, across] == 0
+        return float(worth[age] / (way + near)) * (1.0 if far or int(rival.cell[up, across]) >> 1 >= way else others)
+
+    every = [(row, col, row, col) for row in range(2, 10) for col in range(3, 12)]
+    for listed, rows in ((False, every), (True, points.tolist())):
+        score, place = np.zeros(1), np.zeros(4, dtype=np.int64)
+        grids = (*own[:3], limit, *rival[:3], last_seen, looked, tick)
+        best_of(points, listed, *grids, worth, near, others, left_out, score, place)
+        scores = [score_of(*row) for row in rows]
+        assert score[0] == max(scores)
+        if score[0] > 0.0:
+            assert tuple(place.tolist()) == tuple(rows[scores.index(max(scores))])
