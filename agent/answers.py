@@ -44,13 +44,11 @@ def policy_failure(k: int, failed: BaseException) -> str:
     return f"its policy failed at tick {k}: {printable}"[:MAX_FAILURE]
 
 
-def checked(intent: object, *, ours: bool = False) -> Intent:
+def checked(intent: object) -> Intent:
     """An intent whose numbers can be used; numpy's become Python's, so that they fare alike wherever a mind runs.
 
     Args:
         intent: What a policy has returned.
-        ours: Whether the policy is the project's own. Its bearings are not looked at: to ask for all of them would
-            have all of them worked out.
 
     Raises:
         PolicyFailed: It is no intent, or a number in it is none that a body can compute with.
@@ -62,19 +60,20 @@ def checked(intent: object, *, ours: bool = False) -> Intent:
     figures = intent.figures
     if not isinstance(figures, _MAPPINGS) or not all(isinstance(name, str) for name in figures):
         raise PolicyFailed("returned figures that are no mapping from names to numbers")
-    if _is_ready(intent, ours):
+    if _is_ready(intent):
         return intent
-    kind, plain = type(intent).__name__, _plain_numbers(intent, ours)
-    for name, value in _numbers(plain, ours):
+    kind, plain = type(intent).__name__, _plain_numbers(intent)
+    for name, value in _numbers(plain):
         if isinstance(value, bool) or not isinstance(value, int | float) or not -LARGEST <= value <= LARGEST:
             raise PolicyFailed(f"returned {kind} with {name} = {value!r}; give a number from -1e9 to 1e9")
     return plain
 
 
-def _is_ready(intent: Intent, ours: bool) -> bool:
+def _is_ready(intent: Intent) -> bool:
     """Whether all numbers are Python's floats in range, alone or in pairs, as nearly always; others are looked at."""
     if type(intent) is Bearing:
-        return ours and _is_spot(intent.near) and _is_spot(intent.bend) and _is_turn(intent.wander)
+        several = type(intent.bearings) is tuple and all(map(_is_float, intent.bearings))
+        return several and _is_spot(intent.near) and _is_spot(intent.bend) and _is_turn(intent.wander)
     if type(intent) is Place:
         spots = _is_spot(intent.bend) and _is_spot(intent.lean)
         return _is_float(intent.x) and _is_float(intent.y) and spots and _is_turn(intent.wander)
@@ -93,10 +92,9 @@ def _is_spot(value: object) -> bool:
     return value is None or (type(value) is tuple and len(value) == 2 and _is_float(value[0]) and _is_float(value[1]))
 
 
-def _plain_numbers(intent: Intent, ours: bool) -> Intent:
+def _plain_numbers(intent: Intent) -> Intent:
     """The same with Python's numbers in place of numpy's, and a tuple of bearings in place of any other sequence."""
-    left = ("state", "figures", "bearings") if ours else ("state", "figures")
-    given = {name: getattr(intent, name) for name in intent.__match_args__ if name not in left}
+    given = {name: getattr(intent, name) for name in intent.__match_args__ if name not in ("state", "figures")}
     plain = {name: _plain(value) for name, value in given.items()}
     changed = {name: value for name, value in plain.items() if value is not given[name]}
     return replace(intent, **changed) if changed else intent
@@ -116,13 +114,12 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def _numbers(intent: Intent, ours: bool) -> list[tuple[str, object]]:
+def _numbers(intent: Intent) -> list[tuple[str, object]]:
     """Every number of an intent that a body computes with, by name."""
     match intent:
         case Bearing(bearings, near, bend, wander):
             alone = [] if wander is None else [("wander", wander)]
-            several = [] if ours else _several("bearings", bearings)
-            return [*several, *alone, *_pair("near", near), *_pair("bend", bend)]
+            return [*_several("bearings", bearings), *alone, *_pair("near", near), *_pair("bend", bend)]
         case Place(x, y, bend, lean, wander):
             alone = [] if wander is None else [("wander", wander)]
             return [("x", x), ("y", y), *_pair("bend", bend), *_pair("lean", lean), *alone]

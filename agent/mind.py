@@ -61,8 +61,6 @@ class Mind:
         policy: Policy,
         body: Body,
         chance: Draw,
-        *,
-        ours: bool = False,
     ) -> None:
         """Put together what `agent.build` has made.
 
@@ -75,7 +73,6 @@ class Mind:
             policy: Decides.
             body: Carries it out.
             chance: Draws.
-            ours: Whether the policy is the project's own, so that its bearings need not be read before the body does.
         """
         self.facts = facts
         self.spec = facts.spec
@@ -86,7 +83,6 @@ class Mind:
         self._ground = ground
         self._routes = routes
         self._chance = chance
-        self._ours = policy if ours else None  # not what somebody puts in its place
         self._sender = Sender(facts.spec.number, facts.sending, facts.key)
 
     def frames(self, sensed: Sensed) -> tuple[bytes, ...]:
@@ -123,7 +119,7 @@ class Mind:
         """
         view = self._look(sensed)
         try:
-            intent = checked(self.policy.decide(view), ours=self.policy is self._ours)
+            intent = checked(self.policy.decide(view))
         except PolicyFailed:
             raise
         except (Exception, SystemExit) as error:

@@ -54,7 +54,7 @@ class Bearing:
     """Go in the first of these directions in which the body can move.
 
     Attributes:
-        bearings: rad, best first. Those of a policy of one's own are made a tuple before a body reads them.
+        bearings: rad, best first. Another sequence than a tuple is made one before a body reads it.
         near: A place in sight, x and y in m, at which a body that can stop there should; None for none.
         bend: Where the way to what pulls hardest first bends, x and y in m; a body that keeps getting stuck heads for
             it. None where there is none.

@@ -16,7 +16,6 @@ from patrol.random import Purpose
 
 if TYPE_CHECKING:
     from agent.belief.believed import Belief
-    from agent.belief.dilated import Blocks
     from agent.belief.posts import Posts
     from agent.belief.shared import SharedBelief
     from agent.routes.ground import Ground, Spot
@@ -65,11 +64,6 @@ class FogView:
         """
         row, col = point
         return self._show(1, self._belief.dilated_within((row - span, row + span, col - span, col + span)))
-
-    @property
-    def blocks(self) -> Blocks | None:
-        """How old the points can be at most in `dilated`, by block of points; None without dilatation."""
-        return self._belief.blocks
 
     @property
     def looked(self) -> NDArray[np.int32]:

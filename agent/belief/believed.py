@@ -23,7 +23,7 @@ from patrol.radio.peers import Peer, PeerTracker
 from patrol.radio.prediction import Predictor
 
 if TYPE_CHECKING:
-    from agent.belief.dilated import Blocks, Dilated
+    from agent.belief.dilated import Dilated
 
 
 def spreads(posts: Posts, dilatation: int) -> bool:
@@ -153,11 +153,6 @@ class Belief:
             outside the box may be out of date.
         """
         return self.fog.last_seen if self._dilated is None else self._dilated.within(box, self._tick)
-
-    @property
-    def blocks(self) -> Blocks | None:
-        """How old the points can be at most, by block; None without dilatation."""
-        return None if self._dilated is None else self._dilated.blocks
 
     def lately(self, peers: Mapping[int, Peer], since: int) -> Mapping[int, Peer]:
         """Those of some peers that were heard at a tick or later.

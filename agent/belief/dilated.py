@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,23 +15,6 @@ from patrol.ground.terrain import BoolGrid
 
 AGELESS = NOTHING
 """Dilated last-seen tick of points that are not ground; such points have no age."""
-
-
-class Blocks(NamedTuple):
-    """How old the points can be at most, by block of points.
-
-    Attributes:
-        oldest: int32 (m, n), a tick at which none of a block's points, and of those seen from its posts, had been last
-            seen before; without dilatation.
-        points: int32 (m, n), how many such points there are.
-        side: Of a block, in points.
-        reach: How many blocks away staleness comes from at most.
-    """
-
-    oldest: NDArray[np.int32]
-    points: NDArray[np.int32]
-    side: int
-    reach: int
 
 
 class Dilated:
@@ -62,11 +44,9 @@ class Dilated:
         rows, cols = (-(-size // SIDE) for size in ground.shape)
         whole = np.zeros((rows * SIDE, cols * SIDE), dtype=np.bool_)
         whole[: ground.shape[0], : ground.shape[1]] = ground
-        self._count = whole.reshape(rows, SIDE, cols, SIDE).sum(axis=(1, 3), dtype=np.int32)
-        any_ground = self._count > 0
+        any_ground = whole.reshape(rows, SIDE, cols, SIDE).any(axis=(1, 3))
         block = posts.rows[:, 2] // SIDE * cols + posts.rows[:, 3] // SIDE
         in_block = np.bincount(block, minlength=rows * cols)
-        self._count += in_block.reshape(rows, cols).astype(np.int32)
         self._posts_by_block = np.ascontiguousarray(posts.rows[np.argsort(block, kind="stable")])
         self._block_ends = np.concatenate(([0], in_block.cumsum()))
         self._outdated = np.full((rows, cols), NOTHING, dtype=np.int32)
@@ -95,11 +75,6 @@ class Dilated:
         # Both may compute at once, in several threads.
         other._boxes, other._scratch = np.zeros_like(self._boxes), np.zeros_like(self._scratch)
         return other
-
-    @property
-    def blocks(self) -> Blocks:
-        """How old the points can be at most, by block; not to be changed, and true until the next look."""
-        return Blocks(self._oldest, self._count, SIDE, self._reach_in_blocks)
 
     def changed(self, looks: list[Box]) -> None:
         """Take in what a tick's looks have changed in the fog.

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,9 +29,6 @@ from patrol.radio.message import CONTACT
 from patrol.radio.peers import Peer, PeerTracker
 from patrol.radio.prediction import Predictor
 from patrol.radio.units import CM_PER_M
-
-if TYPE_CHECKING:
-    from agent.belief.dilated import Blocks
 
 _Looks = tuple[bytes, frozenset[tuple[int, Pose]]]
 """What a mind has learnt in a tick: which of the tick's looks, and which others."""
@@ -112,11 +108,6 @@ class SharedBelief:
     def dilated_within(self, box: Box) -> NDArray[np.int32]:
         """As of `Belief`."""
         return self.group.belief.dilated_within(box)
-
-    @property
-    def blocks(self) -> Blocks | None:
-        """As of `Belief`."""
-        return self.group.belief.blocks
 
     @property
     def looked(self) -> NDArray[np.int32]:

@@ -33,7 +33,7 @@ GROUP = "fogwatch.policies"
 
 _BUILT_IN: Mapping[str, str] = {
     COMMITTED: "agent.policies.committed.policy:Committed",
-    PAPER: "agent.policies.potential_field.lazy:LazyPotentialField",
+    PAPER: "agent.policies.potential_field.policy:PotentialField",
 }
 """Where the built-in policies are; they are imported when a run uses them, because their kernels take time to load."""
 

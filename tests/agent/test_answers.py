@@ -200,6 +200,6 @@ def test_the_account_of_a_failure_is_one_short_printable_line() -> None:
         Place(1.0, 2.0, lean=(True, 2.0)),
     ],
 )
-def test_the_projects_own_intents_are_looked_at_too(intent: Intent) -> None:
+def test_every_number_of_an_intent_is_looked_at(intent: Intent) -> None:
     with pytest.raises(PolicyFailed):
-        checked(intent, ours=True)
+        checked(intent)

@@ -6,7 +6,6 @@ Except for belief and goal, this is the paper's "Final algorithm": forces along 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -55,7 +54,8 @@ class PotentialField:
         if start is None:
             # The body has to find its way back to the reachable ground first.
             return Bearing((), wander=wander)
-        pull, bearings = self._ranked(view, start)
+        pull = self._pull(view, start)
+        bearings = self._bearings(pull)
         figures = dict(zip(self._names, pull.sums.tolist(), strict=True))
         if not bearings:
             return Stay(figures=figures) if wander is None else Bearing((), wander=wander, figures=figures)
@@ -64,35 +64,25 @@ class PotentialField:
         bend = None if pull.bend is None or pull.bend == start else centre(*pull.bend)
         return Bearing(bearings, near, bend, wander, figures=figures)
 
-    def _ranked(self, view: View, start: tuple[int, int]) -> tuple[Pull, Sequence[float]]:
-        """The forces at this tick, and the bearings to try, rad, best first."""
-        pull = self._pull(view, start)
-        return pull, self._bearings(pull)
-
-    def _pull(self, view: View, start: tuple[int, int], *, lead: bool = False) -> Pull:
+    def _pull(self, view: View, start: tuple[int, int]) -> Pull:
         """The forces at this tick, modified by other robots and by close obstacles.
 
         Args:
             view: Of this tick.
             start: The element of the ground on which the robot stands.
-            lead: Whether those may be left out that cannot change which way it goes first.
         """
         rivals = [(row, col) for row, col in self._separation.rivals(view).tolist()]
         fog = view.fog
         dilated = partial(fog.dilated_around, (start[0] - 1, start[1] - 1))
-        asked = (view.ground, *start, fog.last_seen, dilated, view.tick, view.mfow, rivals, fog.looked)
-        repulsion = "repulsion" in self._options.separations
-        if lead and self._fuzzy is None and not repulsion:
-            return self._field.lead(*asked, fog.blocks)
-        pull = self._field.pull(*asked)
+        pull = self._field.pull(view.ground, *start, fog.last_seen, dilated, view.tick, view.mfow, rivals, fog.looked)
         if self._fuzzy is not None:
             np.multiply(pull.sums, self._fuzzy.coefficients(start[0] - 1, start[1] - 1), out=pull.sums)
-        if repulsion:
+        if "repulsion" in self._options.separations:
             repel(pull.sums, view.pose, view.peers, self._options)
         return pull
 
     def _bearings(self, pull: Pull) -> tuple[float, ...]:
-        """The bearings to try where no force was left out, rad, best first."""
+        """The bearings to try, rad, best first."""
         if self._options.direction == "vector":
             return tuple(bearings_by_vector(float(pull.sums[0]), float(pull.sums[1]), self._options.sectors))
         return tuple(bearings_by_force(pull.sums))

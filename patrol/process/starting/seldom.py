@@ -36,7 +36,6 @@ def _goes_straight(scenario: Scenario) -> bool:
 SELDOM: Mapping[str, Callable[[Scenario], bool]] = {
     "agent.belief.kernels.changes": _dilates,
     "agent.belief.kernels.dilate": _dilates,
-    "agent.policies.potential_field.kernels.beyond": _follows_forces,
     "agent.policies.potential_field.kernels.force": _follows_forces,
     "agent.routes.kernels.region_paths": _has_regions,
     "agent.routes.kernels.straight": _goes_straight,

@@ -15,7 +15,7 @@ import yaml
 from agent.build import build_mind
 from agent.policies.committed.policy import Committed
 from agent.policies.found import GROUP, policy_of
-from agent.policies.potential_field.lazy import LazyPotentialField
+from agent.policies.potential_field.policy import PotentialField
 from agent.ports import PolicyFailed, State
 from patrol.errors import BadInput
 from patrol.pose import Pose
@@ -116,7 +116,7 @@ def refused(scenario: Scenario) -> str:
     [
         (load_scenario({"terrain": {"builtin": "open"}}), "committed", Committed, CommittedOptions),
         (named("committed"), "committed", Committed, CommittedOptions),
-        (named("potential-field"), "potential-field", LazyPotentialField, PotentialFieldOptions),
+        (named("potential-field"), "potential-field", PotentialField, PotentialFieldOptions),
     ],
     ids=["default", "committed", "potential-field"],
 )

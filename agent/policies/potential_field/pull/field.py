@@ -14,7 +14,6 @@ from agent.policies.potential_field.kernels.force import gather
 from agent.policies.potential_field.pull.claims import share_table
 from agent.policies.potential_field.pull.direction import sector_table
 from agent.policies.potential_field.pull.force import ForceLaw
-from agent.policies.potential_field.pull.rungs import Rungs
 from agent.policies.potential_field.pull.windows import window_of
 from agent.routes.ground import Ground
 from agent.routes.path_window import PathWindow, Place
@@ -23,7 +22,6 @@ from patrol.scenario import BodyLengths, PotentialFieldOptions
 from patrol.scenario.lengths import PAPER_LENGTHS
 
 if TYPE_CHECKING:
-    from agent.belief.dilated import Blocks
     from patrol.regions.split import RegionSplit
 
 FIRST_LOOK = 20.0
@@ -48,14 +46,11 @@ class Pull:
         near: The open element (row, col) of the ground, in sight of the robot, where it should stop because a place
             close by pulls about as hard as any other (see `Field.pull`); None for none.
         bend: The element where the path to the strongest single force first bends; None without any force.
-        sure: Where forces were left out, the number of sectors, strongest first, whose order and place before all
-            others they cannot change; None where none were left out.
     """
 
     sums: NDArray[np.float64]
     near: tuple[int, int] | None
     bend: tuple[int, int] | None = None
-    sure: int | None = None
 
 
 class Field:
@@ -109,68 +104,6 @@ class Field:
         self._settled = 0
         self._clear = int(np.count_nonzero(self._share == 1.0)) - self._share.size // 2
         self._first = min(self.law.limit, self._expected)
-        straight = options.paths == "straight"
-        self._rungs = Rungs(self._first // 2, self._nearby, self.law.limit, straight=straight)
-        self._may_stop = options.paths in ("wave", "straight") and not self._as_vector
-
-    def lead(
-        self,
-        ground: Ground,
-        row: int,
-        col: int,
-        seen: NDArray[np.int32],
-        dilated: Callable[[int], NDArray[np.int32]],
-        tick: int,
-        mfow: int,
-        rivals: Sequence[Place] = (),
-        looked: NDArray[np.int32] | None = None,
-        blocks: Blocks | None = None,
-    ) -> Pull:
-        """The forces on a robot, as far as they are needed to be sure which way it goes (`Rungs`).
-
-        Args:
-            ground: As of `pull`, like all others that are not listed.
-            row: As of `pull`.
-            col: As of `pull`.
-            seen: As of `pull`.
-            dilated: As of `pull`.
-            tick: As of `pull`.
-            mfow: As of `pull`.
-            rivals: As of `pull`.
-            looked: As of `pull`.
-            blocks: How old the points can be at most; None if nobody knows, and then no force is left out.
-
-        Returns:
-            As `pull`, but for the sums: those of the first sectors are less than the whole ones, in the same order.
-        """
-        rungs, given = self._rungs, (ground, row, col, seen, dilated, tick, mfow, rivals, looked)
-        if blocks is None or not self._may_stop or not rungs.lengths.size:
-            return self.pull(*given)
-        by_age = self.law.pull(mfow)
-        rung = rungs.begin(blocks, row - 1, col - 1, tick, by_age, self.law.decay)
-        while rung < rungs.lengths.size:
-            length = int(rungs.lengths[rung])
-            self._claim(ground, row, col, rivals, length)
-            self.paths.begin(ground, row, col)
-            self.paths.extend(length)
-            self._settled = length
-            nearby, forces = self._forces(), self._forces()
-            self._gather(0, self._nearby, seen, seen, tick, by_age, nearby, looked)
-            # Anew, and in the order of `pull`: of equal forces the first one counts.
-            standing = dilated(self._span(length))
-            self._gather(0, min(length, self._first), standing, seen, tick, by_age, forces)
-            if length > self._first:
-                horizon = self._horizon(forces, by_age)
-                if length > horizon:
-                    # `pull` leaves out forces that would be summed here, so the orders may differ.
-                    rungs.keep_within(horizon)
-                    break
-                self._gather(self._first, length, standing, seen, tick, by_age, forces)
-            strongest = float(forces.strongest[0])
-            if sure := rungs.sure(rung, forces.sums, strongest):
-                return self._found(nearby, forces, sure)
-            rung = rungs.after(rung, forces.sums, strongest)
-        return self.pull(*given)
 
     def pull(
         self,
@@ -204,7 +137,7 @@ class Field:
                 point's age; ``seen`` unless given.
         """
         by_age = self.law.pull(mfow)
-        self._claim(ground, row, col, rivals, self.law.limit)
+        self._claim(ground, row, col, rivals)
         self.paths.begin(ground, row, col)
         # Paths as long as at the last tick are likely to be asked for again: one wave is faster than three.
         self._settled = min(self.law.limit, self._expected)
@@ -218,11 +151,8 @@ class Field:
         self._expected = round(horizon * MARGIN)
         if horizon > first:
             self._gather(first, horizon, dilated(self._span(horizon)), seen, tick, by_age, forces)
-        return self._found(nearby, forces)
-
-    def _found(self, nearby: _Forces, forces: _Forces, sure: int | None = None) -> Pull:
         close = nearby.strongest[0] >= CLOSE_ENOUGH * forces.strongest[0]
-        return Pull(forces.sums, self._bend(nearby) if close else None, self._bend(forces), sure)
+        return Pull(forces.sums, self._bend(nearby) if close else None, self._bend(forces))
 
     def _horizon(self, forces: _Forces, by_age: NDArray[np.float64]) -> int:
         """The longest path to be followed, by the forces of the first round; see `ForceLaw`."""
@@ -240,16 +170,16 @@ class Field:
         up, across = divmod(int(self.paths.bend.reshape(-1)[forces.source[0]]), self.paths.state.shape[1])
         return up + self.paths.row0 + 1, across + self.paths.col0 + 1
 
-    def _claim(self, ground: Ground, row: int, col: int, rivals: Sequence[Place], length: int) -> None:
+    def _claim(self, ground: Ground, row: int, col: int, rivals: Sequence[Place]) -> None:
         """Compute how near the rivals are to every point, before the window is used for the robot's own paths.
 
         The rivals' paths ignore what is closed to this robot, above all a disc around the rival itself. They are
-        followed until they leave the whole of each force, to which the robot's own path is of some length at most.
+        followed until they leave the whole of each force.
         """
         self._contest = _Contest(self.paths.length, UNCLAIMED)
         if self._share.size and rivals:
-            limit = min(self.law.limit, length - self._clear + 1)
-            lengths = self.paths.nearness(ground.static, row, col, rivals, limit, length)
+            limit = min(self.law.limit, self.law.limit - self._clear + 1)
+            lengths = self.paths.nearness(ground.static, row, col, rivals, limit, self.law.limit)
             self._contest = _Contest(lengths, self._share)
 
     def _forces(self) -> _Forces:
