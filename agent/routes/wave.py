@@ -7,22 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from agent.routes.ground import Ground
-from agent.routes.kernels.bends import follow
-from agent.routes.kernels.bends_by_rows import estimate, take_over
-from agent.routes.kernels.lengths import read, spread
-from agent.routes.kernels.ties import decide
-from agent.routes.kernels.wave import (
-    ALL_WAYS,
-    BESIDE,
-    BEYOND,
-    DONE,
-    FULL,
-    NOW,
-    SEEN,
-    lay,
-    settle,
-    show,
-)
+from agent.routes.kernels.lengths import read, show, spread
+from agent.routes.kernels.wave import settle
 from agent.routes.path_window import Lengths, PathWindow, Place
 from patrol.ground.kernels.footprint import cast
 
@@ -32,18 +18,8 @@ LONGEST = 2**26
 MOST_POINTS = 2**28
 """Points of the largest window whose indices fit an entry."""
 
-MANY_POINTS = 2**17
-"""Points below which it is not worth while to find first bends row by row; run by run is as fast."""
-
-MOST_LOOKED_AT = 3
-"""Points of a box for each whose bend is not known, above which run by run is faster."""
-
-SHORT = 16
-"""Points for each change of direction along rows, and for each stretch that is gone over, below which run by run is
-faster."""
-
 ROOM = 2**12
-"""Entries for which a new wave has room; it makes more as needed."""
+"""Entries for which a new wave has room, a power of two; it makes more as needed."""
 
 Box = tuple[int, int, int, int]
 """First row, end row, first column and end column; ends are exclusive."""
@@ -58,14 +34,13 @@ class Wave(PathWindow):
             raise ValueError(f"a window of {self.state.size} points is larger than {MOST_POINTS}")
         self._sight = np.zeros_like(self.state)
         self._cell = np.zeros(self.state.size, dtype=np.uint32)
-        self._lists = np.zeros((5, ROOM), dtype=np.uint32)
-        self._mark = np.zeros(8, dtype=np.int64)
+        self._lists = np.zeros((2, ROOM), dtype=np.uint32)
+        self._queues = np.zeros((2, ROOM), dtype=np.uint64)
         self._near: Lengths | None = None
-        self._laid: Box | None = None
-        self._followed = 0
+        self._settled = -1
 
     def _begin(self) -> None:
-        self._laid = None
+        self._settled = -1
 
     def lengths_from(self, ground: Ground, row: int, col: int, starts: Sequence[Place], limit: int) -> Lengths:
         """As `PathWindow.lengths_from`, by one wave from all starts at once."""
@@ -76,7 +51,7 @@ class Wave(PathWindow):
         limit = min(limit, LONGEST)
         while not spread(self.state, 0, 0, self._cell, cols, self._lists, begin, limit, 0, rows, 0, cols):
             self._make_room()
-        show(self._cell, self.state, self.length, 1, limit, 0, rows, 0, cols)
+        show(self._cell, self.state, self.length, limit, 0, rows, 0, cols)
         return self.length.copy()
 
     def nearness(self, ground: Ground, row: int, col: int, starts: Sequence[Place], limit: int, reach: int) -> Lengths:
@@ -103,66 +78,20 @@ class Wave(PathWindow):
         return self._near
 
     def extend(self, limit: int) -> None:
-        """As `PathWindow.extend`."""
+        """As `PathWindow.extend`; a larger limit than before takes another wave."""
         limit = min(limit, LONGEST)
-        if self._laid is not None and limit <= self._mark[DONE]:
+        if limit <= self._settled:
             return
-        box, cols = self._lay(limit), self.state.shape[1]
-        settle(self._cell, self._lists, self._mark, cols, limit)
-        decide(self._cell, self._lists, self._mark, cols, limit)
-        if not self._mark[FULL]:
-            self._find_bends(limit, box)
-        if self._mark[FULL]:
-            self._make_room()
-            self._laid = None
-            self.extend(limit)
-        else:
-            show(self._cell, self.state, self.length, 5, limit, *box)
-
-    def _find_bends(self, limit: int, box: Box) -> None:
-        """Find the first bends of all settled paths, row by row or run by run."""
-        cols, bend = self.state.shape[1], self.bend.reshape(-1)
-        start, most = self.start_row * cols + self.start_col, self._worth(limit, box)
-        if most == 0 or not take_over(self._cell, bend, self._mark, start, cols, limit, *box, most):
-            follow(self._cell, bend, self._lists, self._mark, start, cols, limit)
-            self._followed = limit
-
-    def _worth(self, limit: int, box: Box) -> int:
-        """The stretches of rows to go over at most to find bends row by row; 0 to go run by run at once.
-
-        Row by row looks at all of the box; run by run goes along all paths that were not followed yet.
-        """
-        top, bottom, left, right = box
-        looked_at = (bottom - top) * (right - left)
-        if looked_at < MANY_POINTS:  # not worth an estimate
-            return 0
-        points, changes = estimate(self._cell, self.state.shape[1], self._followed, limit, *box)
-        filled = points >= MANY_POINTS and MOST_LOOKED_AT * points >= looked_at
-        return points // SHORT if filled and SHORT * changes <= points else 0
-
-    def _lay(self, limit: int) -> Box:
-        """Make the cells ready that paths up to a length may come by; returns a box around them."""
+        self._settled = limit
         rows, cols = self.state.shape
-        # Runs end up to a diagonal step beyond the limit, and ask for the points beside their last one.
-        reach = limit // 100 + 4
+        reach = limit // 100
         top, bottom = max(0, self.start_row - reach), min(rows, self.start_row + reach + 1)
         left, right = max(0, self.start_col - reach), min(cols, self.start_col + reach + 1)
-        box = top, bottom, left, right
-        laid = self._laid
-        if laid is not None and laid[0] <= top and bottom <= laid[1] and laid[2] <= left and right <= laid[3]:
-            return box
         # All of the box is in range of this look, its corners too, unless the window's span ends before.
         cast(self.state, self.start_row, self.start_col, float(min(self.span, 2 * reach)), self._sight, 0, 0)
-        if laid is None:
-            lay(self.state, self._sight, self._cell, *box)
-            self._start()
-        else:
-            lay(self.state, self._sight, self._cell, top, laid[0], left, right)
-            lay(self.state, self._sight, self._cell, laid[1], bottom, left, right)
-            lay(self.state, self._sight, self._cell, laid[0], laid[1], left, laid[2])
-            lay(self.state, self._sight, self._cell, laid[0], laid[1], laid[3], right)
-        self._laid = box
-        return box
+        grids, box = (self.state, self._sight, self.length, self.bend), (top, bottom, left, right)
+        while not settle(*grids, self._queues, self.start_row, self.start_col, limit, *box):
+            self._queues = np.zeros((2, 4 * self._queues.shape[1]), dtype=np.uint64)
 
     def _around(self, one: Place, other: Place, apart: int) -> Box:
         """The part of the window whose points have rows, and columns, no farther than this from two places together.
@@ -173,16 +102,6 @@ class Wave(PathWindow):
         top, left = max(0, (up - apart) // 2 - 2), max(0, (across - apart) // 2 - 2)
         return top, min(rows, (up + apart) // 2 + 4), left, min(cols, (across + apart) // 2 + 4)
 
-    def _start(self) -> None:
-        """Let paths begin at the start."""
-        start = self.start_row * self.state.shape[1] + self.start_col
-        self._cell[start] = self._cell[start] & SEEN | BESIDE
-        self.bend.reshape(-1)[start] = start
-        self._mark[:] = 0
-        self._mark[NOW] = self._mark[BEYOND] = 1
-        self._followed = 0
-        self._lists[0, 0] = self._lists[4, 0] = start * 16 + ALL_WAYS
-
     def _make_room(self) -> None:
         """Make room for more entries; those at hand are lost."""
-        self._lists = np.zeros((5, 4 * self._lists.shape[1]), dtype=np.uint32)
+        self._lists = np.zeros((2, 4 * self._lists.shape[1]), dtype=np.uint32)

@@ -9,8 +9,6 @@ import pytest
 
 from agent.build import mind_maker, shared_by
 from agent.mind import Mind
-from agent.routes import wave
-from agent.routes.kernels.bends_by_rows import take_over
 from experiments.inprocess import InProcessFleet, Outcome, fault_free_mfow, run_in_process
 from patrol.errors import BadInput
 from patrol.exchange import Sensed
@@ -61,38 +59,6 @@ def test_a_narrow_view_turns_with_a_robot_that_turns_on_the_spot() -> None:
                 assert row.heading == pytest.approx(wrap(last.heading + 0.5 * last.c1))
             before[row.number] = row
     assert turned > 10
-
-
-@pytest.mark.parametrize(
-    ("terrain", "robots", "patrol"),
-    [
-        ("site", DISCS, {}),
-        ("clutter", CARS, {"direction": "vector"}),
-        ("yards", DISCS, {"separation": "claims"}),
-        ("yards", CARS, {"commitment": "target"}),
-    ],
-    ids=["site", "clutter", "yards", "target"],
-)
-def test_first_bends_row_by_row_and_run_by_run_give_the_same_trace(
-    terrain: str, robots: dict[str, Any], patrol: dict[str, Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """At 1 m points all windows are too small for row by row, so other traces do not tell."""
-    given = {"point": 1.0, "patrol": {"commitment": "none", "paths": "wave", **patrol}}
-    traces, times = [], []
-    for worth in (0, 2**20):
-        found = 0
-
-        def count(*args: Any) -> bool:
-            nonlocal found
-            found += 1
-            return bool(take_over(*args))
-
-        monkeypatch.setattr(wave, "take_over", count)
-        monkeypatch.setattr(wave.Wave, "_worth", lambda *_, worth=worth: worth)
-        traces.append(trace(run_in_process(scenario(terrain, robots, 40, **given))))
-        times.append(found)
-    assert times[0] == 0 < times[1]
-    assert traces[0] == traces[1]
 
 
 def test_threads_change_nothing() -> None:

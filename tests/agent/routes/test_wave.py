@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from types import ModuleType
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -15,7 +13,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from agent.routes.ground import Ground
-from agent.routes.kernels import bends, bends_by_rows, lengths, ties
+from agent.routes.kernels import lengths
 from agent.routes.kernels import wave as kernel
 from agent.routes.kernels.wave import HEMMED, SETTLED, STATUS
 from agent.routes.path_window import FAR
@@ -24,9 +22,6 @@ from patrol.ground.kernels.footprint import cast
 from patrol.ground.terrain import Terrain
 
 Bools = NDArray[np.bool_]
-
-BY_ROWS = 2**20
-"""Work for which every map of these tests can be done row by row."""
 
 
 def dijkstra_lengths(is_open: Bools, row: int, col: int) -> NDArray[np.float64]:
@@ -216,12 +211,10 @@ def walled_map(values: tuple[int, int, int, float]) -> tuple[Bools, int, int]:
     walled=st.booleans(),
     pieces=st.lists(st.integers(0, 3000), max_size=3),
     span=st.sampled_from([6, 17, 40]),
-    works=st.lists(st.sampled_from([0, 3, 40, BY_ROWS]), min_size=4, max_size=4),
 )
 def test_of_equally_long_paths_the_one_found_first_by_the_plain_rules_counts(
-    values: tuple[int, int, int, float], walled: bool, pieces: list[int], span: int, works: list[int]
+    values: tuple[int, int, int, float], walled: bool, pieces: list[int], span: int
 ) -> None:
-    """Whether bends are found run by run, row by row, or run by run after so much work row by row."""
     is_open, row, col = walled_map(values) if walled else random_map(values)
     height, width = is_open.shape
     wave = Wave(height, width, span)
@@ -230,10 +223,8 @@ def test_of_equally_long_paths_the_one_found_first_by_the_plain_rules_counts(
     is_seen = np.zeros_like(wave.state)
     cast(wave.state, wave.start_row, wave.start_col, float(span), is_seen, 0, 0)
     bends = plain_bends(wave, is_seen)
-    with pytest.MonkeyPatch.context() as patch:
-        for limit, work in zip([*sorted(pieces), 10**6], works, strict=False):
-            patch.setattr(Wave, "_worth", lambda *_, work=work: work)
-            wave.extend(limit)
+    for limit in [*sorted(pieces), 10**6]:
+        wave.extend(limit)
     known = {(int(i), int(j)) for i, j in np.argwhere(wave.state & STATUS == SETTLED)}
     assert known == set(bends)
     cols = wave.state.shape[1]
@@ -254,9 +245,7 @@ def test_a_wave_with_too_little_room_makes_more() -> None:
     assert np.array_equal(found, np.where(np.isfinite(reference), reference, FAR))
 
 
-@pytest.mark.parametrize("work", [0, BY_ROWS])
-def test_a_smaller_limit_than_before_changes_nothing(work: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Wave, "_worth", lambda *_: work)
+def test_a_smaller_limit_than_before_changes_nothing() -> None:
     is_open, row, col = random_map((30, 32, 3, 0.25))
     once, again = (wave_from(is_open, row, col, 40, limits) for limits in ([1500], [1500, 400, 1500]))
     for grid in ("state", "length"):
@@ -309,9 +298,6 @@ def lengths_within(is_open: Bools, window: Wave, row: int, col: int) -> NDArray[
     return whole
 
 
-@pytest.mark.parametrize("other", [bends, bends_by_rows, lengths, ties])
-def test_kernels_of_the_wave_agree_on_what_is_in_cells_and_entries(other: ModuleType) -> None:
-    """A kernel imports nothing of another file, so each has these numbers again."""
-    for name in ("ALL_WAYS", "BESIDE", "SEEN", "UNKNOWN", "STRETCH", "FAR", "TIES", "BEYOND", "FULL", "BENT"):
-        assert getattr(other, name, getattr(kernel, name)) == getattr(kernel, name)
-    assert kernel.FAR == FAR
+def test_kernels_of_the_wave_agree_on_what_is_far() -> None:
+    """A kernel imports nothing of another file, so each has this number again."""
+    assert lengths.FAR == kernel.FAR == FAR

@@ -56,8 +56,8 @@ class Pull:
 class Field:
     """Sums the forces on a robot over sectors (mode) or as a vector (paper, steps 4 and 5).
 
-    Paths are followed in two rounds: first the near ones; their forces then determine the horizon up to which farther
-    ones can still change the result (see `ForceLaw`).
+    The forces along near paths determine the horizon up to which farther ones can still change the result (see
+    `ForceLaw`).
 
     Attributes:
         law: f and g as tables, and the horizon.
