@@ -7,8 +7,8 @@ import copy
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.belief.kernels.changes import LARGEST, NOTHING, POST, SIDE, boxes_due, note_freshest, take_in
-from agent.belief.kernels.dilate import dilate_all
+from agent.belief.kernels.changes import NOTHING, POST, SIDE, boxes_due, note_freshest, take_in
+from agent.belief.kernels.dilate import FRAME, LONG, dilate_all
 from agent.belief.posts import Posts
 from patrol.ground.fog import Box, Fog
 from patrol.ground.terrain import BoolGrid
@@ -50,14 +50,10 @@ class Dilated:
         self._posts_by_block = np.ascontiguousarray(posts.rows[np.argsort(block, kind="stable")])
         self._block_ends = np.concatenate(([0], in_block.cumsum()))
         self._outdated = np.full((rows, cols), NOTHING, dtype=np.int32)
-        self._oldest = np.where(any_ground, np.int32(0), np.int32(NOTHING))
-        self._newest = np.where(any_ground, np.int32(0), np.int32(-1))
-        self._freshest = self._newest.copy()
+        self._freshest = np.where(any_ground, np.int32(0), np.int32(-1))
         self._due = np.zeros((rows, cols), dtype=np.uint8)
-        self._hemmed = np.zeros((rows + 1, cols + 1), dtype=np.int32)
-        self._hemmed[1:, 1:] = self._hemmed_blocks(whole).cumsum(axis=0).cumsum(axis=1)
         self._boxes = np.zeros((rows * cols, 4), dtype=np.int64)
-        height, width = (min(size, LARGEST) + 2 * min(reach, LARGEST) + 4 for size in ground.shape)
+        height, width = (size + 2 * min(reach, LONG) + 2 * FRAME for size in (SIDE, ground.shape[1]))
         self._scratch = np.zeros(3 * height * width, dtype=np.uint16)
 
     def fork(self, fog: Fog) -> Dilated:
@@ -70,7 +66,6 @@ class Dilated:
         other._fog = fog
         other._carried, other._grid = self._carried.copy(), self._grid.copy()
         other._outdated, other._due = self._outdated.copy(), self._due.copy()
-        other._oldest, other._newest = self._oldest.copy(), self._newest.copy()
         other._freshest = self._freshest.copy()
         # Both may compute at once, in several threads.
         other._boxes, other._scratch = np.zeros_like(self._boxes), np.zeros_like(self._scratch)
@@ -85,7 +80,7 @@ class Dilated:
         if not looks:
             return
         grids = (self._fog.last_seen, self._ground, self._carried, self._posts_by_block, self._block_ends)
-        book = (self._outdated, self._oldest, self._newest, self._freshest, self._due)
+        book = (self._outdated, self._freshest, self._due)
         take_in(*grids, *book, np.array(looks, dtype=np.int64), self._gap, self._reach_in_blocks)
 
     def within(self, box: Box, tick: int) -> NDArray[np.int32]:
@@ -101,9 +96,8 @@ class Dilated:
         """
         rows, cols = self._blocks(box)
         if rows[0] <= rows[1] and cols[0] <= cols[1]:
-            book = (self._oldest, self._newest, self._freshest, self._due)
-            part = (*rows, *cols, self._reach, self._reach_in_blocks)
-            count = boxes_due(self._ground, self._hemmed, self._grid, *book, *part, self._boxes)
+            height, width = self._ground.shape
+            count = boxes_due(self._due, height, width, *rows, *cols, self._boxes)
             if count == 0:
                 return self._grid
             boxes = self._boxes[:count]
@@ -111,25 +105,6 @@ class Dilated:
             dilate_all(*grids, boxes, self._reach, tick, self._scratch)
             note_freshest(self._ground, self._grid, self._freshest, boxes)
         return self._grid
-
-    def _hemmed_blocks(self, ground: BoolGrid) -> BoolGrid:
-        """The blocks that have a point in whose window something is not ground, beyond the last block included.
-
-        Args:
-            ground: bool, in whole blocks, False beyond the terrain.
-        """
-        rows, cols = self._due.shape
-        height, width = self._ground.shape
-        walls = ~ground
-        # The window ends at the edge of the terrain, so what is beyond hems nothing.
-        walls[height:], walls[:, width:] = False, False
-        found: BoolGrid = np.logical_or.reduce(walls.reshape(rows, SIDE, cols, SIDE), axis=(1, 3))
-        for axis in (0, 1):
-            most = min(self._reach_in_blocks, found.shape[axis])
-            wide = np.pad(found, [(most, most) if axis == other else (0, 0) for other in (0, 1)])
-            windows = np.lib.stride_tricks.sliding_window_view(wide, 2 * most + 1, axis=axis)
-            found = np.logical_or.reduce(windows, axis=-1)
-        return found
 
     def _blocks(self, box: Box) -> tuple[tuple[int, int], tuple[int, int]]:
         """First and last row and first and last column of the blocks that a box of points touches."""

@@ -26,21 +26,12 @@ NOTHING = 2**31 - 1
 POST = 2
 """Marks a point of the ground that is a post; 1 marks every other point of the ground."""
 
-OPEN_PASSES = 30
-"""Cost of an element of the scratch where the window is the plain square, in passes of one step."""
-
-HEMMED_PASSES = 15
-"""Cost of the same where it is not, besides its two passes a round."""
-
-LARGEST = 512
-"""No box to be computed is longer or wider than this, in points."""
-
 
 # fmt: off
 @njit(
-    types.void(TICKS, MASK, TICKS, TICKS, TICKS, TICKS, int64, int64, int64, int64), cache=True, nogil=True
+    types.void(TICKS, MASK, TICKS, TICKS, int64, int64, int64, int64), cache=True, nogil=True
 )
-def note(last_seen, ground, carried, outdated, oldest, newest, first_row, last_row, first_col, last_col):
+def note(last_seen, ground, carried, outdated, first_row, last_row, first_col, last_col):
     """Carry over what has changed in a box of the fog, all but the posts.
 
     Args:
@@ -48,8 +39,6 @@ def note(last_seen, ground, carried, outdated, oldest, newest, first_row, last_r
         ground: uint8 (h, w), 0 for points without dilatation, `POST` for posts, 1 for all others.
         carried: int32 (h, w), the same ticks as far as they were taken over, those of posts carried; changed in place.
         outdated: int32 by block, the oldest tick that a point had before it changed; lowered in place.
-        oldest: int32 by block, the least tick of its ground; filled in for the blocks of the box.
-        newest: int32 by block, the greatest tick of its ground; filled in likewise.
         first_row: First row of the box.
         last_row: Last row of the box, inclusive.
         first_col: First column of the box.
@@ -58,10 +47,8 @@ def note(last_seen, ground, carried, outdated, oldest, newest, first_row, last_r
     height, width = last_seen.shape
     begin, end = first_col // SIDE * SIDE, min((last_col // SIDE + 1) * SIDE, width)
     # Along whole rows of the box, not of one block, so that many points are taken at a time.
-    least, most, before = np.empty((3, end - begin), dtype=np.int32)
+    before = np.empty(end - begin, dtype=np.int32)
     for up in range(first_row // SIDE, last_row // SIDE + 1):
-        least[:] = NOTHING
-        most[:] = -1
         before[:] = NOTHING
         for row in range(up * SIDE, min((up + 1) * SIDE, height)):
             seen, kind, known = last_seen[row, begin:end], ground[row, begin:end], carried[row, begin:end]
@@ -70,19 +57,15 @@ def note(last_seen, ground, carried, outdated, oldest, newest, first_row, last_r
                 has = max(seen[k], np.int32(0)) if kind[k] == 1 else had
                 before[k] = min(before[k], had if has != had else np.int32(NOTHING))
                 known[k] = has
-                least[k] = min(least[k], has if kind[k] != 0 else np.int32(NOTHING))
-                most[k] = max(most[k], has if kind[k] != 0 else np.int32(-1))
         for across in range(begin // SIDE, last_col // SIDE + 1):
             low, high = across * SIDE - begin, min((across + 1) * SIDE, width) - begin
             outdated[up, across] = min(outdated[up, across], before[low:high].min())
-            oldest[up, across] = least[low:high].min()
-            newest[up, across] = most[low:high].max()
 
 
 @njit(
-    types.void(ROWS, ENDS, TICKS, TICKS, TICKS, TICKS, int64, int64, int64, int64), cache=True, nogil=True
+    types.void(ROWS, ENDS, TICKS, TICKS, TICKS, int64, int64, int64, int64), cache=True, nogil=True
 )
-def carry(posts, ends, last_seen, carried, outdated, newest, first_row, last_row, first_col, last_col):
+def carry(posts, ends, last_seen, carried, outdated, first_row, last_row, first_col, last_col):
     """Update the tick of posts: the oldest of their own and those of the points seen from them.
 
     Args:
@@ -93,17 +76,16 @@ def carry(posts, ends, last_seen, carried, outdated, newest, first_row, last_row
         last_seen: int32 (h, w), the tick at which each point was last seen.
         carried: int32 (h, w), the ticks with those of the posts; changed in place.
         outdated: As in `note`.
-        newest: As in `note`; raised in place.
         first_row: First row of the blocks whose posts are updated.
         last_row: Last row of them, inclusive.
         first_col: First column of them.
         last_col: Last column of them, inclusive.
     """
-    cols = newest.shape[1]
+    cols = outdated.shape[1]
     for up in range(first_row, last_row + 1):
         for across in range(first_col, last_col + 1):
             at, end = ends[up * cols + across], ends[up * cols + across + 1]
-            most, before = newest[up, across], outdated[up, across]
+            before = outdated[up, across]
             while at < end:
                 row, col = posts[at, 2], posts[at, 3]
                 when = last_seen[row, col]
@@ -114,8 +96,8 @@ def carry(posts, ends, last_seen, carried, outdated, newest, first_row, last_row
                 had = carried[row, col]
                 if had != when:
                     carried[row, col] = when
-                    before, most = min(before, had), max(most, when)
-            newest[up, across], outdated[up, across] = most, before
+                    before = min(before, had)
+            outdated[up, across] = before
 
 
 @njit(
@@ -148,12 +130,12 @@ def fall_due(outdated, freshest, due, first_row, last_row, first_col, last_col, 
 
 
 @njit(
-    types.void(TICKS, MASK, TICKS, ROWS, ENDS, TICKS, TICKS, TICKS, TICKS, FLAGS, BOXES, int64, int64),
+    types.void(TICKS, MASK, TICKS, ROWS, ENDS, TICKS, TICKS, FLAGS, BOXES, int64, int64),
     cache=True,
     nogil=True,
 )
 def take_in(
-    last_seen, ground, carried, posts, ends, outdated, oldest, newest, freshest, due, boxes, gap, reach
+    last_seen, ground, carried, posts, ends, outdated, freshest, due, boxes, gap, reach
 ):
     """Take in what has changed in some boxes of the fog: `note`, `carry` and `fall_due`.
 
@@ -164,8 +146,6 @@ def take_in(
         posts: As in `carry`.
         ends: As in `carry`.
         outdated: As in `note`; all of it is `NOTHING` afterwards.
-        oldest: As in `note`.
-        newest: As in `note`.
         freshest: As in `fall_due`.
         due: As in `fall_due`.
         boxes: int64 (n, 4), on the grid: first row, last row, first column, last column of points.
@@ -178,126 +158,48 @@ def take_in(
         top, bottom, left, right = boxes[box]
         around[box, 0], around[box, 1] = max(0, (top - gap) // SIDE), min(rows - 1, (bottom + gap) // SIDE)
         around[box, 2], around[box, 3] = max(0, (left - gap) // SIDE), min(cols - 1, (right + gap) // SIDE)
-        note(last_seen, ground, carried, outdated, oldest, newest, top, bottom, left, right)
+        note(last_seen, ground, carried, outdated, top, bottom, left, right)
         top, bottom, left, right = around[box]
-        carry(posts, ends, last_seen, carried, outdated, newest, top, bottom, left, right)
+        carry(posts, ends, last_seen, carried, outdated, top, bottom, left, right)
     for box in range(boxes.shape[0]):
         top, bottom, left, right = around[box]
         fall_due(outdated, freshest, due, top, bottom, left, right, reach)
 
 
-@njit(int64(TICKS, int64, int64, int64, int64), cache=True, nogil=True)
-def _hemmed_in(hemmed, top, bottom, left, right):
-    """How many blocks of a box have a point in whose window something is not ground."""
-    return (
-        hemmed[bottom + 1, right + 1] - hemmed[top, right + 1] - hemmed[bottom + 1, left] + hemmed[top, left]
-    )
-
-
-@njit(int64(TICKS, int64, int64, int64, int64, int64), cache=True, nogil=True)
-def _cost(hemmed, top, bottom, left, right, reach):
-    """What a box of blocks costs to compute: elements of the scratch times passes over them."""
-    height, width = (bottom - top + 1) * SIDE, (right - left + 1) * SIDE
-    if _hemmed_in(hemmed, top, bottom, left, right) == 0:
-        return OPEN_PASSES * (height + 2 * reach) * (width + 2 * reach)
-    return (2 * reach + HEMMED_PASSES) * (height + reach) * (width + 2 * reach)
-
-
 @njit(
-    int64(MASK, TICKS, TICKS, TICKS, TICKS, TICKS, FLAGS, int64, int64, int64, int64, int64, int64, BOXES),
-    cache=True,
-    nogil=True,
+    int64(FLAGS, int64, int64, int64, int64, int64, int64, BOXES), cache=True, nogil=True
 )
-def boxes_due(
-    ground, hemmed, dilated, oldest, newest, freshest, due, first_row, last_row, first_col, last_col, reach,
-    blocks_reach, boxes,
-):
-    """Settle what is plain, and put the other blocks that are due into boxes that are cheap to compute.
+def boxes_due(due, height, width, first_row, last_row, first_col, last_col, boxes):
+    """Put the blocks that are due into boxes: runs of blocks beside each other.
 
     Args:
-        ground: As in `note`.
-        hemmed: int32 (m + 1, n + 1), how many of the blocks before each row and column of blocks have a point in whose
-            window something is not ground.
-        dilated: int32 (h, w), filled in where all points in the window of a whole block have the same tick.
-        oldest: As in `note`.
-        newest: As in `note`.
-        freshest: As in `fall_due`; changed in place for what is settled.
         due: uint8 by block; 0 for the blocks of the range afterwards.
+        height: Rows of points of the ground.
+        width: Columns of points of the ground.
         first_row: First row of the range of blocks.
         last_row: Last row of the range, inclusive.
         first_col: First column of the range.
         last_col: Last column of the range, inclusive.
-        reach: Half-width of the dilatation's window, in points.
-        blocks_reach: The same in blocks, rounded up.
         boxes: int64 (n, 4), filled in: first row, last row, first column, last column of points; n at least the number
             of blocks of the range.
 
     Returns:
         The number of boxes.
     """
-    height, width = ground.shape
-    rows, cols = due.shape
-    longest = LARGEST // SIDE
     count = 0
     for row in range(first_row, last_row + 1):
-        run = -1  # the box of the block to the left, which may go on
+        goes_on = False
         for col in range(first_col, last_col + 1):
             if due[row, col] == 0:
-                run = -1
+                goes_on = False
                 continue
             due[row, col] = 0
-            when = newest[row, col]
-            plain = oldest[row, col] == when
-            for up in range(max(0, row - blocks_reach), min(rows, row + blocks_reach + 1)):
-                if not plain:
-                    break
-                for across in range(max(0, col - blocks_reach), min(cols, col + blocks_reach + 1)):
-                    plain = plain and oldest[up, across] >= when
-            if plain:
-                for r in range(row * SIDE, min((row + 1) * SIDE, height)):
-                    for c in range(col * SIDE, min((col + 1) * SIDE, width)):
-                        if ground[r, c] != 0:
-                            dilated[r, c] = when
-                freshest[row, col] = when
-                run = -1
-            elif (
-                run >= 0
-                and col - boxes[run, 2] < longest
-                and (_hemmed_in(hemmed, row, row, boxes[run, 2], col - 1) > 0)
-                == (_hemmed_in(hemmed, row, row, col, col) > 0)
-            ):
-                boxes[run, 3] = col
-            else:
-                run = count
-                boxes[run, 0], boxes[run, 1], boxes[run, 2], boxes[run, 3] = row, row, col, col
+            if not goes_on:
+                boxes[count, 0], boxes[count, 1] = row * SIDE, min((row + 1) * SIDE, height) - 1
+                boxes[count, 2] = col * SIDE
                 count += 1
-    merged = True
-    while merged:
-        merged = False
-        one = 0
-        while one < count:
-            other = one + 1
-            while other < count:
-                top, bottom = min(boxes[one, 0], boxes[other, 0]), max(boxes[one, 1], boxes[other, 1])
-                left, right = min(boxes[one, 2], boxes[other, 2]), max(boxes[one, 3], boxes[other, 3])
-                together = _cost(hemmed, top, bottom, left, right, reach)
-                apart = 0
-                for box in (one, other):
-                    apart += _cost(hemmed, boxes[box, 0], boxes[box, 1], boxes[box, 2], boxes[box, 3], reach)
-                if together <= apart and bottom - top < longest and right - left < longest:
-                    boxes[one, 0], boxes[one, 1], boxes[one, 2], boxes[one, 3] = top, bottom, left, right
-                    count -= 1
-                    boxes[other, 0], boxes[other, 1] = boxes[count, 0], boxes[count, 1]
-                    boxes[other, 2], boxes[other, 3] = boxes[count, 2], boxes[count, 3]
-                    merged = True
-                else:
-                    other += 1
-            one += 1
-    for box in range(count):
-        boxes[box, 0] *= SIDE
-        boxes[box, 1] = min((boxes[box, 1] + 1) * SIDE, height) - 1
-        boxes[box, 2] *= SIDE
-        boxes[box, 3] = min((boxes[box, 3] + 1) * SIDE, width) - 1
+            boxes[count - 1, 3] = min((col + 1) * SIDE, width) - 1
+            goes_on = True
     return count
 
 

@@ -25,17 +25,16 @@ def test_a_post_carries_the_oldest_of_what_it_sees(seed: int) -> None:
     last_seen = rng.integers(-1, 100, shape).astype(np.int32)
     before = np.maximum(last_seen, 0)
     carried = before.copy()
-    outdated, newest = np.full((1, 1), NOTHING, dtype=np.int32), np.full((1, 1), -1, dtype=np.int32)
+    outdated = np.full((1, 1), NOTHING, dtype=np.int32)
     assert max(shape) <= SIDE
     ends = np.array([0, len(posts.rows)])
-    carry(posts.rows, ends, last_seen, carried, outdated, newest, 0, 0, 0, 0)
+    carry(posts.rows, ends, last_seen, carried, outdated, 0, 0, 0, 0)
     for place in places:
         row, col = divmod(int(place), shape[1])
         seen = [int(last_seen[row, col]), *(int(v) for v in last_seen[proxy == place])]
         assert carried[row, col] == max(min(seen), 0)
     moved = carried != before
     assert outdated[0, 0] == (before[moved].min() if moved.any() else NOTHING)
-    assert newest[0, 0] == (carried[moved].max() if moved.any() else -1)
 
 
 def test_entries_are_found_by_their_posts_rows() -> None:
