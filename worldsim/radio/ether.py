@@ -8,14 +8,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from patrol.errors import BadInput
-from patrol.journal.links import NO_DROPS, NO_LINKS, Drops, Links, WholeLinks, to_others
-from patrol.journal.records import FORGED, Status, frame_sequence
+from patrol.journal.links import NO_DROPS, Drops, Links, WholeLinks, to_others
+from patrol.journal.records import Status
 from patrol.radio.fleet_key import fleet_key
 from patrol.radio.heard import Heard
-from patrol.radio.message import MAX_FRAME
 from patrol.scenario.faults.kinds import Spoof
+from worldsim.radio.fates import Fates, Sent
 from worldsim.radio.forging import MEMORY, Forged, Forger
 from worldsim.radio.rules import NOBODY, RadioRules, arrival
 
@@ -138,115 +139,98 @@ class Ether:
             What happens to frames in this tick.
         """
         forged = self._forger.forge(tick, frames, statuses, poses) if self._forger is not None else []
-        troubled = self._rules is not None and self._rules.begin(tick, poses)
-        rules = self._rules if troubled else None
-        if forged or self._flying or (rules is not None and not rules.only_drop):
-            return self._carry_through(tick, frames, statuses, forged, rules)
-        return self._carry_at_once(tick, frames, statuses, rules)
-
-    def _carry_at_once(
-        self,
-        tick: int,
-        frames: Mapping[int, Sequence[bytes]],
-        statuses: Mapping[int, Status],
-        rules: RadioRules | None,
-    ) -> Delivery:
-        """The same where each frame is heard in its own tick or never: all pairs at once."""
-        sent = [(source, place, frame) for source in sorted(frames) for place, frame in enumerate(frames[source])]
-        receivers = [number for number in sorted(statuses) if there(statuses[number])]
-        hearing = [number for number in receivers if statuses[number] is Status.ALIVE]
-        if not sent or not receivers:
-            return Delivery({number: [] for number in hearing}, NO_LINKS, NO_DROPS)
-        frames_sent = [frame for _, _, frame in sent]
-        oversized = [len(frame) > MAX_FRAME for frame in frames_sent]
-        sequences = np.array([frame_sequence(tick, place) for _, place, _ in sent], dtype=np.int64)
-        everybody = to_others(tuple(source for source, _, _ in sent), tuple(receivers))
-        if rules is None and len(hearing) == len(receivers) and not any(oversized):
-            links: Links = WholeLinks(everybody.pairs, sequences)
-            return Delivery(Heard(frames_sent, hearing, everybody.reaches), links, NO_DROPS)
-        sources = np.array([source for source, _, _ in sent], dtype=np.int64)
+        rules = self._rules if self._rules is not None and self._rules.begin(tick, poses) else None
+        sent = Sent.of(tick, frames, forged)
+        receivers = tuple(number for number in sorted(statuses) if there(statuses[number]))
+        everybody = to_others(tuple(sent.source.tolist()), receivers)
+        deaf = {number: _DEAF[statuses[number]] for number in receivers if statuses[number] in _DEAF}
+        if rules is None and not (forged or self._flying or deaf or sent.oversized.any()):
+            heard = Heard(sent.frames, receivers, everybody.reaches)
+            return Delivery(heard, WholeLinks(everybody.pairs, sent.sequence), NO_DROPS)
         numbers = np.array(receivers, dtype=np.int64)
-        causes = [OVERSIZED, RECEIVER_PAUSED, RECEIVER_ABSENT, RECEIVER_DEAD]
-        deaf = [causes.index(_DEAF[statuses[number]]) if statuses[number] in _DEAF else -1 for number in receivers]
-        cause = np.repeat(np.array([deaf], dtype=np.int64), len(sent), axis=0)
-        if rules is not None:
-            stopped, faults = rules.stopped(sources, numbers, sequences)
-            cause = np.where(stopped >= 0, stopped + len(causes), cause)
-            causes += faults
-        cause[oversized] = 0
-        others = everybody.reaches.T
-        arrives = others & (cause < 0)
-        frame_of, receiver_of = np.nonzero(arrives)
-        links = Links(sources[frame_of], numbers[receiver_of], sequences[frame_of])
-        alive = np.array([statuses[number] is Status.ALIVE for number in receivers], dtype=np.bool_)
-        heard = Heard(frames_sent, hearing, np.ascontiguousarray(arrives[:, alive].T))
-        frame_of, receiver_of = np.nonzero(others & (cause >= 0))
-        if not frame_of.size:
-            return Delivery(heard, links, NO_DROPS)
-        dropped = Drops(
-            sources[frame_of], numbers[receiver_of], sequences[frame_of], cause[frame_of, receiver_of], tuple(causes)
-        )
-        return Delivery(heard, links, dropped if rules is None else dropped.sorted())
-
-    def _carry_through(
-        self,
-        tick: int,
-        frames: Mapping[int, Sequence[bytes]],
-        statuses: Mapping[int, Status],
-        forged: Sequence[Forged],
-        rules: RadioRules | None,
-    ) -> Delivery:
-        """The same where there is something to ask about a frame, or some are in flight."""
-        sent = [(FORGED, one.origin, place, one.frame) for place, one in enumerate(forged)]
-        sent += [
-            (source, source, place, frame) for source in sorted(frames) for place, frame in enumerate(frames[source])
-        ]
-        receivers = [number for number in sorted(statuses) if there(statuses[number])]
-        dropped: list[tuple[int, int, int, str]] = []
+        fates = Fates(everybody.reaches.T)
+        fates.stop(sent.oversized[:, None], OVERSIZED)
+        fates.stop(sent.origin[:, None] == numbers, OWN)
         copies: list[tuple[int, int, int, str]] = []
         delayed: list[tuple[int, int, int, str]] = []
-        for source, origin, place, frame in sent:
-            sequence = frame_sequence(tick, place)
-            oversized = len(frame) > MAX_FRAME
-            jam = None if rules is None or oversized else rules.jammed(origin, len(frame))
-            for destination in receivers:
-                if destination == source:
-                    continue
-                link = (source, destination, sequence)
-                cause = OVERSIZED if oversized else OWN if destination == origin else None
-                if cause is None and rules is not None:
-                    cause = rules.lost(origin, *link, jam)
-                if cause is not None:
-                    dropped.append((*link, cause))
-                    continue
-                held = [] if rules is None else rules.delays(origin, *link)
-                delay_s = sum(seconds for _, seconds in held)
-                due = arrival(tick, delay_s, self._step)
-                self._flying[due].append(_Flying(source, sequence, destination, 0, frame))
-                if due > tick:
-                    delayed += ((*link, fault) for fault, seconds in held if seconds > 0.0)
-                for copy, (fault, more_s) in enumerate([] if rules is None else rules.copies(origin, *link), start=1):
-                    copies.append((*link, fault))
-                    due = arrival(tick, delay_s + more_s, self._step)
-                    self._flying[due].append(_Flying(source, sequence, destination, copy, frame))
-        heard, arrived = self._land(tick, statuses, dropped)
-        return Delivery(heard, arrived, tuple(sorted(dropped)), tuple(forged), tuple(copies), tuple(delayed))
+        if rules is not None:
+            rules.stop(sent, numbers, fates)
+            if rules.delays_or_copies:
+                self._hold_up(tick, sent, receivers, fates, rules, copies, delayed)
+        for cause in (RECEIVER_PAUSED, RECEIVER_ABSENT, RECEIVER_DEAD):
+            fates.stop(np.array([deaf.get(number) == cause for number in receivers], dtype=np.bool_), cause)
+        landing = sorted(self._flying.pop(tick, ()))
+        in_vain = [(f, _DEAF[statuses[f.destination]]) for f in landing if statuses[f.destination] in _DEAF]
+        dropped = _dropped(sent, numbers, fates, in_vain)
+        hearing = [number for number in receivers if number not in deaf]
+        landing = [f for f in landing if statuses[f.destination] not in _DEAF]
+        heard, arrived = _arrived(sent, numbers, fates.on_the_way, hearing, landing)
+        return Delivery(heard, arrived, dropped, tuple(forged), tuple(copies), tuple(delayed))
 
-    def _land(
-        self, tick: int, statuses: Mapping[int, Status], dropped: list[tuple[int, int, int, str]]
-    ) -> tuple[dict[int, list[bytes]], tuple[Link, ...]]:
-        """What arrives now, where somebody hears it; what arrives elsewhere is added to `dropped`."""
-        heard: dict[int, list[bytes]] = {n: [] for n in sorted(statuses) if statuses[n] is Status.ALIVE}
-        arrived = []
-        for flying in sorted(self._flying.pop(tick, ())):
-            link = (flying.source, flying.destination, flying.sequence)
-            deaf = _DEAF.get(statuses[flying.destination])
-            if deaf is None:
-                heard[flying.destination].append(flying.frame)
-                arrived.append(link)
-            else:
-                dropped.append((*link, deaf))
-        return heard, tuple(arrived)
+    def _hold_up(
+        self,
+        tick: int,
+        sent: Sent,
+        receivers: Sequence[int],
+        fates: Fates,
+        rules: RadioRules,
+        copies: list[tuple[int, int, int, str]],
+        delayed: list[tuple[int, int, int, str]],
+    ) -> None:
+        """Put into flight what is delayed, and the copies of what is copied; note both in the lists."""
+        for index, column in np.argwhere(fates.on_the_way).tolist():
+            origin, source, sequence = (int(numbers[index]) for numbers in (sent.origin, sent.source, sent.sequence))
+            frame, destination = sent.frames[index], receivers[column]
+            link = (source, destination, sequence)
+            held = rules.delays(origin, *link)
+            delay_s = sum(seconds for _, seconds in held)
+            due = arrival(tick, delay_s, self._step)
+            if due > tick:
+                self._flying[due].append(_Flying(source, sequence, destination, 0, frame))
+                fates.on_the_way[index, column] = False
+                delayed += ((*link, fault) for fault, seconds in held if seconds > 0.0)
+            for copy, (fault, more_s) in enumerate(rules.copies(origin, *link), start=1):
+                copies.append((*link, fault))
+                due = arrival(tick, delay_s + more_s, self._step)
+                self._flying[due].append(_Flying(source, sequence, destination, copy, frame))
+
+
+def _dropped(sent: Sent, receivers: NDArray[np.int64], fates: Fates, in_vain: Sequence[tuple[_Flying, str]]) -> Drops:
+    """The frames that were stopped, and those that were in flight to a robot that does not hear."""
+    frame, receiver = np.nonzero(fates.cause >= 0)
+    causes = fates.causes
+    late = [(f.source, f.destination, f.sequence, causes.index(cause)) for f, cause in in_vain]
+    if not frame.size and not late:
+        return NO_DROPS
+    rows = np.array(late, dtype=np.int64).reshape(-1, 4).T
+    now = (sent.source[frame], receivers[receiver], sent.sequence[frame], fates.cause[frame, receiver])
+    columns = [np.concatenate(pair) for pair in zip(now, rows, strict=True)]
+    return Drops(columns[0], columns[1], columns[2], columns[3], tuple(causes)).sorted()
+
+
+def _arrived(
+    sent: Sent,
+    receivers: NDArray[np.int64],
+    on_the_way: NDArray[np.bool_],
+    hearing: Sequence[int],
+    landing: Sequence[_Flying],
+) -> tuple[Heard, Links]:
+    """What is heard, and its links: the frames of this tick that got through, and those that land now."""
+    frames, reaches = [*sent.frames, *(f.frame for f in landing)], on_the_way
+    source, sequence, copy = sent.source, sent.sequence, np.zeros(len(sent.frames), dtype=np.int64)
+    if landing:
+        late = np.array([(f.source, f.sequence, f.copy, f.destination) for f in landing], dtype=np.int64).T
+        source, sequence, copy = (np.concatenate(pair) for pair in zip((source, sequence, copy), late[:3], strict=True))
+        order = np.lexsort((copy, sequence, source))
+        reaches = np.vstack([on_the_way, late[3][:, None] == receivers])[order]
+        source, sequence, copy = source[order], sequence[order], copy[order]
+        frames = [frames[index] for index in order.tolist()]
+    frame, receiver = np.nonzero(reaches)
+    if landing:  # a frame's copies come after it at each receiver
+        order = np.lexsort((copy[frame], receiver, sequence[frame], source[frame]))
+        frame, receiver = frame[order], receiver[order]
+    links = Links(source[frame], receivers[receiver], sequence[frame])
+    return Heard(frames, hearing, np.ascontiguousarray(reaches[:, np.isin(receivers, hearing)].T)), links
 
 
 def ether_of(

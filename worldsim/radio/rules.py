@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain
     from patrol.scenario import Scenario
     from worldsim.faults.timeline import Entry, Timeline
+    from worldsim.radio.fates import Fates, Sent
 
 LEAST_BUCKET = 64.0
 """Bytes that may be sent at once with any bandwidth, so that any frame fits sooner or later."""
@@ -56,9 +58,6 @@ DROPS: tuple[type[Fault], ...] = (Silence, Partition, Range, Bandwidth, Loss)
 """The kinds of faults that drop frames, in the order in which they apply."""
 
 _ON_FRAMES: tuple[type[Fault], ...] = (*DROPS, Delay, Reorder, Duplicate)
-
-_BY_NUMBERS: tuple[type[Fault], ...] = (Silence, Partition, Loss)
-"""The kinds that look at nothing but the numbers of a frame: its origin, its receiver and its sequence."""
 
 
 def arrival(k: int, delay_s: float, step: float) -> int:
@@ -153,10 +152,6 @@ class Bucket:
         self._left -= size
 
 
-_Drops = Callable[["Entry", int, int, int, int], bool]
-"""Whether a fault drops a frame, by its origin, source, destination and sequence."""
-
-
 class RadioRules:
     """The radio faults of a timeline. Call `begin` for each tick in turn, then ask about its frames in their order.
 
@@ -176,13 +171,7 @@ class RadioRules:
         self._poses: Mapping[int, Pose] = {}
         self._entries: Sequence[Entry] = ()
         self._active: dict[type, list[Entry]] = {}
-        self._drops: dict[type, _Drops] = {
-            Silence: self._silenced,
-            Partition: self._cut,
-            Range: self._out_of_reach,
-            Loss: self._loses,
-        }
-        self._dropping: list[tuple[Entry, _Drops | None]] = []
+        self._dropping: list[Entry] = []
         self._bursts: dict[tuple[int, int, int], Burst] = {}
         self._buckets: dict[tuple[int, int], Bucket] = {}
 
@@ -201,98 +190,97 @@ class RadioRules:
         if entries is not self._entries:
             self._entries = entries
             self._active = {kind: [e for e in entries if isinstance(e.fault, kind)] for kind in _ON_FRAMES}
-            self._dropping = [(entry, self._drops.get(kind)) for kind in DROPS for entry in self._active[kind]]
+            self._dropping = [entry for kind in DROPS for entry in self._active[kind]]
         return any(self._active.values())
 
     @property
-    def only_drop(self) -> bool:
-        """Whether `stopped` knows all that the active faults do to robots' own frames."""
-        if any(entries for kind, entries in self._active.items() if kind not in _BY_NUMBERS):
-            return False
-        return all(isinstance(e.fault, Loss) and e.fault.mean_burst is None for e in self._active.get(Loss, ()))
+    def delays_or_copies(self) -> bool:
+        """Whether `delays` or `copies` may have something to say."""
+        return any(self._active.get(kind) for kind in (Delay, Reorder, Duplicate))
 
-    def stopped(
-        self, sources: NDArray[np.int64], destinations: NDArray[np.int64], sequences: NDArray[np.int64]
-    ) -> tuple[NDArray[np.int64], list[str]]:
-        """What `lost` says of many frames at once on the links to many receivers, where the faults `only_drop`.
+    def stop(self, sent: Sent, receivers: NDArray[np.int64], fates: Fates) -> None:
+        """Stop the frames that the tick's faults drop.
 
         Args:
-            sources: int64 (f,), the robots that sent the frames.
-            destinations: int64 (r,), the receivers.
-            sequences: int64 (f,), of the frames.
-
-        Returns:
-            int64 (f, r), for each frame and receiver -1 or which of the causes stops it; and the causes.
+            sent: The tick's frames.
+            receivers: int64 (r,), numbers of the receivers.
+            fates: Of these frames on their way to these receivers; changed in place.
         """
-        found = np.full((sources.size, destinations.size), -1, dtype=np.int64)
-        for number, (entry, _) in enumerate(self._dropping):
-            hit = self._hit(entry, sources, destinations, sequences)
-            found[(found < 0) & hit] = number
-        return found, [cause(entry) for entry, _ in self._dropping]
+        jams = self._jams(sent)
+        for entry in self._dropping:
+            if isinstance(entry.fault, Bandwidth):
+                hit = np.array([jam is entry for jam in jams], dtype=np.bool_)[:, None]
+            else:
+                hit = self._hit(entry, sent, receivers, fates.on_the_way)
+            fates.stop(hit, cause(entry))
 
     def _hit(
-        self, entry: Entry, sources: NDArray[np.int64], destinations: NDArray[np.int64], sequences: NDArray[np.int64]
+        self, entry: Entry, sent: Sent, receivers: NDArray[np.int64], on_the_way: NDArray[np.bool_]
     ) -> NDArray[np.bool_]:
-        """Whether a fault drops frames, bool (f, r)."""
+        """Whether a fault drops frames that are on their way, bool (f, r)."""
         fault = entry.fault
-        if isinstance(fault, Loss):
-            states = [mix(self._seed, Purpose.ETHER, entry.index, int(source)) for source in sources]
-            lost = below(np.array(states, dtype=np.uint64), destinations, sequences, fault.rate).view(np.bool_)
-            hit: NDArray[np.bool_] = (
-                lost & _those(sources, entry.sources)[:, None] & _those(destinations, entry.targets)
-            )
-            return hit
         if isinstance(fault, Silence):
-            out = _those(sources, entry.who) & (fault.direction in ("out", "both"))
-            return out[:, None] | (_those(destinations, entry.who) & (fault.direction in ("in", "both")))
-        here, there = (np.array([_group(entry.groups, int(n)) for n in side]) for side in (sources, destinations))
-        one_way = isinstance(fault, Partition) and fault.direction == "one-way"
-        return here[:, None] < there if one_way else here[:, None] != there
+            out = _those(sent.origin, entry.who) & (fault.direction in ("out", "both"))
+            return out[:, None] | (_those(receivers, entry.who) & (fault.direction in ("in", "both")))
+        if isinstance(fault, Partition):
+            return _cut(entry, fault, sent.origin, receivers)
+        if isinstance(fault, Range):
+            links: NDArray[np.bool_] = on_the_way & _those(sent.origin, entry.who)[:, None]
+            return self._each(links, sent, receivers, partial(self._is_out_of_reach, fault))
+        assert isinstance(fault, Loss)
+        links = on_the_way & _those(sent.origin, entry.sources)[:, None] & _those(receivers, entry.targets)
+        if fault.mean_burst is not None:
+            return self._each(links, sent, receivers, partial(self._is_in_a_burst, entry, fault.rate, fault.mean_burst))
+        states = [mix(self._seed, Purpose.ETHER, entry.index, source) for source in sent.source.tolist()]
+        lost = below(np.array(states, dtype=np.uint64), receivers, sent.sequence, fault.rate)
+        links &= lost.view(np.bool_)
+        return links
 
-    def jammed(self, origin: int, size: int) -> str | None:
-        """Charge a frame to its sender's bandwidth. A sender that is silenced sends nothing.
+    @staticmethod
+    def _each(
+        links: NDArray[np.bool_], sent: Sent, receivers: NDArray[np.int64], drops: Callable[[int, int], bool]
+    ) -> NDArray[np.bool_]:
+        """Ask about each link by its origin and receiver; every frame of an origin has the same answer."""
+        hit = np.zeros_like(links)
+        asked: dict[tuple[int, int], bool] = {}
+        for frame, column in np.argwhere(links).tolist():
+            link = (int(sent.origin[frame]), int(receivers[column]))
+            if link not in asked:
+                asked[link] = drops(*link)
+            hit[frame, column] = asked[link]
+        return hit
 
-        Args:
-            origin: The robot whose radio sends it.
-            size: Its bytes.
+    def _jams(self, sent: Sent) -> list[Entry | None]:
+        """Charge each frame to its sender's bandwidths; the one that it does not fit into, or None.
 
-        Returns:
-            The cause, as the journal names it, if it cannot be sent; else None.
+        A sender that is silenced sends nothing, and an oversized frame is not sent.
         """
-        entries = [entry for entry in self._active.get(Bandwidth, ()) if origin in entry.who]
-        if not entries or any(_silences(entry, origin, "out") for entry in self._active.get(Silence, ())):
+        if not self._active.get(Bandwidth):
+            return [None] * len(sent.frames)
+        numbers = zip(sent.origin.tolist(), sent.frames, sent.oversized.tolist(), strict=True)
+        return [None if oversized else self._jam(origin, len(frame)) for origin, frame, oversized in numbers]
+
+    def _jam(self, origin: int, size: int) -> Entry | None:
+        """Charge a frame to its sender's bandwidths."""
+        entries = [entry for entry in self._active[Bandwidth] if origin in entry.who]
+        if not entries or any(_silences(entry, origin) for entry in self._active.get(Silence, ())):
             return None
         buckets = [self._bucket(entry, origin) for entry in entries]
         for entry, bucket in zip(entries, buckets, strict=True):
             if not bucket.holds(size, self._k):
-                return cause(entry)
+                return entry
         for bucket in buckets:
             bucket.take(size)
         return None
 
-    def lost(self, origin: int, source: int, destination: int, sequence: int, jam: str | None) -> str | None:
-        """Find out whether a frame is lost on a link.
+    def delays(self, origin: int, source: int, destination: int, sequence: int) -> list[tuple[str, float]]:
+        """Find the faults that delay a frame on a link.
 
         Args:
             origin: The robot whose radio sends it.
             source: Its sender in the journal.
             destination: Its receiver.
             sequence: Its sequence in the journal.
-            jam: What `jammed` said of it.
-
-        Returns:
-            The cause, as the journal names it, or None.
-        """
-        for entry, drops in self._dropping:
-            if drops is None:  # a bandwidth, which acts on a frame and not on its links
-                if jam is not None:
-                    return jam
-            elif drops(entry, origin, source, destination, sequence):
-                return cause(entry)
-        return None
-
-    def delays(self, origin: int, source: int, destination: int, sequence: int) -> list[tuple[str, float]]:
-        """Find the faults that delay a frame on a link; the arguments are those of `lost`.
 
         Returns:
             Their ids, and how long each delays it, s.
@@ -310,7 +298,7 @@ class RadioRules:
         return found
 
     def copies(self, origin: int, source: int, destination: int, sequence: int) -> list[tuple[str, float]]:
-        """Find the faults that copy a frame on a link; the arguments are those of `lost`.
+        """Find the faults that copy a frame on a link; the arguments are those of `delays`.
 
         Returns:
             Their ids, and how much longer than the frame each copy takes, s.
@@ -325,20 +313,7 @@ class RadioRules:
                 found.append((entry.id, 0.0 if fault.delay is None else waited(fault.delay, *values, 1)))
         return found
 
-    def _silenced(self, entry: Entry, origin: int, _source: int, destination: int, _sequence: int) -> bool:
-        return _silences(entry, origin, "out") or _silences(entry, destination, "in")
-
-    def _cut(self, entry: Entry, origin: int, _source: int, destination: int, _sequence: int) -> bool:
-        fault = entry.fault
-        if not isinstance(fault, Partition) or origin == NOBODY:
-            return False
-        here, there = _group(entry.groups, origin), _group(entry.groups, destination)
-        return here < there if fault.direction == "one-way" else here != there
-
-    def _out_of_reach(self, entry: Entry, origin: int, _source: int, destination: int, _sequence: int) -> bool:
-        fault = entry.fault
-        if not isinstance(fault, Range) or origin not in entry.who:
-            return False
+    def _is_out_of_reach(self, fault: Range, origin: int, destination: int) -> bool:
         a, b = self._poses[origin], self._poses[destination]
         if math.hypot(a.x - b.x, a.y - b.y) > fault.reach:
             return True
@@ -346,18 +321,11 @@ class RadioRules:
         line = (self._opaque, self._terrain.point, x, y, a.x, a.y, b.x, b.y, BEAM)
         return not fault.through_walls and float(sweep.free_fraction_line(*line)) < 1.0
 
-    def _loses(self, entry: Entry, origin: int, source: int, destination: int, sequence: int) -> bool:
-        fault = entry.fault
-        if not isinstance(fault, Loss) or not _on_link(entry, origin, destination):
-            return False
-        if fault.mean_burst is None:
-            return draw(self._seed, Purpose.ETHER, entry.index, source, destination, sequence) < fault.rate
+    def _is_in_a_burst(self, entry: Entry, rate: float, mean_burst: float, origin: int, destination: int) -> bool:
         key = (entry.index, origin, destination)
-        burst = self._bursts.get(key)
-        if burst is None:
-            burst = Burst(self._seed, entry, fault.rate, fault.mean_burst, (origin, destination))
-            self._bursts[key] = burst
-        return burst.bad(self._k)
+        if key not in self._bursts:
+            self._bursts[key] = Burst(self._seed, entry, rate, mean_burst, (origin, destination))
+        return self._bursts[key].bad(self._k)
 
     def _bucket(self, entry: Entry, number: int) -> Bucket:
         bucket = self._buckets.get((entry.index, number))
@@ -373,8 +341,19 @@ def cause(entry: Entry) -> str:
     return f"{entry.fault.kind}:{entry.id}"
 
 
-def _silences(entry: Entry, number: int, way: str) -> bool:
-    return isinstance(entry.fault, Silence) and entry.fault.direction in (way, "both") and number in entry.who
+def _silences(entry: Entry, sender: int) -> bool:
+    return isinstance(entry.fault, Silence) and entry.fault.direction in ("out", "both") and sender in entry.who
+
+
+def _cut(entry: Entry, fault: Partition, origins: NDArray[np.int64], receivers: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Whether a partition is between origins and receivers, bool (f, r); a stranger is in every group."""
+    there = np.array([_group(entry.groups, number) for number in receivers.tolist()])
+    hit = np.zeros((origins.size, receivers.size), dtype=np.bool_)
+    for frame, origin in enumerate(origins.tolist()):
+        if origin != NOBODY:
+            here = _group(entry.groups, origin)
+            hit[frame] = here < there if fault.direction == "one-way" else here != there
+    return hit
 
 
 def _on_link(entry: Entry, origin: int, destination: int) -> bool:

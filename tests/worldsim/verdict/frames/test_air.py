@@ -105,7 +105,7 @@ def test_reach_is_told_from_true_places(run: Callable[..., Result], fault: dict[
 def test_a_radio_that_reaches_farther_fails(
     run: Callable[..., Result], fault: dict[str, Any], late: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(RadioRules, "_out_of_reach", lambda *_: False)
+    monkeypatch.setattr(RadioRules, "_is_out_of_reach", lambda *_: False)
     found = failures(run(fault, LATE) if late else run(fault))
     assert list(found) == ["reach"]
     assert f"got through range {fault['id']}" in found["reach"]
@@ -115,7 +115,7 @@ def test_a_radio_that_reaches_farther_fails(
 def test_a_radio_that_does_not_reach_so_far_fails(
     run: Callable[..., Result], fault: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(RadioRules, "_out_of_reach", lambda *_: True)
+    monkeypatch.setattr(RadioRules, "_is_out_of_reach", lambda *_: True)
     found = failures(run({**fault, "reach": 100.0}))
     assert list(found) == ["reach"]
     assert f"was stopped by range {fault['id']} although it was within reach" in found["reach"]

@@ -8,14 +8,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from patrol.journal.records import FORGED
+from patrol.scenario.faults.kinds import Bandwidth
 from tests.worldsim.verdict.judged import Result, change, failures, runs
+from worldsim.radio.fates import Fates, Sent
 from worldsim.radio.rules import RadioRules, cause
 
 if TYPE_CHECKING:
     from tests.worldsim.conftest import Lab
+    from worldsim.faults.timeline import Entry
 
 QUIET = {"kind": "silence", "who": "r1", "id": "quiet"}
 SPLIT = {"kind": "partition", "groups": [["r1", "r2"], ["r3", "r4"]], "id": "split"}
@@ -31,13 +36,31 @@ def run(lab: Lab) -> Callable[..., Result]:
     return runs(lab, ticks=30)
 
 
-def lost(*causes: str) -> Callable[..., str | None]:
-    """Rules that ask only about these causes; they look at who sends and who hears, and at nothing else."""
+Stop = Callable[[RadioRules, Sent, NDArray[np.int64], Fates], None]
 
-    def rule(rules: RadioRules, _origin: int, _source: int, _to: int, _sequence: int, _jam: str | None) -> str | None:
-        return next((name for entry in rules.timeline.at(rules._k) if (name := cause(entry)) in causes), None)
 
-    return rule
+def stops(*causes: str) -> Stop:
+    """Rules that stop every frame for the first of these causes that is active."""
+
+    def stop(rules: RadioRules, _sent: Sent, _receivers: NDArray[np.int64], fates: Fates) -> None:
+        for entry in rules.timeline.at(rules._k):
+            if cause(entry) in causes:
+                fates.stop(np.ones((1, 1), dtype=np.bool_), cause(entry))
+
+    return stop
+
+
+def spares(spared: Callable[[Sent, NDArray[np.int64]], NDArray[np.bool_]]) -> Stop:
+    """The good rules, which let some frames through all the same."""
+    good = RadioRules.stop
+
+    def stop(rules: RadioRules, sent: Sent, receivers: NDArray[np.int64], fates: Fates) -> None:
+        through = fates.on_the_way & spared(sent, receivers)
+        good(rules, sent, receivers, fates)
+        fates.on_the_way |= through
+        fates.cause[through] = -1
+
+    return stop
 
 
 @pytest.mark.parametrize(
@@ -60,8 +83,7 @@ def test_whatever_a_good_radio_stops_is_right(run: Callable[..., Result], faults
 def test_a_cut_that_stops_everybody_fails(
     run: Callable[..., Result], fault: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(RadioRules, "lost", lost(f"{fault['kind']}:{fault['id']}"))
-    monkeypatch.setattr(RadioRules, "only_drop", False)
+    monkeypatch.setattr(RadioRules, "stop", stops(f"{fault['kind']}:{fault['id']}"))
     found = failures(run(fault))
     assert list(found) == ["nothing crossed"]
     assert f"was stopped by {fault['kind']} {fault['id']}, which does not apply to it" in found["nothing crossed"]
@@ -72,9 +94,7 @@ def test_a_cut_that_stops_everybody_fails(
 def test_an_insider_is_cut_off_like_any_robot(
     run: Callable[..., Result], fault: dict[str, Any], late: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    good = RadioRules.lost
-    monkeypatch.setattr(RadioRules, "lost", lambda self, *of: good(self, *of) if of[1] != FORGED else None)
-    monkeypatch.setattr(RadioRules, "only_drop", False)
+    monkeypatch.setattr(RadioRules, "stop", spares(lambda sent, _: (sent.source == FORGED)[:, None]))
     found = failures(run(fault, INSIDER, DELAY) if late else run(fault, INSIDER))
     assert "nothing crossed" in found
     assert found["nothing crossed"].startswith("a frame from a forger to r")
@@ -85,9 +105,7 @@ def test_what_reaches_a_dead_receiver_through_a_cut_came_through(
     run: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Nobody hears what it is told, but the frame got as far as it."""
-    good = RadioRules.lost
-    monkeypatch.setattr(RadioRules, "lost", lambda self, *of: None if of[2] == 2 else good(self, *of))
-    monkeypatch.setattr(RadioRules, "only_drop", False)
+    monkeypatch.setattr(RadioRules, "stop", spares(lambda _, receivers: receivers == 2))
     found = failures(run({"kind": "kill", "who": "r2"}, QUIET))
     assert found == {"nothing crossed": "a frame from r1 to r2 of tick 0 got through silence quiet"}
 
@@ -95,8 +113,7 @@ def test_what_reaches_a_dead_receiver_through_a_cut_came_through(
 def test_a_cut_that_another_cause_takes_the_place_of_fails(
     run: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(RadioRules, "lost", lost("loss:loss"))
-    monkeypatch.setattr(RadioRules, "only_drop", False)
+    monkeypatch.setattr(RadioRules, "stop", stops("loss:loss"))
     found = failures(run(LOSS, {**QUIET, "who": "r1"}))
     assert found["nothing crossed"] == "a frame from r1 to r2 of tick 0 got through silence quiet"
 
@@ -105,7 +122,7 @@ def test_a_cut_that_another_cause_takes_the_place_of_fails(
 def test_a_bandwidth_that_stops_what_it_has_room_for_fails(
     run: Callable[..., Result], bytes_per_s: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(RadioRules, "jammed", lambda *_: "bandwidth:narrow")
+    monkeypatch.setattr(RadioRules, "_jam", lambda self, *_: self._active[Bandwidth][0])
     found = failures(run({**NARROW, "bytes_per_s": bytes_per_s}))
     assert found == {"bandwidth": "bandwidth narrow stopped r1 in tick 0 although it had bytes left"}
 
@@ -114,14 +131,14 @@ def test_a_bandwidth_that_what_is_forged_does_not_use_up_fails(
     run: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The forger's own frames come after those that it forges: the bucket of both is one."""
-    good = RadioRules.jammed
+    good = RadioRules._jam
     taken: list[int] = []
 
-    def alternately(self: RadioRules, origin: int, size: int) -> str | None:
+    def alternately(self: RadioRules, origin: int, size: int) -> Entry | None:
         taken.append(origin)
         return None if origin == 1 and taken.count(1) % 2 else good(self, origin, size)
 
-    monkeypatch.setattr(RadioRules, "jammed", alternately)
+    monkeypatch.setattr(RadioRules, "_jam", alternately)
     found = failures(run({**NARROW, "who": "r1"}, INSIDER))
     assert list(found) == ["bandwidth"]
     assert found["bandwidth"].startswith("r1 exceeded 20 bytes/s in tick ")
@@ -131,7 +148,7 @@ def test_a_bandwidth_that_what_is_forged_does_not_use_up_fails(
 def test_a_frame_that_is_not_too_long_and_counts_as_that_fails(
     run: Callable[..., Result], faults: list[dict[str, Any]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("worldsim.radio.ether.MAX_FRAME", 1)
+    monkeypatch.setattr("worldsim.radio.fates.MAX_FRAME", 1)
     found = failures(run(*faults))
     assert found == {"drops": "a frame from r1 to r2 was dropped in tick 0 for a cause that does not apply: oversized"}
 
@@ -139,8 +156,7 @@ def test_a_frame_that_is_not_too_long_and_counts_as_that_fails(
 def test_a_link_that_a_loss_is_not_about_and_that_loses_fails(
     run: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(RadioRules, "only_drop", False)
-    monkeypatch.setattr("worldsim.radio.rules._on_link", lambda *_: True)
+    monkeypatch.setattr("worldsim.radio.rules._those", lambda numbers, _: np.ones_like(numbers, dtype=np.bool_))
     found = failures(run(LOSS))
     assert list(found) == ["drops"]
     assert found["drops"].endswith("for a cause that does not apply: loss:loss")

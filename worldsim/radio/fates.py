@@ -1,0 +1,87 @@
+"""The frames of one tick, and what becomes of each on its way to each receiver."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.journal.records import FORGED, frame_sequence
+from patrol.radio.message import MAX_FRAME
+
+if TYPE_CHECKING:
+    from worldsim.radio.forging import Forged
+
+
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """The frames of one tick, forged ones first, then by sender and sequence.
+
+    Attributes:
+        frames: Their bytes.
+        origin: int64 (f,), the robot from whose radio each comes, whatever sender it claims; 0 for a stranger's.
+        source: int64 (f,), the sender of each in the journal; `patrol.journal.records.FORGED` for a forged one.
+        sequence: int64 (f,), the sequence of each in the journal.
+        oversized: bool (f,), frames that are too long for the radio.
+    """
+
+    frames: list[bytes]
+    origin: NDArray[np.int64]
+    source: NDArray[np.int64]
+    sequence: NDArray[np.int64]
+    oversized: NDArray[np.bool_]
+
+    @staticmethod
+    def of(tick: int, frames: Mapping[int, Sequence[bytes]], forged: Sequence[Forged]) -> Sent:
+        """Put the frames of a tick together.
+
+        Args:
+            tick: The tick.
+            frames: By the numbers of their senders.
+            forged: The forged ones.
+        """
+        rows = [(one.origin, FORGED, frame_sequence(tick, place), one.frame) for place, one in enumerate(forged)]
+        rows += [
+            (source, source, frame_sequence(tick, place), frame)
+            for source in sorted(frames)
+            for place, frame in enumerate(frames[source])
+        ]
+        origin, source, sequence = (np.array([row[i] for row in rows], dtype=np.int64) for i in range(3))
+        sent = [row[3] for row in rows]
+        oversized = np.array([len(frame) > MAX_FRAME for frame in sent], dtype=np.bool_)
+        return Sent(sent, origin, source, sequence, oversized)
+
+
+class Fates:
+    """What becomes of each frame on its way to each receiver; what was stopped once is not stopped again.
+
+    Attributes:
+        on_the_way: bool (f, r), frames that nothing has stopped yet.
+        cause: int64 (f, r), the place in `causes` of what stopped a frame; -1 for none.
+        causes: As the journal names them.
+    """
+
+    def __init__(self, reaches: NDArray[np.bool_]) -> None:
+        """Begin with all on their way.
+
+        Args:
+            reaches: bool (f, r), the links that there are.
+        """
+        self.on_the_way = reaches.copy()
+        self.cause = np.full(reaches.shape, -1, dtype=np.int64)
+        self.causes: list[str] = []
+
+    def stop(self, hit: NDArray[np.bool_], cause: str) -> None:
+        """Stop frames that are on their way.
+
+        Args:
+            hit: bool, of a shape that (f, r) can be made of.
+            cause: Why.
+        """
+        stopped = self.on_the_way & hit
+        self.cause[stopped] = len(self.causes)
+        self.causes.append(cause)
+        self.on_the_way &= ~stopped
