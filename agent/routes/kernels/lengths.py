@@ -24,6 +24,9 @@ UNKNOWN = 2**27 - 1
 STRETCH = 2400
 """Lengths, in hundredths of a point, after which runs wait for each other."""
 
+STRAIGHT_STEP, DIAGONAL_STEP = 200, 282
+"""Steps of a path, in cells: twice their length in hundredths of a point."""
+
 FAR = 2**31 - 1
 """As in `agent.routes.kernels.wave`."""
 
@@ -39,8 +42,8 @@ index = types.uint64
 
 
 # fmt: off
-@njit(types.void(GRID, int64, int64, CELLS, int64, int64, int64, int64, int64, int64), cache=True, nogil=True)
-def _clear(state, row0, col0, cell, cols, unknown, top, bottom, left, right):
+@njit(types.void(GRID, int64, int64, CELLS, int64, int64, int64, int64, int64), cache=True, nogil=True)
+def _clear(state, row0, col0, cell, cols, top, bottom, left, right):
     """Make the cells of a box ready, with all paths unknown; see `spread`."""
     for row in range(top, bottom):
         line = cell[row * cols + left : row * cols + right]
@@ -49,35 +52,27 @@ def _clear(state, row0, col0, cell, cols, unknown, top, bottom, left, right):
             continue
         known = state[row0 + row, col0 + left : col0 + right]
         for k in range(line.size):
-            line[k] = unknown << 1 | (known[k] & 4) >> 2 if known[k] & 3 != 0 else 0
+            line[k] = UNKNOWN << 1 | (known[k] & 4) >> 2 if known[k] & 3 != 0 else 0
         line[0] = line[line.size - 1] = 0
 
 
-@njit(types.boolean(CELLS, int64, LISTS, int64, int64, int64), cache=True, nogil=True)
-def _run(cell, cols, lists, starts, limit, scale):
+@njit(types.boolean(CELLS, int64, LISTS, int64, int64), cache=True, nogil=True)
+def _run(cell, cols, lists, starts, limit):
     """Let paths run from the entries in the first of the lists.
 
     Args:
-        cell: See `spread`; what a cell holds above its lowest bit is counted in hundredths of a point over ``scale``.
+        cell: See `spread`.
         cols: See `spread`.
         lists: See `spread`.
         starts: Number of entries.
-        limit: Longest path to follow, as counted.
-        scale: 1, or 2 for `claimed`: then it is over as soon as no path with an even count goes on.
+        limit: Longest path to follow, in hundredths of a point.
 
     Returns:
         See `spread`.
     """
     waiting, end, now, later, room = starts, 0, lists[0], lists[1], lists.shape[1] - 8
-    straight_step, diagonal_step = 200 * scale, 282 * scale
     while waiting > 0 and waiting < room and end < limit:
-        if scale == 2:
-            own = 0
-            for k in range(waiting):
-                own += 1 - (cell[index(now[index(k)] >> types.uint32(4))] >> types.uint32(1) & types.uint32(1))
-            if own == 0:
-                return True
-        end = min(end + STRETCH * scale, limit)
+        end = min(end + STRETCH, limit)
         stop = end << 1 | 1
         done, put = 0, 0
         while done < waiting < room and put < room:
@@ -103,7 +98,7 @@ def _run(cell, cols, lists, starts, limit, scale):
                     for side in range(sides):
                         if side == 1:
                             straight, step = way_up, up
-                        there, away = at + step, far + straight_step
+                        there, away = at + step, far + STRAIGHT_STEP
                         beyond = int64(cell[index(there)])
                         while away < beyond & ~1:
                             cell[index(there)] = away | beyond & 1
@@ -117,7 +112,7 @@ def _run(cell, cols, lists, starts, limit, scale):
                                     waiting += 1
                                 break
                             there += step
-                            away += straight_step
+                            away += STRAIGHT_STEP
                             beyond = int64(cell[index(there)])
                     if only < ALL_WAYS and only > 3:
                         break
@@ -125,7 +120,7 @@ def _run(cell, cols, lists, starts, limit, scale):
                         break
                     sides, straight, step = 2, way_across, across
                     at += across + up
-                    far += diagonal_step
+                    far += DIAGONAL_STEP
                     beyond = int64(cell[index(at)])
                     if far >= beyond & ~1:
                         break
@@ -172,55 +167,11 @@ def spread(state, row0, col0, cell, cols, lists, starts, limit, top, bottom, lef
     Returns:
         Whether there was room enough in ``lists``; if not, nothing that was written has any meaning.
     """
-    _clear(state, row0, col0, cell, cols, UNKNOWN, top, bottom, left, right)
+    _clear(state, row0, col0, cell, cols, top, bottom, left, right)
     for k in range(min(starts.size, lists.shape[1] - 8)):
         cell[index(starts[k])] = BESIDE
         lists[0, k] = starts[k] << 4 | ALL_WAYS
-    return _run(cell, cols, lists, starts.size, limit, 1)
-
-
-@njit(int64(GRID, int64, int64, CELLS, int64, LISTS, int64, STARTS, int64, int64), cache=True, nogil=True)
-def claimed(state, row0, col0, cell, cols, lists, start, rivals, lead, limit):
-    """The longest path from a start to a point to which no rival has a path that is shorter by more than a lead.
-
-    All paths grow at once, and a point's cell holds the shortest: twice its length if it begins at the start; if it
-    begins at a rival, twice its length with the lead, and 1 more, so that a tie is the start's. What lies on a shortest
-    path to a claimed point is itself claimed. So it is over when the start's paths have been cut off on every side.
-
-    Args:
-        state: As of `spread`.
-        row0: As of `spread`.
-        col0: As of `spread`.
-        cell: uint32, flat over the window, whose outermost points are taken for blocked; overwritten.
-        cols: Columns of the window.
-        lists: See `spread`.
-        start: Flat index of the start, which is open.
-        rivals: int64 (s,), flat indices of where the rivals' paths start.
-        lead: In hundredths of a point; at most 2**26.
-        limit: Longest path that counts, in hundredths of a point; at most 2**26.
-
-    Returns:
-        Its length in hundredths of a point; -1 if there was not room enough in ``lists``.
-    """
-    rows = cell.size // cols
-    _clear(state, row0, col0, cell, cols, 8 * UNKNOWN, 0, rows, 0, cols)
-    starts = rivals.size + 1
-    if starts > lists.shape[1] - 8:
-        return -1
-    for k in range(rivals.size):
-        cell[index(rivals[k])] = (2 * lead + 1) << 1 | BESIDE
-        lists[0, k] = rivals[k] << 4 | ALL_WAYS
-    cell[index(start)] = BESIDE
-    lists[0, rivals.size] = start << 4 | ALL_WAYS
-    if not _run(cell, cols, lists, starts, 2 * limit + 1, 2):
-        return -1
-    most, past = types.uint32(0), types.uint32(4 * limit + 4)
-    for row in range(1, rows - 1):
-        line = cell[row * cols : row * cols + cols]
-        for k in range(line.size):
-            own = line[k] & types.uint32(2) == 0 and line[k] < past
-            most = max(most, line[k] if own else types.uint32(0))
-    return int64(most >> types.uint32(2))
+    return _run(cell, cols, lists, starts.size, limit)
 
 
 @njit(types.void(CELLS, STATE, FOUND, int64, int64, int64, int64, int64), cache=True, nogil=True)
