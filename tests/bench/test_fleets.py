@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -38,6 +40,26 @@ def test_ticks_that_are_skipped_are_run(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setattr(fleets, "run_in_process", kept)
     assert fleet_time(lambda _: SMALL, 3, 4, 2) > 0.0
     assert [outcome.summary["ticks"] for outcome in outcomes] == [7, 7]
+
+
+def test_neither_the_first_ticks_nor_what_follows_the_last_one_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s = 0.0
+
+    class Valid:
+        verdict = type("Verdict", (), {"valid": True})
+
+    def run(_prepared: object, *, watch: Callable[[Any], Callable[[Any], None]], **_: object) -> type[Valid]:
+        nonlocal now_s
+        after_tick = watch(None)
+        for k in range(5):
+            now_s += 100.0 if k < 2 else 1.0
+            after_tick(SimpleNamespace(k=k))
+        now_s += 1000.0
+        return Valid
+
+    monkeypatch.setattr(fleets, "run_in_process", run)
+    monkeypatch.setattr(fleets, "time", SimpleNamespace(process_time=lambda: now_s))
+    assert fleet_time(lambda _: SMALL, 2, 3, 2) == 6.0
 
 
 def test_an_invalid_run_is_no_measurement(monkeypatch: pytest.MonkeyPatch) -> None:
