@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-LEFT_OUT_S = 60.0
+LEFT_OUT_S = 20.0
 """How long a robot leaves out a target's surroundings, s; doubled each time that it gives them up again."""
 
 LONGEST_S = 960.0

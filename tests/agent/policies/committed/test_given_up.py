@@ -13,7 +13,7 @@ def test_a_place_that_is_given_up_again_is_left_out_for_longer_and_others_are_no
     for turn in range(2000):
         given_up.add(turn, (5, 5))
         spells.append((given_up.places[-1][2] - turn) * STEP)
-    assert spells[:6] == [60.0, 120.0, 240.0, 480.0, 960.0, 960.0]
+    assert spells[:7] == [20.0, 40.0, 80.0, 160.0, 320.0, 640.0, 960.0]
     assert spells[-1] == LONGEST_S
     given_up.add(2000, (5, 40))
     assert [place[:2] for place in given_up.places] == [(5, 5), (5, 40)]

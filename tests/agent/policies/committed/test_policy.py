@@ -137,7 +137,7 @@ class Held(Robots):
 
 def test_who_comes_no_nearer_gives_up_and_leaves_the_place_out() -> None:
     robots = Held(alone(two_rooms()))
-    changed = changes(robots, round(4.0 * (NO_NEARER_S + 2.0) / STEP) + robots.held_from)
+    changed = changes(robots, round(2.4 * (NO_NEARER_S + 2.0) / STEP) + robots.held_from)
     stuck = [change for change in changed if change.k > robots.held_from + 1]
     assert len(stuck) >= 2
     waits = np.diff([robots.held_from, *(change.k for change in stuck)]) * STEP
