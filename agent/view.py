@@ -52,7 +52,7 @@ class FogView:
 
     @property
     def dilated(self) -> NDArray[np.int32]:
-        """int32, `last_seen` with staleness spread by `patrol.dilatation` (paper, "dilatation")."""
+        """int32, `last_seen` with staleness spread by the policy's `dilatation` (paper, "dilatation")."""
         return self._show(1, self._belief.dilated)
 
     def dilated_around(self, point: tuple[int, int], span: int) -> NDArray[np.int32]:

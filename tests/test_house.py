@@ -77,6 +77,17 @@ def test_the_quick_suite_has_one_real_fleet_of_each_kind() -> None:
     assert sorted(marked) == sorted(KINDS)
 
 
+def test_the_slow_tests_that_are_listed_exist() -> None:
+    listed = [line.split("\t")[1] for line in (ROOT / "tests/times.tsv").read_text(encoding="utf-8").splitlines()]
+    tests = {
+        (str(path.relative_to(ROOT)), name)
+        for path in (ROOT / "tests").rglob("test_*.py")
+        for name in re.findall(r"^ *def (test_\w+)", path.read_text(encoding="utf-8"), re.MULTILINE)
+    }
+    named = {(name.partition("::")[0], name.rpartition("::")[2].partition("[")[0]) for name in listed}
+    assert named <= tests, named - tests
+
+
 def test_files_are_short() -> None:
     lengths = {path.relative_to(ROOT): len(path.read_bytes().splitlines()) for path in python_files()}
     assert not {path: lines for path, lines in lengths.items() if lines > LONGEST_FILE}

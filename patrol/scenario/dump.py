@@ -8,8 +8,9 @@ from typing import Any
 
 import yaml
 
-from patrol.scenario.lengths import FIELDS, OPTIONS
+from patrol.scenario.lengths import FIELDS
 from patrol.scenario.model import Scenario
+from patrol.scenario.policies import OPTION_LENGTHS
 from patrol.values.section import Section
 from patrol.values.types import AUTO
 from patrol.yaml_text import add_core_rules
@@ -71,7 +72,7 @@ def notes_on_lengths(scenario: Scenario) -> Mapping[str, str]:
         One line such as ``here 6.6 for truck, 1.65 for scout-1 and scout-2``, by dotted field.
     """
     notes = {}
-    sections = (("patrol", scenario.patrol, FIELDS), ("patrol.options", scenario.patrol.options, OPTIONS))
+    sections = (("patrol", scenario.patrol, FIELDS), ("patrol.options", scenario.patrol.options, OPTION_LENGTHS))
     for section, fields, name in ((dotted, fields, name) for dotted, fields, names in sections for name in names):
         if getattr(fields, name, None) != AUTO:
             continue

@@ -192,6 +192,8 @@ def _alternative(top: str, tag: str, section: type[Section]) -> type[Section]:
 
 
 def _unknown_key(key: str, section: type[Section]) -> str:
+    if key == "commitment" and issubclass(section, PatrolSpec):
+        return f"is target or none in files of 0.2; since then set patrol.policy to {COMMITTED} or {PAPER}"
     if section is CommittedOptions and key in PotentialFieldOptions.model_fields:
         return f"does nothing for the policy {COMMITTED}; leave it out, or set patrol.policy to {PAPER}"
     return f"unknown key; {_nearest_key(key, section)}"

@@ -10,8 +10,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 
+from patrol.errors import BadInput
 from patrol.pose import TAU
-from patrol.scenario.policies import PatrolSpec
+from patrol.scenario.policies import OPTION_LENGTHS, PatrolOptions, PatrolSpec
 from patrol.scenario.robots import RobotSpec
 from patrol.values.section import wrong
 from patrol.values.types import AUTO, LARGEST, Auto
@@ -55,19 +56,23 @@ class BodyLengths:
         """Replace lengths by those that a policy's settings state.
 
         Args:
-            options: The settings of a built-in policy, or of any other whose fields have these names.
+            options: The settings of a built-in policy; of any other only a field `dilatation` counts.
+
+        Raises:
+            BadInput: The `dilatation` of another policy is no length.
         """
-        stated = {name: getattr(options, name, AUTO) for name in OPTIONS}
+        names = OPTION_LENGTHS if isinstance(options, PatrolOptions) else OPTION_LENGTHS[:1]
+        stated = {name: getattr(options, name, AUTO) for name in names}
+        for name, length in stated.items():
+            if length != AUTO and not (isinstance(length, int | float) and 0.0 <= length <= LARGEST):
+                raise BadInput(f"patrol.options.{name} = {length!r}: expected a length from 0 on, in m, or auto")
         return replace(self, **{name: float(length) for name, length in stated.items() if length != AUTO})
 
 
 PAPER_LENGTHS = BodyLengths()
 """The lengths of the paper's body."""
 
-OPTIONS = ("dilatation", "obstacle_radius", "fuzzy_distance", "critical_width")
-"""Lengths that are settings of policies: fields of `patrol.options` that may be ``auto``."""
-
-FIELDS = tuple(field.name for field in fields(BodyLengths) if field.name not in OPTIONS)
+FIELDS = tuple(field.name for field in fields(BodyLengths) if field.name not in OPTION_LENGTHS)
 """The fields of a scenario's section `patrol` that may be ``auto``."""
 
 

@@ -27,11 +27,11 @@ from patrol.half_characters import refuse_half_characters
 from patrol.pose import TURNS_IN_ARCS
 from patrol.scenario.dump import dump_section, notes_on_lengths
 from patrol.scenario.explain import one_line
-from patrol.scenario.lengths import FIELDS, OPTIONS
+from patrol.scenario.lengths import FIELDS
 from patrol.scenario.model import Scenario
 from patrol.scenario.nemesis import written_out
-from patrol.scenario.older import translate_field, translate_patrol
-from patrol.scenario.policies import PatrolOptions
+from patrol.scenario.older import translate_field, translate_overrides, translate_patrol
+from patrol.scenario.policies import OPTION_LENGTHS, PatrolOptions
 from patrol.scenario.policy_file import COMMITTED, policy_digest, policy_file
 from patrol.scenario.robots import RobotSpec
 from patrol.scenario.sections import RobotEntry, RobotGroup
@@ -278,15 +278,17 @@ def _resolve(
     aliases: Mapping[str, str] | None = None,
 ) -> Scenario:
     """Apply the overrides and check every value; text: of the file that the mapping was read from, or None."""
-    overrides = {translate_field(field): value for field, value in overrides.items()}
+    if isinstance(raw.get("patrol"), dict):
+        raw["patrol"] = translate_patrol(raw["patrol"])
     patrol = raw.get("patrol")
+    overrides = translate_overrides(overrides, patrol)
     if "patrol.policy" in overrides and isinstance(patrol, dict):
         patrol.pop("policy_sha256", None)  # it is of the policy that is replaced, and so are its settings
         if overrides["patrol.policy"] != patrol.get("policy", COMMITTED):
             patrol.pop("options", None)
     for field, value in overrides.items():
         _override(raw, field, value)
-    if isinstance(raw.get("patrol"), dict):
+    if "patrol" in overrides and isinstance(raw["patrol"], dict):
         raw["patrol"] = translate_patrol(raw["patrol"])
     raw.setdefault("name", _default_name(raw, name))
     refuse_half_characters(raw, source)
@@ -382,7 +384,7 @@ def _with_lengths(scenario: Scenario) -> Scenario:
     patrol = scenario.patrol
     common = _common_lengths(scenario, FIELDS, patrol)
     if isinstance(patrol.options, PatrolOptions):
-        common["options"] = patrol.options.model_copy(update=_common_lengths(scenario, OPTIONS, patrol.options))
+        common["options"] = patrol.options.model_copy(update=_common_lengths(scenario, OPTION_LENGTHS, patrol.options))
     return scenario.model_copy(update={"patrol": patrol.model_copy(update=common)}) if common else scenario
 
 

@@ -13,8 +13,11 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-from patrol.scenario.policies import CommittedOptions, PotentialFieldOptions
+from patrol.scenario.policies import OPTION_LENGTHS, CommittedOptions, PotentialFieldOptions
 from patrol.scenario.policy_file import BUILT_IN, COMMITTED, PAPER
+
+_POLICIES: Mapping[str, str] = MappingProxyType({"target": COMMITTED, "none": PAPER})
+"""Policies of this version by the value of `commitment`."""
 
 _MOVED = frozenset(PotentialFieldOptions.model_fields) - {"fuzzy"}
 """Fields of 0.2's section `patrol` that are settings of policies."""
@@ -24,6 +27,9 @@ _DEFAULTS_0_2: Mapping[str, Any] = MappingProxyType(
 )
 """What 0.2 took for the paper's policy where a file did not say, and this version does not."""
 
+_DEFAULTS: Mapping[str, Any] = MappingProxyType(
+    {name: field.get_default() for name, field in PotentialFieldOptions.model_fields.items()} | dict(_DEFAULTS_0_2)
+)
 _REPULSION = "repulsion"
 
 
@@ -35,6 +41,32 @@ def translate_field(field: str) -> str:
     """
     section, _, name = field.partition(".")
     return f"patrol.options.{name}" if section == "patrol" and name.partition(".")[0] in _MOVED else field
+
+
+def translate_overrides(overrides: Mapping[str, Any], patrol: object) -> dict[str, Any]:
+    """Translate overrides of an earlier version; leave those of this version as they are.
+
+    Args:
+        overrides: Values by dotted field.
+        patrol: The section that they are laid over, as this version has it.
+
+    Returns:
+        Values by dotted field, a policy first. `commitment` chooses a policy, with the defaults of 0.2 where the
+        section has another one.
+    """
+    translated: dict[str, Any] = {}
+    policy = _POLICIES.get(str(overrides.get("patrol.commitment")))
+    if policy is not None and "patrol.policy" not in overrides:
+        translated["patrol.policy"] = policy
+        before = patrol.get("policy", COMMITTED) if isinstance(patrol, Mapping) else COMMITTED
+        if policy == PAPER != before:
+            translated |= {f"patrol.options.{name}": value for name, value in _DEFAULTS_0_2.items()}
+    for field, value in overrides.items():
+        if field == "patrol.avoidance" and value == "fuzzy":
+            translated |= {field: "none", "patrol.options.fuzzy": True}
+        elif field != "patrol.commitment" or policy is None:
+            translated[translate_field(field)] = value
+    return translated
 
 
 def translate_patrol(patrol: Mapping[str, Any]) -> dict[str, Any]:
@@ -49,12 +81,14 @@ def translate_patrol(patrol: Mapping[str, Any]) -> dict[str, Any]:
     """
     section = {name: value for name, value in patrol.items() if name not in _MOVED}
     stated = {name: value for name, value in patrol.items() if name in _MOVED}
-    commitment = section.get("commitment")
-    of_0_2 = commitment in ("target", "none")
+    commitment = str(section.get("commitment"))
+    if "options" in section and section["options"] is None:
+        del section["options"]
+    of_0_2 = commitment in _POLICIES
     if of_0_2:
         del section["commitment"]
         if section.get("policy", PAPER) in BUILT_IN:
-            section["policy"] = COMMITTED if commitment == "target" else PAPER
+            section["policy"] = _POLICIES[commitment]
     policy = section.get("policy", COMMITTED)
     if section.get("avoidance") == "fuzzy":
         section["avoidance"], stated["fuzzy"] = "none", True
@@ -71,7 +105,9 @@ def _with_effect(stated: Mapping[str, Any], policy: object) -> dict[str, Any]:
     if policy == PAPER:
         return {**_DEFAULTS_0_2, **stated}
     if policy != COMMITTED:
-        return {}
+        # Resolved files of 0.2 state every field. What is no default may be meant for a class that builds on ours.
+        chosen = {name: value for name, value in stated.items() if value != _DEFAULTS.get(name)}
+        return {name: value for name, value in chosen.items() if name not in OPTION_LENGTHS}
     used = {name: value for name, value in stated.items() if name in CommittedOptions.model_fields}
     separation = used.get("separation")
     if separation == _REPULSION:

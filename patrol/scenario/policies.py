@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
-from patrol.scenario.policy_file import COMMITTED, PAPER, policy_file
+from patrol.scenario.policy_file import BUILT_IN, COMMITTED, PAPER, policy_file
 from patrol.values.section import Section, absolute, wrong
 from patrol.values.types import (
     AUTO,
@@ -33,6 +33,9 @@ from patrol.values.types import (
     Separation,
     Tolerance,
 )
+
+OPTION_LENGTHS = ("dilatation", "obstacle_radius", "fuzzy_distance", "critical_width")
+"""Lengths that are settings of policies: fields of `patrol.options` that may be ``auto``."""
 
 
 class PatrolOptions(Section):
@@ -187,7 +190,7 @@ class CommittedPatrol(PatrolSpec):
 class PaperPatrol(PatrolSpec):
     """The section with the paper's policy."""
 
-    policy: Literal["potential-field"] = Field(PAPER, description=POLICY)
+    policy: Literal["potential-field"] = Field(description=POLICY)
     options: PotentialFieldOptions = Field(
         default_factory=PotentialFieldOptions, description="settings of potential-field"
     )
@@ -196,7 +199,7 @@ class PaperPatrol(PatrolSpec):
 class OwnPatrol(PatrolSpec):
     """The section with a policy of one's own."""
 
-    policy: PolicyText = Field(description=POLICY)
+    policy: PolicyText = Field(description=POLICY, json_schema_extra={"not": {"enum": list(BUILT_IN)}})
     options: dict[str, Any] | None = Field(None, description="settings of a policy of one's own, by name")
 
 

@@ -4,7 +4,8 @@
     python tests/accept/trace_cases.py --check FILE.json                # run every case and name those that moved
     python tests/accept/trace_cases.py --check --only "site car" FILE.json    # those whose name contains a text
 
-Each terrain is patrolled by both bodies under every variant, at 1 m points, for 200 simulated seconds. A hash holds on
+Each terrain is patrolled by the paper's policy with two bodies under every variant, at 1 m points, and by the default
+policy with three bodies under a few, at 0.5 m points, for 200 simulated seconds. A hash holds on
 one machine type and one lock file, so compare files that were written on the same machine.
 """
 
@@ -112,6 +113,21 @@ VARIANTS: Mapping[str, Mapping[str, Any]] = {
     "surround-faults": {"intruders": "somewhere", "faults": FAULTS[:5]},
 }
 
+DEFAULT: Mapping[str, Any] = {"point": 0.5, "duration": 200, "robots.count": 4}
+"""The default policy, with nothing set."""
+
+DEFAULT_BODIES = ("holonomic", "differential", "car")
+
+DEFAULT_VARIANTS: Mapping[str, Mapping[str, Any]] = {
+    "committed": {},
+    "committed-alone": {"patrol.options.separation": "none"},
+    "committed-separations": {"patrol.options.separation": ["claims", "artificial-obstacles", "semaphores"]},
+    "committed-faults": {"faults": FAULTS},
+    "committed-blind-angle": {"sensor.angle": 120, "sensor.range": 14},
+    "committed-quality": {"sensor.quality": [[4, 1.0], [10, 0.5]]},
+    "committed-small": {"robots.radius": 0.3, "robots.speed": 1, "robots.turning_radius": 1},
+}
+
 PLACES = {"open": [45, 40], "yards": [40, 22], "clutter": [50, 50], "site": [230, 127]}
 """Where an intruder stands, m; on passable ground of each terrain."""
 
@@ -125,6 +141,17 @@ def cases() -> Iterator[tuple[str, dict[str, Any]]]:
                 if "intruders" in chosen:
                     chosen["intruders"] = [{"place": PLACES[terrain], "at": 10, "for": 60}]
                 yield f"{terrain} {body} {variant}", {"terrain": terrain, **chosen}
+        for body in DEFAULT_BODIES:
+            for variant, settings in DEFAULT_VARIANTS.items():
+                yield (
+                    f"{terrain} {body} {variant}",
+                    {
+                        "terrain": terrain,
+                        **DEFAULT,
+                        "robots.model": body,
+                        **settings,
+                    },
+                )
 
 
 def trace_of(case: tuple[str, dict[str, Any]]) -> tuple[str, str]:

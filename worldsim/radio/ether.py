@@ -204,8 +204,9 @@ def _dropped(sent: Sent, receivers: NDArray[np.int64], fates: Fates, in_vain: Se
         return NO_DROPS
     rows = np.array(late, dtype=np.int64).reshape(-1, 4).T
     now = (sent.source[frame], receivers[receiver], sent.sequence[frame], fates.cause[frame, receiver])
-    columns = [np.concatenate(pair) for pair in zip(now, rows, strict=True)]
-    return Drops(columns[0], columns[1], columns[2], columns[3], tuple(causes)).sorted()
+    source, destination, sequence, cause = (np.concatenate(pair) for pair in zip(now, rows, strict=True))
+    order = np.lexsort((cause, destination, sequence, source))
+    return Drops(source[order], destination[order], sequence[order], cause[order], tuple(causes))
 
 
 def _arrived(

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.policies.committed.kernels.best import best_of
-from agent.routes.box_lengths import NO_LENGTHS, BoxLengths, BoxWave, box_around
+from agent.routes.box_lengths import NO_LENGTHS, Box, BoxLengths, BoxWave, box_around
 from agent.routes.wave import LONGEST
 
 if TYPE_CHECKING:
@@ -31,10 +31,10 @@ NEAR_M = 3.0
 """Added to each way, m: among points that are nearer than this, age decides."""
 
 OTHERS = 0.1
-"""What a point to which another robot has the shorter way counts, as a share."""
+"""Share that a point counts to which another robot has the shorter way."""
 
 FIRST_REACH = 1.25
-"""How far the first box reaches, in sensor ranges."""
+"""Reach of the first box, in sensor ranges."""
 
 NO_POINTS: NDArray[np.int32] = np.zeros((0, 4), dtype=np.int32)
 
@@ -43,7 +43,7 @@ Point = tuple[int, int]
 
 
 class Best(NamedTuple):
-    """What a search has found.
+    """The best point that a search has found.
 
     Attributes:
         point: The point to be seen.
@@ -102,8 +102,10 @@ class Choice:
             box, limit = box_around(here, reach, shape), 100 * reach
             if 2 * (box[1] - box[0]) * (box[3] - box[2]) >= shape[0] * shape[1]:
                 box, limit = (0, shape[0], 0, shape[1]), LONGEST
+            # A robot with a shorter way to a point of the box is at most twice as far away as its edge.
+            wide = box if limit == LONGEST else box_around(here, 2 * reach, shape)
             own = self._wave.lengths(view.ground, [here], box, limit)
-            rival = self._of_rivals(view, here, others, 2 * reach, limit)
+            rival = self._of_rivals(view, others, wide, limit)
             fog = view.fog
             for points in (None, self._posts.between(box[0], box[1] - 1)):
                 listed = NO_POINTS if points is None else points
@@ -117,8 +119,7 @@ class Choice:
         row, col, stand_row, stand_col = (int(number) for number in place)
         return Best((row, col), (stand_row, stand_col), own.length(stand_row, stand_col) + 200)
 
-    def _of_rivals(self, view: View, here: Point, others: list[Point], reach: int, limit: int) -> BoxLengths:
-        """Lay the paths from the other robots; one with a shorter way to a point is at most twice that far away."""
-        box = box_around(here, reach, view.ground.terrain.shape)
+    def _of_rivals(self, view: View, others: list[Point], box: Box, limit: int) -> BoxLengths:
+        """Lay the paths from the other robots in a box."""
         near = [(row, col) for row, col in others if box[0] <= row < box[1] and box[2] <= col < box[3]]
         return self._wave.lengths(view.ground.static, near, box, limit) if near else NO_LENGTHS

@@ -355,6 +355,30 @@ def test_wrong_options_stop_a_mind_before_it_is_made(write: Write) -> None:
         build_mind(prepared, 1)
 
 
+@pytest.mark.parametrize(("dilatation", "metres"), [("auto", 5.0), (3, 3.0)])
+def test_a_policy_of_ones_own_may_say_how_far_staleness_spreads(write: Write, dilatation: Any, metres: float) -> None:
+    source = """
+    from pydantic import BaseModel
+
+    class Still:
+        class Options(BaseModel):
+            dilatation: float | str = "auto"
+            critical_width: float | None = None
+
+        def __init__(self, setup):
+            assert setup.lengths.dilatation == %s
+            assert setup.lengths.critical_width == 8.0
+
+        def decide(self, view):
+            ...
+    """
+    good = load_scenario(write("./guard.py:Still", source % metres, options={"dilatation": dilatation}))
+    build_mind(prepare(good), 1)
+    bad = prepare(load_scenario(write("./guard.py:Still", source % metres, options={"dilatation": "far"})))
+    with pytest.raises(BadInput, match=r"patrol.options.dilatation = 'far': expected a length from 0 on"):
+        build_mind(bad, 1)
+
+
 # --- what a scenario with a policy means -----------------------------------------------------------------------------
 
 

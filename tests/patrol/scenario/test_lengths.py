@@ -22,7 +22,8 @@ from patrol.scenario import (
     with_spares,
 )
 from patrol.scenario.controls import amended, read_control
-from patrol.scenario.lengths import FIELDS, OPTIONS, PAPER_LENGTHS, BodyLengths
+from patrol.scenario.lengths import FIELDS, PAPER_LENGTHS, BodyLengths
+from patrol.scenario.policies import OPTION_LENGTHS
 
 OPEN: dict[str, Any] = {"terrain": {"builtin": "open"}}
 PAPER = {"policy": "potential-field"}
@@ -83,7 +84,7 @@ def test_no_length_is_shorter_than_a_point() -> None:
 
 
 def test_every_field_that_may_be_auto_is_so_by_default() -> None:
-    for section, names in ((PatrolSpec, FIELDS), (PotentialFieldOptions, OPTIONS)):
+    for section, names in ((PatrolSpec, FIELDS), (PotentialFieldOptions, OPTION_LENGTHS)):
         assert {name for name, field in section.model_fields.items() if field.default == "auto"} == set(names)
 
 
@@ -93,14 +94,14 @@ def test_every_field_that_may_be_auto_is_so_by_default() -> None:
 def test_the_loaded_scenario_holds_the_numbers() -> None:
     scenario = load_scenario({**OPEN, "robots": SMALL, "patrol": PAPER})
     of_patrol = {name: getattr(scenario.patrol, name) for name in FIELDS}
-    of_policy = {name: getattr(scenario.patrol.options, name) for name in OPTIONS}
+    of_policy = {name: getattr(scenario.patrol.options, name) for name in OPTION_LENGTHS}
     assert {**of_patrol, **of_policy} == asdict(lengths_for(SMALL))
 
 
 def test_stating_a_number_means_the_same_as_leaving_it_to_auto(tmp_path: Path) -> None:
     scenario = load_scenario({**OPEN, "robots": SMALL, "patrol": PAPER})
     lengths = asdict(lengths_for(SMALL))
-    options = {name: lengths.pop(name) for name in OPTIONS}
+    options = {name: lengths.pop(name) for name in OPTION_LENGTHS}
     stated = load_scenario({**OPEN, "robots": SMALL, "patrol": {**PAPER, **lengths, "options": options}})
     assert stated == scenario
     assert scenario_hash(stated) == scenario_hash(scenario)

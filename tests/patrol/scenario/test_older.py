@@ -95,11 +95,13 @@ def test_repulsion_did_nothing_for_a_committed_robot(stated: Any, kept: Any) -> 
     assert options.separation == kept
 
 
-def test_settings_that_a_policy_of_ones_own_never_had_are_left_out(tmp_path: Path) -> None:
+def test_defaults_of_0_2_are_no_settings_of_a_policy_of_ones_own(tmp_path: Path) -> None:
     policy = tmp_path / "mine.py"
     policy.write_text("class Mine:\n    def decide(self, view): ...\n", encoding="utf-8")
     scenario = read(**{**RESOLVED_0_2, "policy": f"{policy}:Mine", "options": {"near": 3}})
     assert scenario.patrol.options == {"near": 3}
+    built_on_ours = read(policy=f"{policy}:Mine", commitment="none", alpha=3, sectors=8, dilatation=5.0)
+    assert built_on_ours.patrol.options == {"alpha": 3}
 
 
 def test_overrides_of_0_2_go_where_the_fields_are() -> None:
@@ -119,12 +121,49 @@ def test_another_policy_does_not_take_over_the_settings_of_the_one_that_it_repla
     assert as_mapping(same)["patrol"]["options"]["random_move"] == 0.5
 
 
+@pytest.mark.parametrize(("old", "new"), [("target", "potential-field"), ("none", "committed")])
+def test_a_policy_that_is_chosen_over_a_file_of_0_2_is_the_policy(old: str, new: str) -> None:
+    scenario = load_scenario({**YARDS, "patrol": {**RESOLVED_0_2, "commitment": old}}, {"patrol.policy": new})
+    assert scenario.patrol.policy == new
+    assert scenario.patrol.options == load_scenario({**YARDS, "patrol": {"policy": new}}).patrol.options
+
+
+def test_commitment_over_a_file_of_this_version_chooses_a_policy_and_changes_no_other() -> None:
+    paper = {**YARDS, "patrol": {"policy": "potential-field"}}
+    assert load_scenario(paper, {"patrol.commitment": "none"}) == load_scenario(paper)
+    assert load_scenario(paper, {"patrol.commitment": "target"}) == load_scenario(YARDS)
+    options = load_scenario(YARDS, {"patrol.commitment": "none", "patrol.random_move": 0.3}).patrol.options
+    assert isinstance(options, PotentialFieldOptions)
+    assert (options.separation, options.random_move) == ("claims", 0.3)
+
+
+def test_fuzzy_avoidance_over_a_resolved_file_is_fuzzy() -> None:
+    resolved = as_mapping(load_scenario(YARDS, {"patrol.policy": "potential-field"}))
+    options = load_scenario(resolved, {"patrol.avoidance": "fuzzy"}).patrol.options
+    assert isinstance(options, PotentialFieldOptions)
+    assert options.fuzzy
+
+
+def test_a_whole_section_of_0_2_may_be_an_override() -> None:
+    scenario = load_scenario(YARDS, parse_overrides(["patrol={commitment: none, alpha: 3}"]))
+    options = scenario.patrol.options
+    assert isinstance(options, PotentialFieldOptions)
+    assert options.alpha == 3.0
+
+
+def test_no_options_are_the_defaults() -> None:
+    assert read(options=None) == load_scenario(YARDS)
+
+
 @pytest.mark.parametrize(
     ("patrol", "expected"),
     [
         ({"dilatation": 2}, "patrol.options.dilatation: does nothing for the policy committed; leave it out, or set"),
         ({"avoidance": "fuzzy"}, "patrol.options.fuzzy: does nothing for the policy committed"),
-        ({"commitment": "maybe"}, "patrol.commitment: unknown key"),
+        (
+            {"commitment": "maybe"},
+            "patrol.commitment: is target or none in files of 0.2; since then set patrol",
+        ),
         ({"commitment": "none", "sectors": 0}, "patrol.options.sectors = 0: expected"),
     ],
 )

@@ -95,40 +95,6 @@ def distance_force(name: str, length: FloatArray, beta: float, size: float) -> F
             raise ValueError(f"no function {name}")
 
 
-def log_fow_force(name: str, fow: FloatArray, alpha: float) -> FloatArray:
-    """Natural logarithms of `fow_force`, for fog above 0."""
-    match name:
-        case "f1":
-            return np.log(fow)
-        case "f2":
-            return 2.0 * np.log(fow)
-        case "f3":
-            return alpha * fow
-        case "f4":
-            return alpha * fow**2
-        case "f5":
-            return alpha * fow**4
-        case _:
-            raise ValueError(f"no function {name}")
-
-
-def log_distance_force(name: str, length: FloatArray, beta: float, size: float) -> FloatArray:
-    """Natural logarithms of `distance_force`, which itself becomes 0 for long paths."""
-    match name:
-        case "g1":
-            return -np.log(length)
-        case "g2":
-            return -2.0 * np.log(length)
-        case "g3":
-            return -size * length / beta
-        case "g4":
-            return -(length**2) / beta
-        case "g5":
-            return -(length**4) / (beta * size**2)
-        case _:
-            raise ValueError(f"no function {name}")
-
-
 @lru_cache(maxsize=REMEMBERED)
 def pull_by_age(name: str, alpha: float, mfow: int) -> FloatArray:
     """f by age; robots that believe in the same fog share the table.
@@ -144,44 +110,9 @@ def pull_by_age(name: str, alpha: float, mfow: int) -> FloatArray:
     return _read_only(fow_force(name, np.arange(mfow + 1, dtype=np.float64) / max(mfow, 1), alpha))
 
 
-@lru_cache(maxsize=REMEMBERED)
-def log_pull_by_age(name: str, alpha: float, mfow: int) -> FloatArray:
-    """Natural logarithms of f by age, as of `pull_by_age`; age 0 counts as 1.
-
-    Args:
-        name: As of `pull_by_age`.
-        alpha: As of `pull_by_age`.
-        mfow: Age of the stalest point, ticks; at least 1.
-    """
-    return _read_only(log_fow_force(name, np.arange(mfow + 1).clip(1) / mfow, alpha))
-
-
 def _read_only(table: FloatArray) -> FloatArray:
     table.flags.writeable = False
     return table
-
-
-WITHIN_REACH = 0.75
-"""The reach of the law is the way at which the stalest point pulls as hard as one close by with this share of its
-age."""
-
-
-def law_reach(options: PotentialFieldOptions, point: float, longest: int) -> float:
-    """The reach of a law: the way at which the stalest point pulls as hard as a fresher one close by.
-
-    Args:
-        options: The policy's, with the functions' names and constants.
-        point: Side of the terrain's points, m.
-        longest: Upper bound in any case, in points.
-
-    Returns:
-        Hundredths of a point; at least one point (see `WITHIN_REACH`).
-    """
-    weaker, full = log_fow_force(options.fow, np.array([WITHIN_REACH, 1.0]), options.alpha)
-    lengths = np.arange(1, longest + 1, dtype=np.float64)
-    forces = log_distance_force(options.distance, lengths * point / PAPER_POINT, options.beta, options.length)
-    within = int(np.count_nonzero(forces - forces[0] >= weaker - full))
-    return 100.0 * max(within, 1)
 
 
 class ForceLaw:

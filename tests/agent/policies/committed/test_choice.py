@@ -19,8 +19,10 @@ from patrol.pose import Pose
 from tests.agent.plans import Robots, cluttered, prepared_in
 
 
-def best_by_looking_everywhere(choice: Choice, view: Any, start: Any, rivals: NDArray[np.int64]) -> float:
-    """The score of the best point of the terrain, by the wave of the whole of it and plain numpy."""
+def scores_by_looking_everywhere(
+    choice: Choice, view: Any, start: Any, rivals: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """The score of each point of the terrain, by the wave of the whole of it and plain numpy."""
     terrain, wave = view.ground.terrain, view.routes.window()
     own = wave.lengths_from(view.ground, *start, [start], LONGEST)[1:-1, 1:-1].astype(np.float64)
     other = np.full(own.shape, np.inf)
@@ -35,16 +37,18 @@ def best_by_looking_everywhere(choice: Choice, view: Any, start: Any, rivals: ND
     way, rival = own[row, col], other[row, col]
     age = np.where(view.fog.patrolled, view.tick - np.maximum(view.fog.last_seen, 0), 0).clip(0).astype(np.float64)
     score = age**2 / (way + 100.0 * NEAR_M / terrain.point) * np.where(rival < way, OTHERS, 1.0)
-    return float(score[(way < FAR) & (view.fog.looked != view.tick)].max())
+    return np.where((way < FAR) & (view.fog.looked != view.tick), score, 0.0)
 
 
 @pytest.mark.parametrize("model", ["holonomic", "car"])
 @pytest.mark.parametrize("separation", ["claims", "none"])
+@pytest.mark.parametrize("shape", [(100, 140), (26, 400)], ids=["wide", "long"])
 def test_it_is_the_best_point_of_the_whole_terrain(
-    model: str, separation: str, monkeypatch: pytest.MonkeyPatch
+    model: str, separation: str, shape: tuple[int, int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    terrain = cluttered(15, (100, 140), 30)
-    starts = [Pose(x, y, 0.0) for x in (0.75, 1.75, 34.0) for y in (0.75, 24.0)]
+    terrain = cluttered(15, shape, 30)
+    high, wide = (size * terrain.point for size in shape)
+    starts = [Pose(x, y, 0.0) for x in (0.75, 1.75, wide - 0.75) for y in (0.75, high - 0.75)]
     body = {"radius": 0.3, "speed": 1.5, "model": model, **({"turning_radius": 1.0} if model == "car" else {})}
     patrol = {"options": {"separation": separation}}
     robots = Robots(prepared_in(terrain, starts, body, patrol=patrol, sensor={"range": 3.0}))
@@ -55,12 +59,8 @@ def test_it_is_the_best_point_of_the_whole_terrain(
     ) -> Best | None:
         best = real(self, view, start, rivals, left_out)
         if best is not None and not left_out.size:
-            wanted = best_by_looking_everywhere(self, view, start, rivals)
-            lengths = view.routes.window().lengths_from(view.ground, *start, [start], LONGEST)
-            way = float(lengths[best.stand[0] + 1, best.stand[1] + 1])
-            age = view.tick - max(int(view.fog.last_seen[best.point]), 0)
-            score = age**2 / (way + 100.0 * NEAR_M / terrain.point)
-            assert wanted == pytest.approx(score) or wanted == pytest.approx(OTHERS * score)
+            scores = scores_by_looking_everywhere(self, view, start, rivals)
+            assert scores[best.point] == pytest.approx(scores.max())
             searched.append(best)
         return best
 

@@ -18,8 +18,6 @@ from agent.policies.potential_field.pull.force import (
     ForceLaw,
     distance_force,
     fow_force,
-    log_distance_force,
-    log_fow_force,
     reach_scale,
 )
 from agent.routes.ground import Ground
@@ -60,32 +58,11 @@ def test_functions_of_the_length_are_those_of_table_1(name: str, expected: float
     assert distance_force(name, np.array([50.0]), 4000.0, 800.0)[0] == pytest.approx(expected)
 
 
-@given(fow=st.floats(1e-6, 1.0), alpha=st.floats(0.0, 300.0))
-@pytest.mark.parametrize("name", ["f1", "f2", "f3", "f4", "f5"])
-def test_logarithms_of_the_fog_are_those_of_its_functions(name: str, fow: float, alpha: float) -> None:
-    force = fow_force(name, np.array([fow]), alpha)
-    assert log_fow_force(name, np.array([fow]), alpha) == pytest.approx(np.log(force), rel=1e-9, abs=1e-9)
-
-
-@given(length=st.floats(1.0, 300.0))
-@pytest.mark.parametrize("name", ["g1", "g2", "g3", "g4", "g5"])
-def test_logarithms_of_the_length_are_those_of_its_functions(name: str, length: float) -> None:
-    force = distance_force(name, np.array([length]), 4000.0, 800.0)
-    assert log_distance_force(name, np.array([length]), 4000.0, 800.0) == pytest.approx(np.log(force), rel=1e-9)
-
-
-@pytest.mark.parametrize("name", ["g1", "g2", "g3", "g4", "g5"])
-def test_logarithms_tell_lengths_apart_where_the_functions_are_0(name: str) -> None:
-    logs = log_distance_force(name, np.array([1e4, 2e4, 1e5]), 4000.0, 800.0)
-    assert np.isfinite(logs).all()
-    assert (np.diff(logs) < 0.0).all()
-
-
-@pytest.mark.parametrize("function", [log_fow_force, log_distance_force])
+@pytest.mark.parametrize("function", [fow_force, distance_force])
 def test_there_is_no_sixth_function(function: object) -> None:
     assert callable(function)
     with pytest.raises(ValueError, match="no function x6"):
-        function("x6", np.ones(1), 40.0, *([800.0] if function is log_distance_force else []))
+        function("x6", np.ones(1), 40.0, *([800.0] if function is distance_force else []))
 
 
 @pytest.mark.parametrize("point", [0.1, 0.5])
