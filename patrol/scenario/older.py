@@ -25,7 +25,7 @@ _MOVED = frozenset(PotentialFieldOptions.model_fields) - {"fuzzy"}
 _DEFAULTS_0_2: Mapping[str, Any] = MappingProxyType(
     {"separation": "claims", "random_move": 0.02, "random_move_for": "all"}
 )
-"""What 0.2 took for the paper's policy where a file did not say, and this version does not."""
+"""Defaults of 0.2 for the paper's policy that this version has changed."""
 
 _DEFAULTS: Mapping[str, Any] = MappingProxyType(
     {name: field.get_default() for name, field in PotentialFieldOptions.model_fields.items()} | dict(_DEFAULTS_0_2)

@@ -119,11 +119,11 @@ class PotentialFieldOptions(PatrolOptions):
 POLICY = (
     "committed | potential-field (the paper's) | package.module:Class | ./file.py:Class beside this file | entry point"
 )
-"""What `policy` may be."""
+"""Values of `policy`, as files and `--help` describe them."""
 
 
 class PatrolSpec(Section):
-    """How a robot decides where to go, and how it gets there."""
+    """Decisions of a robot: the policy, its settings, and the way there."""
 
     policy: PolicyText = Field(COMMITTED, description=POLICY)
     policy_sha256: Digest | None = Field(None, description="of the policy's file; filled in when this file is loaded")
@@ -176,7 +176,7 @@ class PatrolSpec(Section):
 
     @property
     def paths(self) -> Literal["wave", "straight", "regions"]:
-        """How the policy measures ways; all but `potential-field` use the wave."""
+        """Kind of paths that the policy measures ways by; all but `potential-field` use the wave."""
         return self.options.paths if isinstance(self.options, PotentialFieldOptions) else "wave"
 
 

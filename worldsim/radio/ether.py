@@ -216,7 +216,7 @@ def _arrived(
     hearing: Sequence[int],
     landing: Sequence[_Flying],
 ) -> tuple[Heard, Links]:
-    """What is heard, and its links: the frames of this tick that got through, and those that land now."""
+    """The frames of this tick that got through and those that land now, as heard and as links."""
     frames, reaches = [*sent.frames, *(f.frame for f in landing)], on_the_way
     source, sequence, copy = sent.source, sent.sequence, np.zeros(len(sent.frames), dtype=np.int64)
     if landing:

@@ -1,4 +1,4 @@
-"""The frames of one tick, and what becomes of each on its way to each receiver."""
+"""The frames of one tick, and their fates on the way to each receiver."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Sent:
 
 
 class Fates:
-    """What becomes of each frame on its way to each receiver; what was stopped once is not stopped again.
+    """The fate of each frame on its way to each receiver; a frame that was stopped is not stopped again.
 
     Attributes:
         on_the_way: bool (f, r), frames that nothing has stopped yet.

@@ -195,7 +195,7 @@ class RadioRules:
 
     @property
     def delays_or_copies(self) -> bool:
-        """Whether `delays` or `copies` may have something to say."""
+        """True if a fault that delays or copies frames is active."""
         return any(self._active.get(kind) for kind in (Delay, Reorder, Duplicate))
 
     def stop(self, sent: Sent, receivers: NDArray[np.int64], fates: Fates) -> None:
@@ -217,7 +217,7 @@ class RadioRules:
     def _hit(
         self, entry: Entry, sent: Sent, receivers: NDArray[np.int64], on_the_way: NDArray[np.bool_]
     ) -> NDArray[np.bool_]:
-        """Whether a fault drops frames that are on their way, bool (f, r)."""
+        """Mark the frames on their way that a fault drops, bool (f, r)."""
         fault = entry.fault
         if isinstance(fault, Silence):
             out = _those(sent.origin, entry.who) & (fault.direction in ("out", "both"))
@@ -346,7 +346,7 @@ def _silences(entry: Entry, sender: int) -> bool:
 
 
 def _cut(entry: Entry, fault: Partition, origins: NDArray[np.int64], receivers: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Whether a partition is between origins and receivers, bool (f, r); a stranger is in every group."""
+    """Mark the links that a partition cuts, bool (f, r); a stranger is in every group."""
     there = np.array([_group(entry.groups, number) for number in receivers.tolist()])
     hit = np.zeros((origins.size, receivers.size), dtype=np.bool_)
     for frame, origin in enumerate(origins.tolist()):
