@@ -68,7 +68,8 @@ class Choice:
         point = setup.terrain.point
         self._posts = setup.posts
         self._near = 100.0 * NEAR_M / point
-        self._first_reach = math.ceil(FIRST_REACH * setup.sensor.range / point)
+        self._least_reach = math.ceil(FIRST_REACH * setup.sensor.range / point)
+        self._reach = self._least_reach
         self._wave = BoxWave()
 
     def best(self, view: View, start: Element, rivals: NDArray[np.int64], given_up: GivenUp) -> Best | None:
@@ -94,32 +95,51 @@ class Choice:
         self, view: View, start: Element, rivals: NDArray[np.int64], left_out: NDArray[np.int64]
     ) -> Best | None:
         here, shape = (start[0] - 1, start[1] - 1), view.ground.terrain.shape
-        others = [(row - 1, col - 1) for row, col in rivals.tolist()]
         worth = np.arange(view.mfow + 1.0) ** 2
-        score, place = np.zeros(1), np.zeros(4, dtype=np.int64)
-        reach = self._first_reach
+        reach = self._reach
         while True:
             box, limit = box_around(here, reach, shape), 100 * reach
             if 2 * (box[1] - box[0]) * (box[3] - box[2]) >= shape[0] * shape[1]:
                 box, limit = (0, shape[0], 0, shape[1]), LONGEST
-            # A robot with a shorter way to a point of the box is at most twice as far away as its edge.
-            wide = box if limit == LONGEST else box_around(here, 2 * reach, shape)
             own = self._wave.lengths(view.ground, [here], box, limit)
-            rival = self._of_rivals(view, others, wide, limit)
-            fog = view.fog
-            for points in (None, self._posts.between(box[0], box[1] - 1)):
-                listed = NO_POINTS if points is None else points
-                grids = (*own[:3], limit, *rival[:3], fog.last_seen, fog.looked, view.tick)
-                best_of(listed, points is not None, *grids, worth, self._near, OTHERS, left_out, score, place)
-            if limit == LONGEST or score[0] >= worth[-1] / (limit + self._near):
+            score, place = self._look(view, own, NO_LENGTHS, worth, left_out)
+            if score > 0.0 and _may_be_nearer(rivals - 1, place[2:], own.length(*place[2:])):
+                # A robot with a shorter way to a point of the box is at most twice as far away as its edge.
+                wide = box if limit == LONGEST else box_around(here, 2 * reach, shape)
+                score, place = self._look(view, own, self._of_rivals(view, rivals - 1, wide, limit), worth, left_out)
+            if limit == LONGEST or score >= worth[-1] / (limit + self._near):
                 break
             reach *= 2
-        if score[0] <= 0.0:
+        if score <= 0.0:
             return None
-        row, col, stand_row, stand_col = (int(number) for number in place)
-        return Best((row, col), (stand_row, stand_col), own.length(stand_row, stand_col) + 200)
+        # The next search begins with the box that would have done for this one.
+        enough = math.ceil((worth[-1] / score - self._near) / 100.0)
+        self._reach = min(max(self._least_reach, enough), max(shape))
+        return Best(place[:2], place[2:], own.length(*place[2:]) + 200)
 
-    def _of_rivals(self, view: View, others: list[Point], box: Box, limit: int) -> BoxLengths:
+    def _look(
+        self, view: View, own: BoxLengths, rival: BoxLengths, worth: NDArray[np.float64], left_out: NDArray[np.int64]
+    ) -> tuple[float, tuple[int, int, int, int]]:
+        """The best score in a box, 0 without any, and row and column of its point and of where to stand for it."""
+        score, place, fog = np.zeros(1), np.zeros(4, dtype=np.int64), view.fog
+        grids = (*own, *rival[:3], fog.last_seen, fog.looked, view.tick)
+        posts = self._posts.between(own.row0 + 1, own.row0 + own.cell.shape[0] - 2)
+        for points, listed in ((NO_POINTS, False), (posts, True)):
+            best_of(points, listed, *grids, worth, self._near, OTHERS, left_out, score, place)
+        row, col, stand_row, stand_col = place.tolist()
+        return float(score[0]), (row, col, stand_row, stand_col)
+
+    def _of_rivals(self, view: View, rivals: NDArray[np.int64], box: Box, limit: int) -> BoxLengths:
         """Lay the paths from the other robots in a box."""
-        near = [(row, col) for row, col in others if box[0] <= row < box[1] and box[2] <= col < box[3]]
+        near = [(row, col) for row, col in rivals.tolist() if box[0] <= row < box[1] and box[2] <= col < box[3]]
         return self._wave.lengths(view.ground.static, near, box, limit) if near else NO_LENGTHS
+
+
+def _may_be_nearer(rivals: NDArray[np.int64], point: Point, length: int) -> bool:
+    """Whether another robot could have a shorter way to a point, if nothing were in between.
+
+    No score grows by the rivals' ways. So the best point without them is the best one where this is False.
+    """
+    away = np.abs(rivals - np.array(point, dtype=np.int64))
+    least = 100 * away.max(axis=1, initial=0) + 41 * away.min(axis=1, initial=LONGEST)
+    return bool((least < length).any())

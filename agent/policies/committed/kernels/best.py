@@ -13,6 +13,8 @@ SCORE = types.Array(types.float64, 1, "C")
 FOUND = types.Array(types.int64, 1, "C")
 int64 = types.int64
 float64 = types.float64
+index = types.uint64
+"""Unsigned, so that numba skips the negative-index check."""
 BEST = types.void(
     POINTS, types.boolean, CELLS, int64, int64, int64, CELLS, int64, int64, TICKS, TICKS, int64, WORTH, float64,
     float64, PLACES, SCORE, FOUND,
@@ -51,22 +53,24 @@ def best_of(
         place: int64 (4,), row and column of that point and of where to stand; written likewise.
     """
     for k in range(points.shape[0] if listed else own.shape[0]):
-        row, up, first, end = k + row0, k, int64(0), own.shape[1]
+        row, up, first, end, shift = k + row0, k, int64(0), own.shape[1], col0
         if listed:
             row, up, first = int64(points[k, 0]), points[k, 2] - row0, points[k, 3] - col0
+            shift = points[k, 1] - first
             end = first + 1 if 0 <= first < own.shape[1] and 0 <= up < own.shape[0] else first
+        elif row < 0 or row >= last_seen.shape[0]:
+            continue
         for across in range(first, end):
-            cell = own[up, across]
-            length = int64(cell >> types.uint32(1))
-            if cell == 0 or length > limit:
+            cell = own[index(up), index(across)]
+            if cell == 0:
                 continue
-            col = int64(points[k, 1]) if listed else across + col0
-            age = tick - max(last_seen[row, col], 0)
-            if age <= 0 or looked[row, col] == tick:
+            length, col = int64(cell >> types.uint32(1)), across + shift
+            age = tick - max(int64(last_seen[index(row), index(col)]), 0)
+            if age <= 0 or worth[index(age)] <= score[0] * (length + near):
                 continue
-            found = worth[age] / (length + near)
-            if found <= score[0]:
+            if length > limit or looked[index(row), index(col)] == tick:
                 continue
+            found = worth[index(age)] / (length + near)
             rival_row, rival_col = up + row0 - rival_row0, across + col0 - rival_col0
             if 0 <= rival_row < rival.shape[0] and 0 <= rival_col < rival.shape[1]:
                 other = rival[rival_row, rival_col]
