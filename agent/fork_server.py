@@ -23,7 +23,7 @@ from patrol.process.starting.readiness import StartFailure, report_failure, repo
 NEEDED = (
     "agent.process",
     "agent.mind_loop",
-    "agent.policies.potential_field.policy",
+    "agent.policies.committed.policy",
     "patrol.ground.kernels.room",
     "patrol.net.messages.phases",
 )

@@ -198,7 +198,7 @@ def test_a_start_in_no_region_has_no_paths() -> None:
 # --- patrols ---------------------------------------------------------------------------------------------------------
 
 
-def scenario(terrain: str, model: str, ticks: int, policy: str = "potential-field", **options: object) -> Scenario:
+def scenario(terrain: str, model: str, ticks: int, **options: object) -> Scenario:
     return load_scenario(
         {
             "terrain": {"builtin": terrain},
@@ -206,7 +206,7 @@ def scenario(terrain: str, model: str, ticks: int, policy: str = "potential-fiel
             "robots": {"count": 3, "model": model},
             "duration": 0.5 * ticks,
             "patrol": {
-                "policy": policy,
+                "policy": "potential-field",
                 "options": {"paths": "regions", **options},
             },
         }
@@ -225,12 +225,6 @@ QUICK = ("yards", "car", "mode"), ("clutter", "holonomic", "vector")
 )
 def test_patrols_on_regions_see_everything(terrain: str, model: str, direction: str) -> None:
     outcome = run_in_process(scenario(terrain, model, 800, direction=direction))
-    assert outcome.verdict.valid, outcome.verdict.failed
-    assert outcome.summary["seen_share"] == 1.0
-
-
-def test_committed_robots_on_regions_see_everything() -> None:
-    outcome = run_in_process(scenario("yards", "holonomic", 800, policy="committed"))
     assert outcome.verdict.valid, outcome.verdict.failed
     assert outcome.summary["seen_share"] == 1.0
 

@@ -40,7 +40,7 @@ def test_polygons_can_be_taken_over_into_a_scenario(tmp_path: Path) -> None:
     scenario = {"terrain": {"builtin": "clutter"}, "point": 0.5, "robots": {"radius": 0.7}, **section}
     (tmp_path / "mine.yaml").write_text(yaml.safe_dump(scenario))
     told = output(str(tmp_path / "mine.yaml"))
-    assert f"regions: {len(section['patrol']['regions'])} convex regions given in " in told
+    assert f"regions: {len(section['patrol']['options']['regions'])} convex regions given in " in told
     assert "points of 0.5 m; body radius 0.7 m" in told
 
 
