@@ -131,7 +131,9 @@ class Choice:
 
     def _of_rivals(self, view: View, rivals: NDArray[np.int64], box: Box, limit: int) -> BoxLengths:
         """Lay the paths from the other robots in a box."""
-        near = [(row, col) for row, col in rivals.tolist() if box[0] <= row < box[1] and box[2] <= col < box[3]]
+        row, col = rivals[:, 0], rivals[:, 1]
+        inside = (row >= box[0]) & (row < box[1]) & (col >= box[2]) & (col < box[3])
+        near = [(row, col) for row, col in rivals[inside].tolist()]
         return self._wave.lengths(view.ground.static, near, box, limit) if near else NO_LENGTHS
 
 
