@@ -194,12 +194,6 @@ class Drops(_Rows[tuple[int, int, int, str]]):
             return _same(self.cause, other.cause)
         return [self.causes[cause] for cause in self.cause] == [other.causes[cause] for cause in other.cause]
 
-    def sorted(self) -> Drops:
-        """The same in the order of (source, destination, sequence, cause)."""
-        rank = np.argsort(np.argsort(np.array(self.causes, dtype=np.str_))) if self.causes else self.cause
-        order = np.lexsort((rank[self.cause], self.sequence, self.destination, self.source))
-        return Drops(self.source[order], self.destination[order], self.sequence[order], self.cause[order], self.causes)
-
 
 class ToOthers(NamedTuple):
     """Some frames on their way to all receivers but their own senders; nobody writes to it.

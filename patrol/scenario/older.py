@@ -73,7 +73,7 @@ def translate_patrol(patrol: Mapping[str, Any]) -> dict[str, Any]:
     """Translate a section of an earlier version; leave one of this version as it is.
 
     Args:
-        patrol: The section as a file has it, overrides included; unchecked.
+        patrol: The section as a file or an override has it, unchecked.
 
     Returns:
         The section as this version has it. A section that states `commitment` is one of 0.2, which accepted settings

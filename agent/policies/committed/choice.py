@@ -94,7 +94,9 @@ class Choice:
     def _search(
         self, view: View, start: Element, rivals: NDArray[np.int64], left_out: NDArray[np.int64]
     ) -> Best | None:
-        here, shape = (start[0] - 1, start[1] - 1), view.ground.terrain.shape
+        if view.mfow == 0:
+            return None
+        here, others, shape = (start[0] - 1, start[1] - 1), rivals - 1, view.ground.terrain.shape
         worth = np.arange(view.mfow + 1.0) ** 2
         reach = self._reach
         while True:
@@ -103,10 +105,10 @@ class Choice:
                 box, limit = (0, shape[0], 0, shape[1]), LONGEST
             own = self._wave.lengths(view.ground, [here], box, limit)
             score, place = self._look(view, own, NO_LENGTHS, worth, left_out)
-            if score > 0.0 and _may_be_nearer(rivals - 1, place[2:], own.length(*place[2:])):
+            if score > 0.0 and _may_be_nearer(others, place[2:], own.length(*place[2:])):
                 # A robot with a shorter way to a point of the box is at most twice as far away as its edge.
                 wide = box if limit == LONGEST else box_around(here, 2 * reach, shape)
-                score, place = self._look(view, own, self._of_rivals(view, rivals - 1, wide, limit), worth, left_out)
+                score, place = self._look(view, own, self._of_rivals(view, others, wide, limit), worth, left_out)
             if limit == LONGEST or score >= worth[-1] / (limit + self._near):
                 break
             reach *= 2
@@ -138,7 +140,7 @@ class Choice:
 
 
 def _may_be_nearer(rivals: NDArray[np.int64], point: Point, length: int) -> bool:
-    """Whether another robot could have a shorter way to a point, if nothing were in between.
+    """Return True if another robot could have a shorter way to a point with nothing in between.
 
     No score grows by the rivals' ways. So the best point without them is the best one where this is False.
     """

@@ -46,10 +46,6 @@ def test_columns_equal_rows_and_each_other_in_the_same_order_only() -> None:
     assert hash(links_of(ROWS)) == hash(ROWS)
 
 
-def test_drops_are_sorted_as_their_rows_are() -> None:
-    assert tuple(drops_of(DROPPED).sorted()) == tuple(sorted(DROPPED))
-
-
 def test_places_have_the_order_of_the_links() -> None:
     assert places_of(links_of(ROWS)) is None  # a forged frame's sequence
     rows = [(65535, 1, 3), (1, 65535, 2**32 - 1), (1, 65535, 0), (0, 2, 9)]

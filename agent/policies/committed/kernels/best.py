@@ -58,11 +58,9 @@ def best_of(
             row, up, first = int64(points[k, 0]), points[k, 2] - row0, points[k, 3] - col0
             shift = points[k, 1] - first
             end = first + 1 if 0 <= first < own.shape[1] and 0 <= up < own.shape[0] else first
-        elif row < 0 or row >= last_seen.shape[0]:
-            continue
         for across in range(first, end):
             cell = own[index(up), index(across)]
-            if cell == 0:
+            if cell == 0:  # blocked, or the frame of the box, which may lie outside of the terrain
                 continue
             length, col = int64(cell >> types.uint32(1)), across + shift
             age = tick - max(int64(last_seen[index(row), index(col)]), 0)
