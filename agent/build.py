@@ -188,7 +188,7 @@ def build_mind(
         key=key,
     )
     fog = FogView(belief, fields.patrolled, posts)
-    return Mind(facts, belief, fog, ground, Routes(ground, scratch), policy, body, chance)
+    return Mind(facts, belief, fog, ground, Routes(ground), policy, body, chance)
 
 
 def _rounds(scenario: Scenario, terrain: Terrain, lengths: BodyLengths, kind: PolicyKind) -> int:

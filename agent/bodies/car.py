@@ -143,7 +143,7 @@ class CarBody(BodyBase):
         # A manoeuvre may lead over places from which no route leads on: it goes on to its end.
         if not view.bumped and (drive := self._manoeuvres.proceed(pose)) is not None:
             return Choice(drive, state)
-        left = self.way_back.lengths(pose.x, pose.y)
+        left = self.way_back.paths(pose.x, pose.y)
         if left is None:
             return None
         drive = None if view.bumped else self._manoeuvres.back(view, left)

@@ -37,7 +37,6 @@ class PathWindow(ABC):
         col0: Column of the same point.
         start_row: The start's row in the window.
         start_col: The start's column in the window.
-        idle: Requests for other windows since somebody asked for this one.
     """
 
     def __init__(self, height: int, width: int, span: int) -> None:
@@ -54,7 +53,6 @@ class PathWindow(ABC):
         self.length = np.zeros((rows, cols), dtype=np.int32)
         self.bend = np.zeros((rows, cols), dtype=np.int32)
         self.row0 = self.col0 = self.start_row = self.start_col = 0
-        self.idle = 0
 
     def begin(self, ground: Ground, row: int, col: int) -> None:
         """Start from an open element of the ground.
@@ -92,24 +90,6 @@ class PathWindow(ABC):
                 self.extend(limit)
                 np.minimum(nearest, np.where(self.state & STATUS == SETTLED, self.length, FAR), out=nearest)
         return nearest
-
-    def nearness(self, ground: Ground, row: int, col: int, starts: Sequence[Place], limit: int, reach: int) -> Lengths:
-        """As `lengths_from`, but only for points to which the way from (row, col) is short.
-
-        Args:
-            ground: As it is now.
-            row: Row of `Ground.state` around which the window lies.
-            col: Column of `Ground.state` around which the window lies.
-            starts: Open elements (row, col) of `Ground.state`; those outside the window are left out.
-            limit: Longest path to follow, in hundredths of a point.
-            reach: The points are those to which a path from (row, col) is no longer than this, in hundredths of a
-                point, at most 100 * span.
-
-        Returns:
-            int32 (m, n), as of `lengths_from` for these points; it may be the same array at each call.
-        """
-        del reach
-        return self.lengths_from(ground, row, col, starts, limit)
 
     def _place(self, ground: Ground, row: int, col: int) -> None:
         """Lay the window around (row, col) of the ground's state, with all paths unknown."""

@@ -9,22 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.routes.ground import Ground, Spot
-from agent.routes.kernels.between import keep_between
-from agent.routes.kernels.wave import SETTLED, STATUS
-from agent.routes.path_window import DIAGONAL, FAR, PathWindow
-from agent.routes.wave import LONGEST, Wave
-
-LEAST_SPAN = 64
-"""Span of the smallest window, in points; larger ones have powers of two, so that there are few of them."""
-
-LARGE = 2**21
-"""Points of a window that is worth letting go; one over a whole terrain of 1600 x 2400 points takes 54 MB."""
+from agent.routes.path_window import DIAGONAL, FAR
+from agent.routes.wave import LONGEST, BoxPaths, box_between, paths_in
 
 STRAIGHT_OVER = 2**16
 """Points between two places among which a closed one is looked for before a wave."""
-
-IDLE = 16
-"""Ways found without it after which a large one is let go. Some are needed at the beginning only."""
 
 Element = tuple[int, int]
 """Row and column in `Ground.state`: one more than those of the terrain's point."""
@@ -58,15 +47,13 @@ class Routes:
     cuts no corner (paper, "The wave").
     """
 
-    def __init__(self, ground: Ground, scratch: dict[str, PathWindow]) -> None:
+    def __init__(self, ground: Ground) -> None:
         """Compute nothing yet.
 
         Args:
             ground: The ground of one robot.
-            scratch: Windows shared by minds of one process that never think at the same time.
         """
         self._ground = ground
-        self._scratch = scratch
 
     def lengths(self, place: Spot, within: float | None = None) -> NDArray[np.float64]:
         """Lengths of the ways from a place to all points.
@@ -91,8 +78,9 @@ class Routes:
         if start is None:
             return far
         limit = LONGEST if within is None else round(min(LONGEST, 100.0 * within / terrain.point))
-        found = self.window().lengths_from(ground, *start, [start], limit)[1:-1, 1:-1]
-        np.copyto(far, found * (terrain.point / 100.0), where=found < FAR)
+        box = 0, terrain.height, 0, terrain.width
+        lengths = paths_in(ground, [(start[0] - 1, start[1] - 1)], box, limit).length[1:-1, 1:-1]
+        np.copyto(far, lengths * (terrain.point / 100.0), where=lengths < FAR)
         return far
 
     def way(self, start: Element, target: Element, expected: int | None = None) -> Way:
@@ -107,30 +95,24 @@ class Routes:
         Returns:
             The way to the target, or to the reachable place nearest to it.
         """
-        here = self._ground.centre(*target)
+        ground = self._ground
         if start == target or self._is_straight(start, target):
-            for key in list(self._scratch):
-                self._let_go(key)
-            return Way(here, here, float(unhindered(start, target)) * self._ground.terrain.point / 100.0)
+            place = ground.centre(*target)
+            return Way(place, place, float(unhindered(start, target)) * ground.terrain.point / 100.0)
+        here, there = (start[0] - 1, start[1] - 1), (target[0] - 1, target[1] - 1)
+        shape = ground.terrain.shape
         if expected is not None:
-            window = self.window(-(-expected // 100) + 1)
-            window.begin(self._ground, *start)
-            row, col = target[0] - 1 - window.row0, target[1] - 1 - window.col0
-            height, width = window.state.shape
-            if 0 <= row < height and 0 <= col < width:
-                keep_between(window.state, window.start_row, window.start_col, row, col, expected)
-                window.extend(expected)
-                if window.state[row, col] & STATUS == SETTLED:
-                    return self._way_in(window, row, col)
-        window = self.window()
-        window.begin(self._ground, *start)
-        window.extend(LONGEST)
-        row, col = target[0] - 1 - window.row0, target[1] - 1 - window.col0
-        if window.state[row, col] & STATUS != SETTLED:
-            rows, cols = np.nonzero(window.state & STATUS == SETTLED)
-            nearest = int(np.argmin((rows - row) ** 2 + (cols - col) ** 2))
-            row, col = int(rows[nearest]), int(cols[nearest])
-        return self._way_in(window, row, col)
+            box = box_between(here, there, expected // 100 + 1, shape)
+            paths = paths_in(ground, [here], box, expected, bends=True)
+            if paths.length_to(*there) < FAR:
+                return self._way_in(paths, *there)
+        paths = paths_in(ground, [here], (0, shape[0], 0, shape[1]), LONGEST, bends=True)
+        if paths.length_to(*there) < FAR:
+            return self._way_in(paths, *there)
+        rows, cols = np.nonzero(paths.length < FAR)
+        rows, cols = rows + paths.row0, cols + paths.col0
+        nearest = int(np.argmin((rows - there[0]) ** 2 + (cols - there[1]) ** 2))
+        return self._way_in(paths, int(rows[nearest]), int(cols[nearest]))
 
     def _is_straight(self, start: Element, target: Element) -> bool:
         """Whether nothing is closed between two elements, and the one is in sight of the other.
@@ -146,36 +128,10 @@ class Routes:
         rows, cols = slice(min(row, to_row), max(row, to_row) + 1), slice(min(col, to_col), max(col, to_col) + 1)
         return bool(self._ground.state[rows, cols].all())
 
-    def _way_in(self, window: Wave, row: int, col: int) -> Way:
-        """The way to a settled element of a window."""
-        bend_row, bend_col = divmod(int(window.bend[row, col]), window.state.shape[1])
-        centre = self._ground.terrain.centre
-        place = centre(row + window.row0, col + window.col0)
-        bend = centre(bend_row + window.row0, bend_col + window.col0)
-        return Way(place, bend, float(window.length[row, col]) * self._ground.terrain.point / 100.0)
-
-    def window(self, span: int | None = None) -> Wave:
-        """A wave, made on first use and shared from then on.
-
-        Args:
-            span: How far it has to reach from its start, in points; it may reach farther. None for the whole terrain.
-        """
-        height, width = self._ground.terrain.shape
-        whole = max(height, width)
-        wide = whole if span is None else min(whole, max(LEAST_SPAN, 2 ** max(span - 1, 1).bit_length()))
-        key = f"wave {height} {width} {wide}"
-        wave = self._scratch.get(key)
-        if wave is None:
-            wave = self._scratch[key] = Wave(height, width, wide)
-        assert isinstance(wave, Wave)
-        wave.idle = 0
-        for other in [other for other in self._scratch if other != key]:
-            self._let_go(other)
-        return wave
-
-    def _let_go(self, key: str) -> None:
-        """Count a way found without this window; let a large wave go that nobody has asked for in a while."""
-        wave = self._scratch[key]
-        wave.idle += 1
-        if wave.idle > IDLE and isinstance(wave, Wave) and wave.state.size > LARGE:
-            del self._scratch[key]
+    def _way_in(self, paths: BoxPaths, row: int, col: int) -> Way:
+        """Return the way to a point of the terrain that a path leads to."""
+        up, across = row - paths.row0, col - paths.col0
+        bend_row, bend_col = divmod(int(paths.bend[up, across]), paths.bend.shape[1])
+        terrain = self._ground.terrain
+        bend = terrain.centre(bend_row + paths.row0, bend_col + paths.col0)
+        return Way(terrain.centre(row, col), bend, float(paths.length[up, across]) * terrain.point / 100.0)

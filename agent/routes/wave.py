@@ -1,19 +1,20 @@
-"""The wave: Lee's paths round obstacles (paper, "The wave")."""
+"""The wave: Lee's paths round obstacles (paper, "The wave"), over a box of the ground or around one robot."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from agent.routes.ground import Ground
-from agent.routes.kernels.lengths import read, show, spread
 from agent.routes.kernels.wave import settle
-from agent.routes.path_window import Lengths, PathWindow, Place
+from agent.routes.path_window import FAR, Lengths, PathWindow, Place
 from patrol.ground.kernels.footprint import cast
 
 LONGEST = 2**26
-"""Longest path that fits a cell, in hundredths of a point."""
+"""Longest path that fits an entry, in hundredths of a point."""
 
 MOST_POINTS = 2**28
 """Points of the largest window whose indices fit an entry."""
@@ -22,7 +23,104 @@ ROOM = 2**12
 """Entries for which a new wave has room, a power of two; it makes more as needed."""
 
 Box = tuple[int, int, int, int]
-"""First row, end row, first column and end column; ends are exclusive."""
+"""First and end row, first and end column of the terrain; ends are exclusive."""
+
+NO_BENDS: NDArray[np.int32] = np.zeros((0, 0), dtype=np.int32)
+NO_SIGHT: NDArray[np.uint8] = np.zeros((0, 0), dtype=np.uint8)
+
+
+class BoxPaths(NamedTuple):
+    """The paths from the nearest of some points, over a box of the ground.
+
+    Attributes:
+        length: int32 (m, n), in hundredths of a point, `FAR` where no path is known; framed by one such point on every
+            side.
+        bend: int32 (m, n), flat index of each path's first bend; size 0 unless bends were asked for.
+        row0: Row of the terrain under row 0.
+        col0: Column of the terrain under column 0.
+        limit: The longest path that is known, in hundredths of a point.
+    """
+
+    length: NDArray[np.int32]
+    bend: NDArray[np.int32]
+    row0: int
+    col0: int
+    limit: int
+
+    def length_to(self, row: int, col: int) -> int:
+        """Return the length of the path to a point (row, col) of the terrain; `FAR` where none is known.
+
+        Args:
+            row: Row of the terrain.
+            col: Column of the terrain.
+        """
+        up, across = row - self.row0, col - self.col0
+        inside = 0 <= up < self.length.shape[0] and 0 <= across < self.length.shape[1]
+        return int(self.length[up, across]) if inside else FAR
+
+
+NO_PATHS = BoxPaths(NO_BENDS, NO_BENDS, 0, 0, 0)
+
+
+def box_around(point: tuple[int, int], reach: int, shape: tuple[int, int]) -> Box:
+    """Return the box that holds all points within some rows and columns of another.
+
+    Args:
+        point: Row and column of the other.
+        reach: Rows and columns.
+        shape: Of the terrain.
+    """
+    return box_between(point, point, 2 * reach, shape)
+
+
+def box_between(first: tuple[int, int], second: tuple[int, int], steps: int, shape: tuple[int, int]) -> Box:
+    """Return the box that holds two points and all paths between them of at most so many steps.
+
+    Args:
+        first: Row and column.
+        second: Row and column.
+        steps: Of the longest path. For example, from column 10 to column 20 in 14 steps: columns 8 to 22.
+        shape: Of the terrain.
+    """
+    bounds = []
+    for from_line, to_line, size in zip(first, second, shape, strict=True):
+        total = from_line + to_line
+        bounds += [
+            max(0, min(from_line, to_line, (total - steps + 1) // 2)),
+            min(size, max(from_line, to_line, (total + steps) // 2) + 1),
+        ]
+    top, bottom, left, right = bounds
+    return top, bottom, left, right
+
+
+def paths_in(ground: Ground, starts: Sequence[Place], box: Box, limit: int, *, bends: bool = False) -> BoxPaths:
+    """Find the paths from the nearest of several starts, over a box of the ground.
+
+    Args:
+        ground: As it is now.
+        starts: Open points (row, col) of the terrain, within the box; a single one where bends are asked for.
+        box: Paths that leave it are not known.
+        limit: The longest path, in hundredths of a point; at most `LONGEST`.
+        bends: Find first bends as well.
+    """
+    top, bottom, left, right = box
+    shape = rows, cols = bottom - top + 2, right - left + 2
+    if rows * cols > MOST_POINTS:
+        raise ValueError(f"a box of {rows * cols} points is larger than {MOST_POINTS}")
+    state = np.zeros(shape, dtype=np.uint8)
+    state[1:-1, 1:-1] = ground.state[top + 1 : bottom + 1, left + 1 : right + 1]
+    length = np.empty(shape, dtype=np.int32)
+    places = [(row - top + 1, col - left + 1) for row, col in sorted(set(starts))]
+    sight, bend = NO_SIGHT, NO_BENDS
+    if bends:
+        sight, bend = np.zeros(shape, dtype=np.uint8), np.empty(shape, dtype=np.int32)
+        # A look reaches as far as the terrain is long.
+        cast(state, *places[0], float(max(ground.terrain.shape)), sight, 0, 0)
+    begin = np.array([row * cols + col for row, col in places], dtype=np.int64)
+    room = ROOM
+    while not settle(state, sight, length, bend, np.empty((2, room), dtype=np.uint64), begin, limit, 0, rows, 0, cols):
+        room *= 4
+    return BoxPaths(length, bend, top - 1, left - 1, limit)
 
 
 class Wave(PathWindow):
@@ -33,10 +131,7 @@ class Wave(PathWindow):
         if self.state.size > MOST_POINTS:
             raise ValueError(f"a window of {self.state.size} points is larger than {MOST_POINTS}")
         self._sight = np.zeros_like(self.state)
-        self._cell = np.zeros(self.state.size, dtype=np.uint32)
-        self._lists = np.zeros((2, ROOM), dtype=np.uint32)
         self._queues = np.zeros((2, ROOM), dtype=np.uint64)
-        self._near: Lengths | None = None
         self._settled = -1
 
     def _begin(self) -> None:
@@ -44,38 +139,11 @@ class Wave(PathWindow):
 
     def lengths_from(self, ground: Ground, row: int, col: int, starts: Sequence[Place], limit: int) -> Lengths:
         """As `PathWindow.lengths_from`, by one wave from all starts at once."""
-        self._place(ground, row, col)
-        rows, cols = self.state.shape
-        inside = sorted({(r - self.row0 - 1, c - self.col0 - 1) for r, c in starts})
-        begin = np.array([r * cols + c for r, c in inside if self._holds(r, c)], dtype=np.int64)
-        limit = min(limit, LONGEST)
-        while not spread(self.state, 0, 0, self._cell, cols, self._lists, begin, limit, 0, rows, 0, cols):
-            self._make_room()
-        show(self._cell, self.state, self.length, limit, 0, rows, 0, cols)
-        return self.length.copy()
-
-    def nearness(self, ground: Ground, row: int, col: int, starts: Sequence[Place], limit: int, reach: int) -> Lengths:
-        """As `PathWindow.nearness`, by one wave that goes only where paths to these points can lead."""
         self._lie(ground, row, col)
-        middle, cols = (row - self.row0 - 1, col - self.col0 - 1), self.state.shape[1]
-        if self._near is None:
-            self._near = np.empty_like(self.length)
-        limit = min(limit, LONGEST)
-        # A point on such a path is no farther from the path's ends together than this, in rows or columns.
-        apart = (limit + reach) // 100 + 1
-        box = part = self._around(middle, middle, 2 * (reach // 100 + 1))
-        begin = []
-        for start_row, start_col in starts:
-            place = start_row - self.row0 - 1, start_col - self.col0 - 1
-            if self._holds(*place) and max(abs(place[0] - middle[0]), abs(place[1] - middle[1])) <= apart:
-                begin.append(place[0] * cols + place[1])
-                led = self._around(place, middle, apart)
-                box = min(box[0], led[0]), max(box[1], led[1]), min(box[2], led[2]), max(box[3], led[3])
-        origin, starting = (self.row0 + 1, self.col0 + 1), np.array(sorted(set(begin)), dtype=np.int64)
-        while not spread(ground.state, *origin, self._cell, cols, self._lists, starting, limit, *box):
-            self._make_room()
-        read(self._cell, self._near, limit, *part)
-        return self._near
+        rows, cols = self.state.shape
+        box = self.row0 + 1, self.row0 + rows - 1, self.col0 + 1, self.col0 + cols - 1
+        inside = [(r - 1, c - 1) for r, c in starts if self._holds(r - self.row0 - 1, c - self.col0 - 1)]
+        return paths_in(ground, inside, box, min(limit, LONGEST)).length
 
     def extend(self, limit: int) -> None:
         """As `PathWindow.extend`; a larger limit than before takes another wave."""
@@ -90,18 +158,6 @@ class Wave(PathWindow):
         # All of the box is in range of this look, its corners too, unless the window's span ends before.
         cast(self.state, self.start_row, self.start_col, float(min(self.span, 2 * reach)), self._sight, 0, 0)
         grids, box = (self.state, self._sight, self.length, self.bend), (top, bottom, left, right)
-        while not settle(*grids, self._queues, self.start_row, self.start_col, limit, *box):
+        start = np.array([self.start_row * cols + self.start_col], dtype=np.int64)
+        while not settle(*grids, self._queues, start, limit, *box):
             self._queues = np.zeros((2, 4 * self._queues.shape[1]), dtype=np.uint64)
-
-    def _around(self, one: Place, other: Place, apart: int) -> Box:
-        """The part of the window whose points have rows, and columns, no farther than this from two places together.
-
-        It is two points larger on each side, because the outermost points of a box count as blocked.
-        """
-        (rows, cols), (up, across) = self.state.shape, (one[0] + other[0], one[1] + other[1])
-        top, left = max(0, (up - apart) // 2 - 2), max(0, (across - apart) // 2 - 2)
-        return top, min(rows, (up + apart) // 2 + 4), left, min(cols, (across + apart) // 2 + 4)
-
-    def _make_room(self) -> None:
-        """Make room for more entries; those at hand are lost."""
-        self._lists = np.zeros((2, 4 * self._lists.shape[1]), dtype=np.uint32)

@@ -11,12 +11,11 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agent.routes.ground import Ground
 from agent.routes.kernels.wave import HEMMED, STATUS
 from agent.routes.path_window import FAR
-from agent.routes.wave import Wave
+from agent.routes.wave import BoxPaths, box_around, paths_in
 from patrol.ground.fields import cspace_of
 from patrol.ground.swept_path import line_is_free
 
@@ -51,9 +50,9 @@ class WayBack:
         self._wanted = wanted
         self._ground = ground
         self._radius = radius
-        self._loose: tuple[Ground, Wave] | None = None
+        self._loose: Ground | None = None
         self._trail: list[Spot] = []
-        self._lengths: tuple[tuple[int, int], NDArray[np.float64] | None] | None = None
+        self._paths: tuple[tuple[int, int], BoxPaths | None] | None = None
         self._spot: tuple[Spot, Spot | None] | None = None
 
     def note(self, x: float, y: float) -> None:
@@ -79,21 +78,20 @@ class WayBack:
         """
         return self._wanted and self._ground.static.join(x, y) is None
 
-    def lengths(self, x: float, y: float) -> NDArray[np.float64] | None:
-        """Lengths of the ways to the nearest reachable points, over all points on which the body may fit.
+    def paths(self, x: float, y: float) -> BoxPaths | None:
+        """Find the paths to the nearest reachable points, over all points on which the body may fit.
 
         Args:
             x: Of the body's centre, m.
             y: Of the body's centre, m.
 
         Returns:
-            float64 (height, width) in m, infinity where no way leads or only one longer than `REACH`; None if that is
-            so at (x, y) itself.
+            Paths of at most `REACH`; None if none begins at (x, y).
         """
         here = self._ground.terrain.point_at(x, y)
-        if self._lengths is None or self._lengths[0] != here:
-            self._lengths = here, self._lengths_at(*here)
-        return self._lengths[1]
+        if self._paths is None or self._paths[0] != here:
+            self._paths = here, self._paths_at(*here)
+        return self._paths[1]
 
     def spot(self, x: float, y: float) -> Spot | None:
         """Where a body that moves in any direction should head: in a straight line that is free, and on the way back.
@@ -112,41 +110,32 @@ class WayBack:
             self._spot = (x, y), self._spot_at(x, y)
         return self._spot[1]
 
-    def _lengths_at(self, row: int, col: int) -> NDArray[np.float64] | None:
+    def _paths_at(self, row: int, col: int) -> BoxPaths | None:
         terrain, static = self._ground.terrain, self._ground.static
         if not terrain.inside(row, col):
             return None
         if self._loose is None:
-            fits = cspace_of(terrain, max(0.0, self._radius - OFF_CENTRE * terrain.point))
-            span = math.ceil(REACH / terrain.point)
-            self._loose = Ground(terrain, fits), Wave(*terrain.shape, span)
-        loose, wave = self._loose
-        if loose.state[row + 1, col + 1] & STATUS == 0:
-            return None
-        top, left = max(0, row - wave.span), max(0, col - wave.span)
-        box = slice(top, row + wave.span + 1), slice(left, col + wave.span + 1)
-        inner = static.state[1:-1, 1:-1][box]
+            self._loose = Ground(terrain, cspace_of(terrain, max(0.0, self._radius - OFF_CENTRE * terrain.point)))
+        top, bottom, left, right = box = box_around((row, col), math.ceil(REACH / terrain.point), terrain.shape)
+        inner = static.state[top + 1 : bottom + 1, left + 1 : right + 1]
         rows, cols = np.nonzero((inner & STATUS != 0) & (inner & HEMMED != 0))
-        starts = list(zip((rows + top + 1).tolist(), (cols + left + 1).tolist(), strict=True))
-        limit = round(100.0 * REACH / terrain.point)
-        found = wave.lengths_from(loose, row + 1, col + 1, starts, limit)[1:-1, 1:-1]
-        lengths = np.full(terrain.shape, np.inf)
-        part = lengths[wave.row0 + 1 :, wave.col0 + 1 :][: found.shape[0], : found.shape[1]]
-        np.copyto(part, found * (terrain.point / 100.0), where=found < FAR)
-        lengths[box][inner & STATUS != 0] = 0.0
-        return lengths if math.isfinite(lengths[row, col]) else None
+        starts = list(zip((rows + top).tolist(), (cols + left).tolist(), strict=True))
+        paths = paths_in(self._loose, starts, box, round(100.0 * REACH / terrain.point))
+        paths.length[1:-1, 1:-1][inner & STATUS != 0] = 0
+        return paths if paths.length_to(row, col) < FAR else None
 
     def _spot_at(self, x: float, y: float) -> Spot | None:
-        lengths = self.lengths(x, y)
-        if lengths is not None:
+        paths = self.paths(x, y)
+        if paths is not None:
             terrain = self._ground.terrain
             (ox, oy), point = terrain.origin, terrain.point
             here = terrain.point_at(x, y)
-            rows, cols = np.nonzero(lengths < float(lengths[here]))
-            xs, ys = ox + (cols + 0.5) * point, oy + (rows + 0.5) * point
+            rows, cols = np.nonzero(paths.length < paths.length_to(*here))
+            lengths = paths.length[rows, cols]
+            xs, ys = ox + (cols + paths.col0 + 0.5) * point, oy + (rows + paths.row0 + 0.5) * point
             centre = terrain.centre(*here)
             off = x - centre[0], y - centre[1]
-            for index in np.lexsort((np.hypot(xs - x, ys - y), lengths[rows, cols]))[:MOST_TRIED]:
+            for index in np.lexsort((np.hypot(xs - x, ys - y), lengths))[:MOST_TRIED]:
                 # In a slit as wide as the body, the places in line with its own are free, and those at centres not.
                 for across, up in ((0.0, 0.0), off):
                     place = float(xs[index]) + across, float(ys[index]) + up

@@ -37,9 +37,6 @@ them a body comes less than that nearer to a wall."""
 TOUCHING = 5e-10
 """How much nearer than its radius a disc may be to a square and still only touch it, m."""
 
-TOO_SHORT = -1
-"""What `search` returns where it asks for a way that was not followed far enough."""
-
 
 @njit(types.boolean(MASK, float64, float64, float64, float64, float64, float64), cache=True, nogil=True)
 def _fits(blocked, point, ox, oy, x, y, radius):
@@ -105,14 +102,14 @@ def _is_free(blocked, room, closed, point, ox, oy, x, y, heading, distance, curv
 # fmt: off
 @njit(
     int64(
-        MASK, MASK, MASK, LENGTHS, int64, int64, int64, int64, float64, float64, float64, float64, float64, float64,
+        MASK, MASK, MASK, LENGTHS, int64, int64, int64, float64, float64, float64, float64, float64, float64,
         float64, ARCS, float64, float64, float64, float64, float64, float64, int64, FOUND,
     ),
     cache=True,
     nogil=True,
 )
 def search(
-    blocked, room, closed, left, row0, col0, known, limit, point, ox, oy, x, y, heading, first_left, arcs, cell, radius,
+    blocked, room, closed, left, row0, col0, limit, point, ox, oy, x, y, heading, first_left, arcs, cell, radius,
     clearance, turning, near, progress, most, found,
 ):
     """Find arcs that bring a car nearer to its goal.
@@ -128,9 +125,8 @@ def search(
         left: int32 (m, n), the way left from each point of a window, in hundredths of a point.
         row0: Row of the grid under the window's row 0.
         col0: Column of the grid under the window's column 0.
-        known: The longest way that is known, in hundredths of a point; all longer ones and those from points outside
-            of the window are not.
-        limit: The longest way that counts, likewise; at least ``known``. Longer ones count as none.
+        limit: The longest way that counts, in hundredths of a point. Longer ones, and those from points outside of the
+            window, count as none.
         point: Side of a point, m.
         ox: x of the grid's origin, m.
         oy: y of the grid's origin, m.
@@ -149,8 +145,7 @@ def search(
         found: int64, filled in with the indices of the arcs in driving order, as far as there is room.
 
     Returns:
-        The number of arcs in ``found``; 0 when no arc leads nearer; `TOO_SHORT` when the search asks for a way that is
-        not known but may count.
+        The number of arcs in ``found``; 0 when no arc leads nearer.
     """
     count = 1
     px, py, ph, pleft = np.empty(most), np.empty(most), np.empty(most), np.empty(most)
@@ -242,8 +237,6 @@ def search(
             way = limit + 1
             if 0 <= row < left.shape[0] and 0 <= col < left.shape[1]:
                 way = int64(left[row, col])
-            if way > known and known < limit:
-                return TOO_SHORT
             there = way * (point / 100.0) if way <= limit else pleft[node] + abs(distance)
             if count >= most:
                 size = 0

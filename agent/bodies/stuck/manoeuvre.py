@@ -14,14 +14,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.bodies.kernels.manoeuvre import CLEARANCE, TOO_SHORT, search
-from agent.bodies.stuck.ways_left import WaysLeft, ways_back, ways_left
+from agent.bodies.kernels.manoeuvre import CLEARANCE, search
+from agent.routes.path_window import FAR
+from agent.routes.wave import LONGEST, BoxPaths, box_around, paths_in
 from patrol.ground.swept_path import advance
 from patrol.pose import Drive
 
 if TYPE_CHECKING:
     from agent.bodies.steering import CarSteering
-    from agent.routes.ground import Spot
+    from agent.routes.ground import Ground, Spot
     from agent.view import View
     from patrol.ground.terrain import Terrain
     from patrol.pose import Pose
@@ -54,12 +55,8 @@ ASKEW = 0.05
 MARGIN = 8.0
 """How much farther than twice the direct way, in turning radii, ways to a place may lead that count."""
 
-BEYOND = 2.5
-"""How much farther than to the car, in turning radii, they are followed at first."""
-
 NEAR = 0.5
 """A search ends where at most so many strides of the way are left."""
-
 
 OFF_CENTRES = 1.5
 """Sum of the distances of two places from the centres of their points, in points; rounded up."""
@@ -139,12 +136,12 @@ class Manoeuvres:
         """
         return self._take(pose) if self._goes_on(pose) else None
 
-    def back(self, view: View, left: NDArray[np.float64]) -> Drive | None:
+    def back(self, view: View, paths: BoxPaths) -> Drive | None:
         """The next step of a car that is off the reachable points, back to one of them.
 
         Args:
             view: Of this tick.
-            left: float64 (h, w), lengths in m of the ways back (`agent.routes.way_back.WayBack.lengths`).
+            paths: Back to the reachable points (`agent.routes.way_back.WayBack.paths`).
 
         Returns:
             None where no arc brings the car nearer.
@@ -152,8 +149,9 @@ class Manoeuvres:
         pose = view.pose
         if self._place is not None or not self._goes_on(pose):
             self.drop()
-            here = self._terrain.point_at(pose.x, pose.y)
-            self._search(view, ways_back(self._terrain, left, *here), near=0.0, progress=math.inf)
+            terrain = self._terrain
+            first = paths.length_to(*terrain.point_at(pose.x, pose.y)) * (terrain.point / 100.0)
+            self._search(view, paths, first, LONGEST, near=0.0, progress=math.inf)
         return self._take(pose)
 
     def _goes_on(self, pose: Pose) -> bool:
@@ -177,27 +175,45 @@ class Manoeuvres:
         return drive
 
     def _approach(self, view: View, place: Spot) -> None:
-        """Look for arcs that bring the car nearer to a place; none where no way leads there."""
-        turning = self._spec.turning_radius
-        for beyond in (BEYOND * turning, math.inf):
-            left = ways_left(view, place, MARGIN * turning, beyond)
-            if left is None:
-                return
-            self._place = place
-            if self._search(view, left, near=min(self._near, 0.5 * left.first), progress=AHEAD * turning):
-                return
+        """Look for arcs that bring the car nearer to a place; none where no way leads there.
 
-    def _search(self, view: View, left: WaysLeft, *, near: float, progress: float) -> bool:
+        The longest ways that count are twice the direct way and a margin; where the car's own way winds more than that,
+        its length and a margin.
+        """
+        turning, pose, start, ground = self._spec.turning_radius, view.pose, view.start, view.ground
+        end = ground.join(*place)
+        if end is None:
+            # Robots do stand on what is closed at this tick.
+            ground = ground.static
+            end = ground.join(*place)
+        if start is None or end is None:
+            return
+        point, here, there = ground.terrain.point, (start[0] - 1, start[1] - 1), (end[0] - 1, end[1] - 1)
+        margin = MARGIN * turning
+        within = 2.0 * math.dist((pose.x, pose.y), place) + margin
+        paths = _paths_to(there, ground, within)
+        if paths.length_to(*here) == FAR:
+            paths = _paths_to(there, ground, math.inf)
+        if paths.length_to(*here) == FAR:
+            return
+        first = paths.length_to(*here) * (point / 100.0)
+        if paths.limit < LONGEST and first + margin > within:
+            paths = _paths_to(there, ground, first + margin)
+        if ground.terrain.point_at(pose.x, pose.y) != here:
+            first += math.dist(ground.centre(*start), (pose.x, pose.y))
+        self._place = place
+        self._search(view, paths, first, paths.limit, near=min(self._near, 0.5 * first), progress=AHEAD * turning)
+
+    def _search(self, view: View, paths: BoxPaths, first: float, limit: int, *, near: float, progress: float) -> None:
         """Look for arcs that bring the car nearer.
 
         Args:
             view: Of this tick.
-            left: The ways left.
+            paths: The ways left.
+            first: The way left from where the car is, m.
+            limit: The longest way that counts, in hundredths of a point.
             near: How short the way left has to be, m.
             progress: How much shorter it has to become otherwise, m.
-
-        Returns:
-            Whether no way was asked for that is not known and may count.
         """
         pose, terrain = view.pose, self._terrain
         found = np.zeros(MOST_ARCS, dtype=np.int64)
@@ -210,17 +226,16 @@ class Manoeuvres:
                     terrain.blocked,
                     terrain.room,
                     closed,
-                    left.length,
-                    left.row0,
-                    left.col0,
-                    left.known,
-                    left.limit,
+                    paths.length,
+                    paths.row0,
+                    paths.col0,
+                    limit,
                     terrain.point,
                     *terrain.origin,
                     pose.x,
                     pose.y,
                     pose.heading,
-                    left.first,
+                    first,
                     self._arcs,
                     self._cell,
                     self._spec.radius,
@@ -231,9 +246,8 @@ class Manoeuvres:
                     MOST_NODES,
                     found,
                 )
-        for index in found[: max(0, count)]:
+        for index in found[:count]:
             self._plan.extend([self._drives[index]] * self._times)
-        return count != TOO_SHORT
 
     def _closed(self, view: View) -> NDArray[np.uint8]:
         """The points that are closed at this tick; of size 0 where there are none or the car is on one of them."""
@@ -245,3 +259,9 @@ class Manoeuvres:
         if closed[row, col]:
             return np.zeros((0, 0), dtype=np.uint8)
         return closed.view(np.uint8)
+
+
+def _paths_to(point: tuple[int, int], ground: Ground, within: float) -> BoxPaths:
+    """Find the paths of at most `within` m to a point of the terrain."""
+    limit = round(min(LONGEST, 100.0 * within / ground.terrain.point))
+    return paths_in(ground, [point], box_around(point, limit // 100 + 1, ground.terrain.shape), limit)

@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.policies.committed.kernels.best import best_of
-from agent.routes.box_lengths import NO_LENGTHS, Box, BoxLengths, BoxWave, box_around
-from agent.routes.wave import LONGEST
+from agent.routes.wave import LONGEST, NO_PATHS, Box, BoxPaths, box_around, paths_in
 
 if TYPE_CHECKING:
     from agent.policies.committed.given_up import GivenUp
@@ -57,7 +56,7 @@ class Best(NamedTuple):
 
 
 class Choice:
-    """Searches for a robot's targets; keeps the working memory of its waves."""
+    """The search for a robot's targets."""
 
     def __init__(self, setup: PolicySetup) -> None:
         """Take what the search needs to know of the robot and the terrain.
@@ -70,7 +69,6 @@ class Choice:
         self._near = 100.0 * NEAR_M / point
         self._least_reach = math.ceil(FIRST_REACH * setup.sensor.range / point)
         self._reach = self._least_reach
-        self._wave = BoxWave()
 
     def best(self, view: View, start: Element, rivals: NDArray[np.int64], given_up: GivenUp) -> Best | None:
         """Find the point that counts most.
@@ -103,12 +101,12 @@ class Choice:
             box, limit = box_around(here, reach, shape), 100 * reach
             if 2 * (box[1] - box[0]) * (box[3] - box[2]) >= shape[0] * shape[1]:
                 box, limit = (0, shape[0], 0, shape[1]), LONGEST
-            own = self._wave.lengths(view.ground, [here], box, limit)
-            score, place = self._look(view, own, NO_LENGTHS, worth, left_out)
-            if score > 0.0 and _may_be_nearer(others, place[2:], own.length(*place[2:])):
+            own = paths_in(view.ground, [here], box, limit)
+            score, place = self._look(view, own, NO_PATHS, worth, left_out)
+            if score > 0.0 and _may_be_nearer(others, place[2:], own.length_to(*place[2:])):
                 # A robot with a shorter way to a point of the box is at most twice as far away as its edge.
                 wide = box if limit == LONGEST else box_around(here, 2 * reach, shape)
-                score, place = self._look(view, own, self._of_rivals(view, others, wide, limit), worth, left_out)
+                score, place = self._look(view, own, _paths_of_rivals(view, others, wide, limit), worth, left_out)
             if limit == LONGEST or score >= worth[-1] / (limit + self._near):
                 break
             reach *= 2
@@ -117,26 +115,28 @@ class Choice:
         # The next search begins with the box that would have done for this one.
         enough = math.ceil((worth[-1] / score - self._near) / 100.0)
         self._reach = min(max(self._least_reach, enough), max(shape))
-        return Best(place[:2], place[2:], own.length(*place[2:]) + 200)
+        return Best(place[:2], place[2:], own.length_to(*place[2:]) + 200)
 
     def _look(
-        self, view: View, own: BoxLengths, rival: BoxLengths, worth: NDArray[np.float64], left_out: NDArray[np.int64]
+        self, view: View, own: BoxPaths, rival: BoxPaths, worth: NDArray[np.float64], left_out: NDArray[np.int64]
     ) -> tuple[float, tuple[int, int, int, int]]:
         """The best score in a box, 0 without any, and row and column of its point and of where to stand for it."""
         score, place, fog = np.zeros(1), np.zeros(4, dtype=np.int64), view.fog
-        grids = (*own, *rival[:3], fog.last_seen, fog.looked, view.tick)
-        posts = self._posts.between(own.row0 + 1, own.row0 + own.cell.shape[0] - 2)
+        known = (own.length, own.row0, own.col0, own.limit, rival.length, rival.row0, rival.col0)
+        grids = (*known, fog.last_seen, fog.looked, view.tick)
+        posts = self._posts.between(own.row0 + 1, own.row0 + own.length.shape[0] - 2)
         for points, listed in ((NO_POINTS, False), (posts, True)):
             best_of(points, listed, *grids, worth, self._near, OTHERS, left_out, score, place)
         row, col, stand_row, stand_col = place.tolist()
         return float(score[0]), (row, col, stand_row, stand_col)
 
-    def _of_rivals(self, view: View, rivals: NDArray[np.int64], box: Box, limit: int) -> BoxLengths:
-        """Lay the paths from the other robots in a box."""
-        row, col = rivals[:, 0], rivals[:, 1]
-        inside = (row >= box[0]) & (row < box[1]) & (col >= box[2]) & (col < box[3])
-        near = [(row, col) for row, col in rivals[inside].tolist()]
-        return self._wave.lengths(view.ground.static, near, box, limit) if near else NO_LENGTHS
+
+def _paths_of_rivals(view: View, rivals: NDArray[np.int64], box: Box, limit: int) -> BoxPaths:
+    """Find the paths from the other robots in a box."""
+    row, col = rivals[:, 0], rivals[:, 1]
+    inside = (row >= box[0]) & (row < box[1]) & (col >= box[2]) & (col < box[3])
+    near = [(row, col) for row, col in rivals[inside].tolist()]
+    return paths_in(view.ground.static, near, box, limit) if near else NO_PATHS
 
 
 def _may_be_nearer(rivals: NDArray[np.int64], point: Point, length: int) -> bool:

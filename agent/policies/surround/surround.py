@@ -30,7 +30,7 @@ from agent.policies.surround.ring import FARTHEST, Stand, spots_around, spread
 from agent.ports import Place, State
 from agent.routes.ground import Ground, Spot
 from agent.routes.routes import Routes, Way
-from agent.routes.wave import LONGEST
+from agent.routes.wave import LONGEST, paths_in
 from patrol.ground.footprint import Footprint
 from patrol.pose import Pose
 from patrol.radio.peers import Peer
@@ -98,7 +98,7 @@ class Surround:
         target = {number: _nearest(place, contacts) for number, place in places.items()}
         mine = target[self._number]
         team = sorted(number for number, place in target.items() if place == mine)
-        ring = self._ring_of(mine, len(team), routes)
+        ring = self._ring_of(mine, len(team))
         if not ring.stands:
             return None
         from_spots = [[_length(lengths, ring.ground.join(*places[n])) for n in team] for lengths in ring.lengths]
@@ -133,15 +133,13 @@ class Surround:
         length = math.hypot(x, y)
         return (pose.x + distance * x / length, pose.y + distance * y / length) if length > 0.0 else bend
 
-    def _ring_of(self, intruder: Spot, count: int, routes: Routes) -> _Ring:
+    def _ring_of(self, intruder: Spot, count: int) -> _Ring:
         """The places around an intruder for ``count`` robots; recomputed when the intruder or the number changes."""
         if self._ring is None or (self._ring.intruder, self._ring.count) != (intruder, count):
             ground = self._ring.ground if self._ring is not None else Ground(self._terrain, self._reach)
             stands = spread(spots_around(self._sight, self._reach, *intruder, self._radius), count, self._spacing)
-            lengths = []
-            for stand in stands:
-                at = stand.row + 1, stand.col + 1
-                lengths.append(routes.window().lengths_from(ground, *at, [at], LONGEST))
+            box = 0, self._terrain.height, 0, self._terrain.width
+            lengths = [paths_in(ground, [(stand.row, stand.col)], box, LONGEST).length for stand in stands]
             self._ring = _Ring(intruder, count, ground, stands, lengths)
         return self._ring
 

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from agent.routes.ground import Ground
 from agent.routes.kernels.wave import SETTLED, STATUS
-from agent.routes.path_window import PathWindow
-from agent.routes.routes import IDLE, LARGE, LEAST_SPAN, Routes, Way
+from agent.routes.routes import Routes, Way
 from agent.routes.wave import LONGEST, Wave
 from patrol.ground.terrain import Terrain
 
@@ -57,7 +56,7 @@ def grid_of(seed: int) -> tuple[Grid, tuple[int, int]]:
 
 def routes_of(is_open: Grid) -> tuple[Ground, Routes]:
     ground = Ground(Terrain("t", is_open, POINT), is_open)
-    return ground, Routes(ground, {})
+    return ground, Routes(ground)
 
 
 def centre(row: int, col: int) -> tuple[float, float]:
@@ -230,34 +229,3 @@ def test_a_way_heeds_what_was_closed_whatever_length_is_expected() -> None:
     assert around[0].length > before.length
     assert around[0].bend != around[0].place
     assert around[1:] == around[:1] * 2
-
-
-def test_windows_are_shared_and_leave_nothing_behind() -> None:
-    is_open, (row, col) = grid_of(5)
-    other, (other_row, other_col) = np.ones_like(is_open), (0, 0)
-    scratch: dict[str, PathWindow] = {}
-    ground, another = (Ground(Terrain("t", grid, POINT), grid) for grid in (is_open, other))
-    one, two = Routes(ground, scratch), Routes(another, scratch)
-    alone = one.lengths(centre(row, col)).copy()
-    two.lengths(centre(other_row, other_col))
-    assert np.array_equal(one.lengths(centre(row, col)), alone)
-    assert len(scratch) == 1
-
-
-def test_a_large_window_that_is_no_longer_asked_for_is_let_go_and_made_again() -> None:
-    is_open = np.ones((LARGE // 2**10, 2**10), dtype=np.bool_)
-    ground, routes = routes_of(is_open)
-    whole, near = routes.window(), routes.window(LEAST_SPAN)
-    assert whole.state.size > LARGE > near.state.size
-    for _ in range(3):
-        for _ in range(IDLE - 1):
-            assert routes.window(LEAST_SPAN) is near
-        assert routes.window() is whole
-    for _ in range(IDLE + 1):
-        assert routes.window(LEAST_SPAN) is near
-    made = routes.window()
-    assert made is not whole
-    assert routes.window(LEAST_SPAN) is near
-    made.begin(ground, 1, 1)
-    made.extend(1000)
-    assert made.length[1, 11] == 1000

@@ -6,6 +6,7 @@ import math
 from collections import deque
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -13,13 +14,13 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from agent.routes.ground import Ground
-from agent.routes.kernels import lengths
 from agent.routes.kernels import wave as kernel
 from agent.routes.kernels.wave import HEMMED, SETTLED, STATUS
 from agent.routes.path_window import FAR
-from agent.routes.wave import Wave
+from agent.routes.wave import ROOM, Wave, box_around, box_between, paths_in
 from patrol.ground.kernels.footprint import cast
 from patrol.ground.terrain import Terrain
+from tests.agent.plans import cluttered
 
 Bools = NDArray[np.bool_]
 
@@ -256,48 +257,63 @@ def test_a_smaller_limit_than_before_changes_nothing() -> None:
 
 
 @settings(max_examples=60)
-@given(
-    values=st.tuples(
-        st.integers(2, 60), st.integers(2, 60), st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.1, 0.3])
-    ),
-    limit=st.integers(0, 4000),
-    reach=st.integers(0, 2000),
-    count=st.integers(0, 4),
-)
-def test_nearness_is_exact_wherever_the_way_from_the_middle_is_short(
-    values: tuple[int, int, int, float], limit: int, reach: int, count: int
+@given(values=maps, limit=st.integers(0, 4000), count=st.integers(0, 4))
+def test_lengths_from_several_starts_are_those_from_the_nearest_within_the_window(
+    values: tuple[int, int, int, float], limit: int, count: int
 ) -> None:
     is_open, row, col = random_map(values)
     places = np.argwhere(is_open)
-    starts = [tuple(place) for place in places[np.random.default_rng(values[2]).integers(0, len(places), count)]]
-    window = Wave(is_open.shape[0], is_open.shape[1], 20)
+    starts = places[np.random.default_rng(values[2]).integers(0, len(places), count)].tolist()
+    window = Wave(is_open.shape[0], is_open.shape[1], 10)
     ground = Ground(Terrain("t", is_open, 1.0), is_open)
-    framed = [(int(r) + 1, int(c) + 1) for r, c in starts]
-    window.nearness(ground, row + 1, col + 1, [(row + 1, col + 1)], 1500, 1500)  # what it leaves behind does not count
-    found = window.nearness(ground, row + 1, col + 1, framed, limit, reach)
-    inside = [
-        (r, c)
-        for r, c in starts
-        if window.row0 < r < window.row0 + found.shape[0] - 1 and window.col0 < c < window.col0 + found.shape[1] - 1
-    ]
-    nearest = np.full(is_open.shape, np.inf)
-    for r, c in inside:
-        nearest = np.minimum(nearest, lengths_within(is_open, window, r, c))
-    near = np.argwhere(lengths_within(is_open, window, row, col) <= reach)
-    expected = np.where(nearest <= limit, nearest, FAR)
-    for r, c in near:
-        assert found[r - window.row0, c - window.col0] == expected[r, c]
+    found = window.lengths_from(ground, row + 1, col + 1, [(r + 1, c + 1) for r, c in starts], limit)
+    top, left, (height, width) = window.row0 + 1, window.col0 + 1, found.shape
+    part = is_open[top : top + height - 2, left : left + width - 2]
+    nearest = np.full(part.shape, np.inf)
+    for r, c in starts:
+        if 0 <= r - top < part.shape[0] and 0 <= c - left < part.shape[1]:
+            nearest = np.minimum(nearest, dijkstra_lengths(part, r - top, c - left))
+    assert np.array_equal(found[1:-1, 1:-1], np.where(nearest <= limit, nearest, FAR))
+    assert (np.concatenate([found[0], found[-1], found[:, 0], found[:, -1]]) == FAR).all()
 
 
-def lengths_within(is_open: Bools, window: Wave, row: int, col: int) -> NDArray[np.float64]:
-    """Path lengths over the ground under a window."""
-    height, width = window.state.shape
-    part = slice(window.row0 + 1, window.row0 + height - 1), slice(window.col0 + 1, window.col0 + width - 1)
-    whole = np.full(is_open.shape, np.inf)
-    whole[part] = dijkstra_lengths(is_open[part], row - part[0].start, col - part[1].start)
-    return whole
+@pytest.mark.parametrize("seed", range(5))
+def test_a_box_holds_the_lengths_of_paths_that_do_not_leave_it(seed: int) -> None:
+    terrain = cluttered(seed, (60, 70), 40)
+    ground, wave = Ground(terrain, terrain.passable), Wave(60, 70, 70)
+    starts, limit = [(3, 4), (2, 66)], 2000
+    whole = wave.lengths_from(ground, 4, 5, [(row + 1, col + 1) for row, col in starts], limit)
+    paths = paths_in(ground, starts, (0, 26, 0, 70), limit)
+    for row in range(24):
+        for col in range(70):
+            length = paths.length_to(row, col)
+            assert length == whole[row + 1, col + 1] or (length == FAR and whole[row + 1, col + 1] > 2 * (25 - row))
+    assert paths.length_to(40, 3) == FAR
 
 
-def test_kernels_of_the_wave_agree_on_what_is_far() -> None:
-    """A kernel imports nothing of another file, so each has this number again."""
-    assert lengths.FAR == kernel.FAR == FAR
+def test_more_starts_than_there_is_room_for_take_more() -> None:
+    terrain = cluttered(1, (400, 400), 0)
+    ground = Ground(terrain, terrain.passable)
+    starts = [(row, col) for row in range(0, 400, 4) for col in range(0, 400, 4)]
+    assert len(starts) > ROOM
+    paths = paths_in(ground, starts, (0, 400, 0, 400), 10_000)
+    assert paths.length_to(1, 1) == 141
+    assert paths.length_to(0, 396) == 0
+
+
+def test_a_box_ends_where_the_terrain_does() -> None:
+    assert box_around((5, 30), 10, (40, 35)) == (0, 16, 20, 35)
+
+
+@pytest.mark.parametrize(
+    ("steps", "box"), [(14, (7, 21, 8, 23)), (10, (9, 19, 10, 21)), (3, (10, 18, 10, 21)), (10**6, (0, 60, 0, 40))]
+)
+def test_a_box_between_two_points_holds_them_and_the_paths_of_some_steps(
+    steps: int, box: tuple[int, int, int, int]
+) -> None:
+    assert box_between((10, 20), (17, 10), steps, (60, 40)) == box
+
+
+def test_kernel_and_windows_agree_on_what_is_far() -> None:
+    """A kernel imports nothing of another file, so it has this number again."""
+    assert kernel.FAR == FAR

@@ -41,18 +41,18 @@ def test_on_the_reachable_points_and_beside_them_none_is_needed() -> None:
 
 def test_lengths_grow_into_the_pocket_up_to_a_limit() -> None:
     back = way_back(pocket(8.0))
-    lengths = back.lengths(5.0, 2.3)
-    assert lengths is not None
-    assert lengths[20, 20] == 0.0
-    inside = [lengths[23, col] for col in range(42, 80)]
-    assert all(there - here == pytest.approx(0.1) for here, there in itertools.pairwise(inside))
-    assert back.lengths(4.0 + REACH + 0.5, 2.3) is None
+    paths = back.paths(5.0, 2.3)
+    assert paths is not None
+    assert paths.length_to(20, 20) == 0
+    inside = [paths.length_to(23, col) for col in range(42, 80)]
+    assert all(there - here == 100 for here, there in itertools.pairwise(inside))
+    assert back.paths(4.0 + REACH + 0.5, 2.3) is None
 
 
 @pytest.mark.parametrize("place", [(-3.0, 2.0), (500.0, 2.0), (4.5, 0.5)], ids=["outside", "far", "wall"])
 def test_from_no_ground_at_all_no_way_leads_back(place: tuple[float, float]) -> None:
     back = way_back(pocket(4.0))
-    assert back.lengths(*place) is None
+    assert back.paths(*place) is None
     assert back.spot(*place) is None
 
 
@@ -98,7 +98,7 @@ def test_wherever_a_body_fits_near_the_reachable_ground_a_way_is_known(seed: int
         pose = Pose(pose.x + share * (there.x - pose.x), pose.y + share * (there.y - pose.y), 0.0)
         if math.dist((pose.x, pose.y), (0.6, 0.6)) > 3.0:
             break
-        assert back.lengths(pose.x, pose.y) is not None
+        assert back.paths(pose.x, pose.y) is not None
 
 
 # --- bodies ----------------------------------------------------------------------------------------------------------

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba import njit, types
 
-CELLS = types.Array(types.uint32, 2, "C", readonly=True)
+LENGTHS = types.Array(types.int32, 2, "C", readonly=True)
 POINTS = types.Array(types.int32, 2, "C", readonly=True)
 TICKS = types.Array(types.int32, 2, "C", readonly=True)
 WORTH = types.Array(types.float64, 1, "C", readonly=True)
@@ -16,7 +16,7 @@ float64 = types.float64
 index = types.uint64
 """Unsigned, so that numba skips the negative-index check."""
 BEST = types.void(
-    POINTS, types.boolean, CELLS, int64, int64, int64, CELLS, int64, int64, TICKS, TICKS, int64, WORTH, float64,
+    POINTS, types.boolean, LENGTHS, int64, int64, int64, LENGTHS, int64, int64, TICKS, TICKS, int64, WORTH, float64,
     float64, PLACES, SCORE, FOUND,
 )  # fmt: skip
 
@@ -35,11 +35,11 @@ def best_of(
     Args:
         points: int32 (n, 4), row and column of each listed point and of where to stand for it.
         listed: Only the listed points count; else all points of the box, each seen from where it is.
-        own: uint32 (m, k), path lengths from the robot (`agent.routes.box_lengths.BoxLengths`).
+        own: int32 (m, k), path lengths from the robot (`agent.routes.wave.BoxPaths`).
         row0: Row of the terrain under row 0 of ``own``.
         col0: Column of the terrain under column 0 of ``own``.
         limit: Longest way that counts, in hundredths of a point.
-        rival: uint32 (p, q), path lengths from the nearest rival; (0, 0) without any.
+        rival: int32 (p, q), path lengths from the nearest rival; (0, 0) without any.
         rival_row0: Row of the terrain under row 0 of ``rival``.
         rival_col0: Column of the terrain under column 0 of ``rival``.
         last_seen: int32 (h, w), when each point was last seen; after ``tick`` for points that nobody patrols.
@@ -59,21 +59,18 @@ def best_of(
             shift = points[k, 1] - first
             end = first + 1 if 0 <= first < own.shape[1] and 0 <= up < own.shape[0] else first
         for across in range(first, end):
-            cell = own[index(up), index(across)]
-            if cell == 0:  # blocked, or the frame of the box, which may lie outside of the terrain
+            length, col = int64(own[index(up), index(across)]), across + shift
+            if length > limit:  # such as the frame of the box, which may lie outside of the terrain
                 continue
-            length, col = int64(cell >> types.uint32(1)), across + shift
             age = tick - max(int64(last_seen[index(row), index(col)]), 0)
             if age <= 0 or worth[index(age)] <= score[0] * (length + near):
                 continue
-            if length > limit or looked[index(row), index(col)] == tick:
+            if looked[index(row), index(col)] == tick:
                 continue
             found = worth[index(age)] / (length + near)
             rival_row, rival_col = up + row0 - rival_row0, across + col0 - rival_col0
             if 0 <= rival_row < rival.shape[0] and 0 <= rival_col < rival.shape[1]:
-                other = rival[rival_row, rival_col]
-                if other != 0 and int64(other >> types.uint32(1)) < length:
-                    found *= others
+                found *= others if rival[rival_row, rival_col] < length else 1.0
             for place_left_out in range(left_out.shape[0]):
                 off_row = up + row0 - left_out[place_left_out, 0]
                 off_col = across + col0 - left_out[place_left_out, 1]

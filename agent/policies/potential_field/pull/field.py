@@ -179,7 +179,7 @@ class Field:
         self._contest = _Contest(self.paths.length, UNCLAIMED)
         if self._share.size and rivals:
             limit = min(self.law.limit, self.law.limit - self._clear + 1)
-            lengths = self.paths.nearness(ground.static, row, col, rivals, limit, self.law.limit)
+            lengths = self.paths.lengths_from(ground.static, row, col, rivals, limit)
             self._contest = _Contest(lengths, self._share)
 
     def _forces(self) -> _Forces:

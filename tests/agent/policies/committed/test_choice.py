@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from agent.policies.committed.choice import NEAR_M, OTHERS, Best, Choice
 from agent.policies.committed.kernels.best import best_of
-from agent.routes.box_lengths import BoxLengths
 from agent.routes.path_window import FAR
-from agent.routes.wave import LONGEST
+from agent.routes.wave import LONGEST, NO_BENDS, BoxPaths, Wave
 from patrol.pose import Pose
 from tests.agent.plans import Robots, cluttered, prepared_in
 
@@ -23,14 +22,14 @@ def scores_by_looking_everywhere(
     choice: Choice, view: Any, start: Any, rivals: NDArray[np.int64]
 ) -> NDArray[np.float64]:
     """The score of each point of the terrain, by the wave of the whole of it and plain numpy."""
-    terrain, wave = view.ground.terrain, view.routes.window()
+    terrain = view.ground.terrain
+    wave: Any = Wave(terrain.height, terrain.width, max(terrain.shape))
     own = wave.lengths_from(view.ground, *start, [start], LONGEST)[1:-1, 1:-1].astype(np.float64)
     other = np.full(own.shape, np.inf)
     if len(rivals):
         others = [(int(row), int(col)) for row, col in rivals]
         lengths = wave.lengths_from(view.ground.static, *start, others, LONGEST)[1:-1, 1:-1].astype(np.float64)
         other = np.where(lengths < FAR, lengths, np.inf)
-        own = view.routes.window().lengths_from(view.ground, *start, [start], LONGEST)[1:-1, 1:-1].astype(np.float64)
     row, col = np.indices(own.shape)
     for point_row, point_col, post_row, post_col in choice._posts.rows.tolist():
         row[point_row, point_col], col[point_row, point_col] = post_row, post_col
@@ -77,30 +76,29 @@ def test_the_kernel_finds_what_plain_python_finds(seed: int) -> None:
     shape, tick, limit = (12, 14), 50, int(dice.integers(100, 3000))
     last_seen = dice.integers(-1, 52, shape).astype(np.int32)
     looked = np.where(dice.random(shape) < 0.1, tick, last_seen).astype(np.int32)
-    own = BoxLengths((dice.integers(0, 2000, (8, 9)) * (dice.random((8, 9)) < 0.8)).astype(np.uint32), 2, 3, limit)
-    rival = BoxLengths(dice.integers(0, 2000, (6, 7)).astype(np.uint32), 4, 1, limit)
+
+    def lengths(shape: tuple[int, int]) -> NDArray[np.int32]:
+        return np.where(dice.random(shape) < 0.8, dice.integers(0, 1000, shape), FAR).astype(np.int32)
+
+    own, rival = BoxPaths(lengths((8, 9)), NO_BENDS, 2, 3, limit), BoxPaths(lengths((6, 7)), NO_BENDS, 4, 1, limit)
     points = np.array([[0, 0, 5, 6], [11, 13, 3, 4], [1, 1, 40, 40]], dtype=np.int32)
     left_out = np.array([[5, 5, 2], [8, 9, 0]], dtype=np.int64)
     worth, near, others = np.arange(60.0) ** 2, 300.0, 0.1
 
     def score_of(row: int, col: int, stand_row: int, stand_col: int) -> float:
-        up, across = stand_row - own.row0, stand_col - own.col0
-        if not (0 <= up < 8 and 0 <= across < 9) or own.cell[up, across] == 0:
-            return 0.0
-        way = int(own.cell[up, across]) >> 1
+        way = own.length_to(stand_row, stand_col)
         age = tick - max(int(last_seen[row, col]), 0)
         if way > limit or age <= 0 or looked[row, col] == tick:
             return 0.0
         if any((stand_row - r) ** 2 + (stand_col - c) ** 2 <= squared for r, c, squared in left_out.tolist()):
             return 0.0
-        up, across = stand_row - rival.row0, stand_col - rival.col0
-        far = not (0 <= up < 6 and 0 <= across < 7) or rival.cell[up, across] == 0
-        return float(worth[age] / (way + near)) * (1.0 if far or int(rival.cell[up, across]) >> 1 >= way else others)
+        is_rivals = rival.length_to(stand_row, stand_col) < way
+        return float(worth[age] / (way + near)) * (others if is_rivals else 1.0)
 
     every = [(row, col, row, col) for row in range(2, 10) for col in range(3, 12)]
     for listed, rows in ((False, every), (True, points.tolist())):
         score, place = np.zeros(1), np.zeros(4, dtype=np.int64)
-        grids = (*own[:3], limit, *rival[:3], last_seen, looked, tick)
+        grids = (own.length, own.row0, own.col0, limit, rival.length, rival.row0, rival.col0, last_seen, looked, tick)
         best_of(points, listed, *grids, worth, near, others, left_out, score, place)
         scores = [score_of(*row) for row in rows]
         assert score[0] == max(scores)

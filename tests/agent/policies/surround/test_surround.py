@@ -133,7 +133,7 @@ def ways(places: dict[int, Pose], contacts: list[tuple[float, float]], wall: boo
         assert start is not None
         peers = {other: Peer(0, place, 0) for other, place in places.items() if other != number}
         surround = Surround(setup_of(prepared, number), Otherwise())
-        found[number] = surround.way(pose, peers, contacts, Routes(ground, {}), start)
+        found[number] = surround.way(pose, peers, contacts, Routes(ground), start)
     return found
 
 
@@ -179,7 +179,7 @@ def test_an_intruder_that_nobody_gets_near_attracts_nobody() -> None:
     reach[2:6, 2:6] = True
     setup = setup_of(prepared)
     setup = replace(setup, fields=replace(setup.fields, reach=reach))
-    routes = Routes(Ground(prepared.terrain, reach), {})
+    routes = Routes(Ground(prepared.terrain, reach))
     surround = Surround(setup, Otherwise())
     assert surround.way(Pose(2.0, 2.0, 0.0), {}, [(30.0, 30.0)], routes, (4, 4)) is None
 
