@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agent.bodies.wheel_steering import WheelSteering, smaller_turn
+from agent.bodies.differential import WheelSteering, smaller_turn
 from agent.ports import Bearing, Place, State, Stay
 from agent.routes.ground import Ground, Spot
 from patrol.ground.fields import compute_fields

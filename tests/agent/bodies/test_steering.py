@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agent.bodies.steering import CarSteering, HolonomicSteering
-from agent.bodies.stuck.unstuck import AT_A_LOSS, HOPELESS_S, ORIENTED, YIELDS, Unstuck
+from agent.bodies.car import AT_A_LOSS, HOPELESS_S, NEXT, ORIENTED, YIELDS, CarSteering, Event, Mode, Unstuck
+from agent.bodies.steering import HolonomicSteering
 from patrol.ground.swept_path import advance
 from patrol.ground.terrain import Terrain
 from patrol.pose import Drive, Pose, wrap
@@ -105,6 +105,7 @@ def test_it_backs_further_each_time_it_gets_stuck_again_at_once() -> None:
             pose = advance(pose, drive, 0.5)
             steps += 1
             tick += 1
+        unstuck.end(tick)
         backed.append(steps)
         assert unstuck.keeps_happening(tick) == (len(backed) > 1)
     assert backed == [1, 2, 3]
@@ -129,7 +130,6 @@ def test_whoever_bumps_stands_still_now_and_then() -> None:
     unstuck.begin(0, math.pi)
     says[0] = YIELDS - 0.01
     assert unstuck.step(1, Pose(30.0, 30.0, 0.0), bumped=True) == Drive(0.0, 0.0)
-    assert unstuck.active
 
 
 def test_after_many_dead_ends_in_a_row_chance_says_where_to() -> None:
@@ -149,6 +149,7 @@ def test_after_many_dead_ends_in_a_row_chance_says_where_to() -> None:
         while (drive := unstuck.step(tick, pose, bumped=False)) is not None:
             pose = advance(pose, drive, 0.5)
             tick += 1
+        unstuck.end(tick)
         assert abs(wrap(pose.heading)) <= ORIENTED or number == AT_A_LOSS
     assert asked
     assert abs(wrap(math.pi / 2 - pose.heading)) <= ORIENTED
@@ -176,6 +177,7 @@ def test_between_a_wall_and_a_wreck_short_steps_lead_out() -> None:
     for tick in range(1000):
         drive = unstuck.step(tick, pose, bumped)
         if drive is None:
+            unstuck.end(tick)
             unstuck.begin(tick, 0.0)
             continue
         ways = [advance(pose, drive, 0.5 * part / 8) for part in range(1, 9)]
@@ -184,3 +186,14 @@ def test_between_a_wall_and_a_wreck_short_steps_lead_out() -> None:
         if math.dist((start.x, start.y), (pose.x, pose.y)) > 4.0:
             return
     raise AssertionError("it stays there for ever")
+
+
+def test_from_each_mode_each_event_leads_to_one() -> None:
+    assert set(NEXT) == set(Mode)
+    assert all(set(row) == set(Event) for row in NEXT.values())
+    assert {row[Event.BLOCKED] for row in NEXT.values()} == {Mode.RETREATING}
+    assert {row[Event.OVER] for row in NEXT.values()} == {Mode.DRIVING}
+    # A car that escapes or retreats does so until it is over, or until it bumps while it retreats.
+    for mode in (Mode.ESCAPING, Mode.RETREATING):
+        assert all(NEXT[mode][event] is mode for event in (Event.NEAR, Event.ARCS, Event.STUCK))
+    assert NEXT[Mode.ESCAPING][Event.BUMPED] is Mode.ESCAPING

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from agent.bodies.car import CarBody
 from agent.bodies.kernels.manoeuvre import CLEARANCE, _fits, _is_free, search
-from agent.bodies.stuck.manoeuvre import MOST_ARCS, Manoeuvres
+from agent.bodies.manoeuvre import MOST_ARCS, Manoeuvres
 from agent.ports import Place, State
 from agent.routes.ground import Spot
 from agent.routes.path_window import FAR

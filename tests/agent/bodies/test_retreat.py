@@ -6,8 +6,7 @@ import math
 
 import pytest
 
-from agent.bodies.steering import CarSteering
-from agent.bodies.stuck.retreat import PATIENCE, STUBBORN, Retreat
+from agent.bodies.car import PATIENCE, STUBBORN, CarSteering, Retreat
 from agent.ports import Place
 from patrol.ground.terrain import Terrain
 from patrol.pose import Drive, Pose
@@ -58,25 +57,36 @@ class Alone:
         self.retreat = Retreat(
             CarSteering(spec, terrain, STEP), 2, {1: RADIUS, 2: RADIUS, 3: RADIUS}, STEP, lambda _: 0.5
         )
-        self.tick = 0
+        self.tick, self.goes_back = 0, False
 
     def told(self, *drives: Drive) -> None:
         for drive in drives:
-            self.retreat.told(drive)
+            self.retreat.remember(drive)
             assert not self.seen(bumped=False)
 
     def seen(self, *, bumped: bool, others: dict[int, Pose] | None = None) -> bool:
         self.tick += 1
         peers = {number: Peer(self.tick, there, self.tick) for number, there in (others or {}).items()}
-        return self.retreat.update(self.tick, HERE, bumped, peers)
+        begins = self.retreat.update(self.tick, HERE, bumped, peers, goes_back=self.goes_back)
+        if self.goes_back and bumped:
+            self.end()
+        self.goes_back |= begins
+        return begins
+
+    def end(self) -> None:
+        self.goes_back = False
+        self.retreat.end(self.tick)
 
     def next(self) -> Drive | None:
-        return self.retreat.next(self.tick, HERE)
+        drive = self.retreat.next(self.tick, HERE)
+        if drive is None:
+            self.end()
+        return drive
 
     def bumps(self, other: int, times: int) -> int:
         """Bumps against a robot right ahead until the car goes back; 0 where it does not."""
         for number in range(1, times + 1):
-            self.retreat.told(Drive(1.0, 0.0))
+            self.retreat.remember(Drive(1.0, 0.0))
             if self.seen(bumped=True, others={other: Pose(16.0, 15.0, 0.0)}):
                 return number
         return 0
@@ -94,11 +104,10 @@ def test_it_drives_its_own_way_backwards() -> None:
         drive = car.next()
         assert drive is not None
         back.append(drive)
-        car.retreat.told(drive)
+        car.retreat.remember(drive)
         car.seen(bumped=False)
     assert back == [Drive(-drive.speed, drive.curvature) for drive in reversed(WAY) if drive.speed != 0.0]
     assert car.next() is None  # the way is used up
-    assert not car.retreat.active
 
 
 def test_the_higher_number_goes_back_first() -> None:
@@ -117,7 +126,7 @@ def test_who_meets_again_goes_back_farther() -> None:
         assert car.bumps(1, 10)
         steps = 0
         while (drive := car.next()) is not None:
-            car.retreat.told(drive)
+            car.retreat.remember(drive)
             car.seen(bumped=False)
             steps += 1
         lengths.append(steps)
@@ -128,9 +137,9 @@ def test_a_bump_in_the_back_ends_it_and_a_bump_against_a_wall_begins_none() -> N
     car = Alone()
     car.told(*WAY)
     assert car.bumps(1, 10)
-    assert car.retreat.active
+    assert car.goes_back
     assert not car.seen(bumped=True, others={1: Pose(16.0, 15.0, 0.0)})
-    assert not car.retreat.active
+    assert not car.goes_back
     assert all(not car.seen(bumped=True) for _ in range(20))
     far = {1: Pose(25.0, 15.0, 0.0)}
     assert all(not car.seen(bumped=True, others=far) for _ in range(20))
