@@ -75,7 +75,7 @@ RETREAT_CALM_S = 3.0
 """Bumps further apart than this do not add up, s."""
 
 SHORTEST_S = 2.0
-"""How long a car goes back for the first time, s, on average."""
+"""Time for which a car goes back at first, s, on average."""
 
 LONGEST_S = 16.0
 """It never goes back for longer than this, s."""
@@ -98,7 +98,7 @@ class Mode(Enum):
 
 
 class Event(Enum):
-    """What leads from one mode of a car to another."""
+    """The events that lead from one mode of a car to another."""
 
     BUMPED = auto()
     """The last move was cancelled."""
@@ -111,7 +111,7 @@ class Event(Enum):
     BLOCKED = auto()
     """The car and another one have bumped again and again."""
     OVER = auto()
-    """What the car was doing has come to its end, or cannot go on."""
+    """The end of what the car was doing."""
 
 
 _DRIVES, _PARKS, _TURNS, _ESCAPES, _GOES_BACK = Mode
@@ -168,7 +168,7 @@ class CarSteering:
         return Drive(speed, max(-tightest, min(tightest, curvature)))
 
     def park(self, pose: Pose, place: tuple[float, float]) -> Drive:
-        """The step, forward or in reverse, that ends nearest to a place.
+        """Return the step, forward or in reverse, that ends nearest to a place.
 
         Args:
             pose: The robot's own.
@@ -188,7 +188,7 @@ class CarSteering:
         return best
 
     def is_free(self, pose: Pose, drive: Drive) -> bool:
-        """Whether the next step of ``drive`` touches no wall."""
+        """Return True if the next step of ``drive`` touches no wall."""
         return path_is_free(self._terrain, pose, drive, self._step, self._spec.radius)
 
 
@@ -261,7 +261,7 @@ class Unstuck:
         self._ended = tick
 
     def step(self, tick: int, pose: Pose, bumped: bool) -> Drive | None:
-        """The next command on the way out.
+        """Return the next command on the way out.
 
         Args:
             tick: Now.
@@ -368,7 +368,7 @@ class Retreat:
         return True
 
     def next(self, tick: int, pose: Pose) -> Drive | None:
-        """The next command on the way back.
+        """Return the next command on the way back.
 
         Args:
             tick: Now.
@@ -392,7 +392,7 @@ class Retreat:
         self._ended = tick
 
     def _neighbour(self, pose: Pose, peers: Mapping[int, Peer]) -> int | None:
-        """The nearest robot's number; None where nobody is within two steps."""
+        """Return the nearest robot's number; None if no robot is within two steps."""
         gap, number = nearest(pose, peers, self._radii)
         return number if gap <= self._radii[self._number] + 2.0 * self._steering.stride else None
 
@@ -502,7 +502,7 @@ class CarBody(BodyBase):
         return strongest
 
     def _approach(self, place: Place, view: View) -> Choice:
-        """The way to a place, and parking there."""
+        """Return the way to a place, and parking there."""
         found = way_of(place, view)
         if found is None:
             return self._come_back(view, place.state) or self._drive(view, None, None, place.state)
@@ -531,7 +531,7 @@ class CarBody(BodyBase):
         return Choice(choice.command, choice.state, bearing, goal)
 
     def _come_back(self, view: View, state: str) -> Choice | None:
-        """A step of a car that is off the reachable points, back to them; None where it knows no way there."""
+        """Return a step of a car that is off the reachable points, back to them; None where it knows no way there."""
         pose = view.pose
         if self._manoeuvres is None or self._mode is Mode.ESCAPING or not self.way_back.is_needed(pose.x, pose.y):
             return None
@@ -576,7 +576,7 @@ class CarBody(BodyBase):
         self._unstuck.begin(tick, desired)
 
     def _steer(self, command: object, state: str, view: View) -> Choice:
-        """A policy's own command, unless it leads into a wall."""
+        """Return a policy's own command, unless it leads into a wall."""
         if not isinstance(command, Drive):
             raise PolicyFailed(f"returned Steer({type(command).__name__}) for a car; give a Drive")
         wanted = command.limited(self.spec.limits)

@@ -54,7 +54,7 @@ TRIES = 8
 
 
 def smaller_turn(heading: float, direction: float) -> tuple[float, float]:
-    """The turn after which a body drives in a direction, forward or in reverse.
+    """Return the turn after which a body drives in a direction, forward or in reverse.
 
     Args:
         heading: The body's, rad.
@@ -95,7 +95,7 @@ class WheelSteering:
         self.stride = spec.speed * step
 
     def reach(self, pose: Pose, target: Spot) -> float:
-        """How far the body gets towards a target in one straight step, whichever way it faces.
+        """Return the length of the longest straight step towards a target, whichever way the body faces.
 
         Args:
             pose: The robot's own.
@@ -137,7 +137,7 @@ class WheelSteering:
         return self.on_the_spot(askew)
 
     def straight(self, pose: Pose, way: float) -> Twist:
-        """A straight drive, shortened where the body does not quite fit.
+        """Return a straight drive, shortened where the body does not quite fit.
 
         Args:
             pose: The robot's own.
@@ -153,7 +153,7 @@ class WheelSteering:
         return Twist(0.0, 0.0)
 
     def on_the_spot(self, turn: float) -> Twist:
-        """A turn on the spot, as far as one step allows.
+        """Return a turn on the spot, as far as one step allows.
 
         Args:
             turn: rad; positive to the left.
@@ -177,20 +177,20 @@ class WheelSteering:
         return Twist(0.0, turn)
 
     def is_possible(self, pose: Pose, twist: Twist) -> bool:
-        """Whether the next step of ``twist`` touches no wall and ends where routes lead on."""
+        """Return True if the next step of ``twist`` touches no wall and ends where routes lead on."""
         end = advance(pose, twist, self._step)
         return self.is_free(pose, twist) and self._footing.may_end(pose, end.x, end.y)
 
     def is_free(self, pose: Pose, twist: Twist) -> bool:
-        """Whether the next step of ``twist`` touches no wall."""
+        """Return True if the next step of ``twist`` touches no wall."""
         return path_is_free(self._terrain, pose, twist, self._step, self._spec.radius)
 
     def _leads_on(self, end: Pose, target: Spot) -> bool:
-        """Whether the body gets from the end of an arc straight to where the arc leads."""
+        """Return True if the body gets from the end of an arc straight to where the arc leads."""
         return line_is_free(self._terrain, (end.x, end.y), target, self._spec.radius)
 
     def _arcs(self, distance: float, askew: float) -> Iterator[Twist]:
-        """The arcs towards a target that the wheels are fast enough for, best first.
+        """Give the arcs towards a target that the wheels are fast enough for, best first.
 
         Args:
             distance: To the target, m.
@@ -209,7 +209,7 @@ class WheelSteering:
 
 
 class BackOff:
-    """Drives in a random direction for a moment, away from whoever is near.
+    """Drives in a random direction for a moment, away from a robot that is near.
 
     Attributes:
         stuck: Whether the robot backs off because no way led on, not because it bumped.
@@ -234,7 +234,7 @@ class BackOff:
 
     @property
     def active(self) -> bool:
-        """Whether the robot is backing off."""
+        """True if the robot is backing off."""
         return self._direction is not None
 
     def count(self, tick: int, bumped: bool) -> bool:
@@ -286,7 +286,7 @@ class BackOff:
         self._direction = None
 
     def next(self, tick: int, pose: Pose, bumped: bool) -> Twist | None:
-        """The next command on the way back.
+        """Return the next command on the way back.
 
         Args:
             tick: Now.
@@ -346,7 +346,7 @@ class DifferentialBody(BodyBase):
         self._turns_to: float | None = None
 
     def obey(self, intent: Intent, view: View) -> Choice:
-        """The command that best carries out an intent (`agent.ports.Body.obey`)."""
+        """Return the command that best carries out an intent (`agent.ports.Body.obey`)."""
         self.way_back.note(view.pose.x, view.pose.y)
         match intent:
             case Bearing():
@@ -372,7 +372,7 @@ class DifferentialBody(BodyBase):
         return self._take(self._options(intent, view, start), intent.state, view)
 
     def _options(self, intent: Bearing, view: View, start: tuple[int, int]) -> Iterator[_Option]:
-        """What a `Bearing` leads to, best first."""
+        """Give the options of a `Bearing`, best first."""
         centre = view.ground.centre(*start)
         if intent.near is not None:
             to_near = self._option(intent.near, view.pose, intent.bearings[0], Goal(intent.near, intent.near))
@@ -394,7 +394,7 @@ class DifferentialBody(BodyBase):
                 yield self._option(spot, view.pose, bearing, Goal(spot, spot))
 
     def _approach(self, place: Place, view: View) -> Choice:
-        """A step towards a place, round others that are in the way."""
+        """Return a step towards a place, round others that are in the way."""
         pose, start, found = view.pose, view.start, way_of(place, view)
         if found is None or start is None:
             return self._backing_off(place.state, view) or self._come_back(view)
@@ -448,7 +448,7 @@ class DifferentialBody(BodyBase):
         return Choice(twist, state, best.bearing, best.goal)
 
     def _backing_off(self, state: str, view: View) -> Choice | None:
-        """The next step of a robot that backs off or has to begin; None for any other."""
+        """Return the next step of a robot that backs off or has to begin; None for any other."""
         tick, pose = view.tick, view.pose
         if self._back_off.count(tick, view.bumped):
             self._back_off.begin(tick, pose, self._neighbour(view), stuck=False)
@@ -461,19 +461,19 @@ class DifferentialBody(BodyBase):
         return Choice(twist, State.DEAD_END if self._back_off.stuck else state)
 
     def _neighbour(self, view: View) -> Spot | None:
-        """Where the nearest other robot is, x and y in m; None where nobody is close."""
+        """Return x and y in m of the nearest other robot; None where no robot is close."""
         pose = view.pose
         gap, number = nearest(pose, view.peers, view.radii)
         near = gap <= self.spec.radius + self._near
         return (view.peers[number].pose.x, view.peers[number].pose.y) if near else None
 
     def _option(self, target: Spot, pose: Pose, bearing: float, goal: Goal) -> _Option:
-        """A target that may lie within a step."""
+        """Return a target that may lie within a step."""
         enough = CLEAR_SHARE * min(self.stride, math.dist((pose.x, pose.y), target))
         return _Option(target, enough, bearing, goal)
 
     def _steer(self, command: Command, state: str, pose: Pose) -> Choice:
-        """A policy's own command, unless it leads into a wall."""
+        """Return a policy's own command, unless it leads into a wall."""
         if not isinstance(command, Twist):
             raise PolicyFailed(f"returned Steer({type(command).__name__}) for a differential robot; give a Twist")
         wanted = command.limited(self.spec.limits)

@@ -26,11 +26,11 @@ PATIENCE = 8
 """Number of bumps in a row after which a robot gives way to a higher number too."""
 
 ROUNDING_M = 1e-6
-"""By how much a distance may be off that was found in arrays, m."""
+"""Largest error of a distance that was computed in arrays, m."""
 
 
 def nearest(pose: Pose, peers: Mapping[int, Peer], radii: Mapping[int, float]) -> tuple[float, int]:
-    """The robot whose body is nearest.
+    """Return the robot whose body is nearest.
 
     Args:
         pose: The robot's own.
@@ -90,7 +90,7 @@ class GiveWay:
             self._until[other] = tick + round(spell / self._step)
 
     def discs(self, tick: int, pose: Pose, peers: Mapping[int, Peer], point: float) -> list[Disc]:
-        """The peers that are obstacles now.
+        """Return the peers that are obstacles now.
 
         Args:
             tick: Now.

@@ -1,4 +1,4 @@
-"""From a direction to a goal: ahead of the robot, clipped to the free ground, refined (paper, step 7)."""
+"""The goal in a direction: ahead of the robot, clipped to the free ground, refined (paper, step 7)."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class GoalFinder:
         self._side = round(0.5 * lengths.refine_side / self._point)
 
     def along(self, bearing: float, row: int, col: int) -> Goal:
-        """The goal in a direction.
+        """Return the goal in a direction.
 
         Args:
             bearing: The direction, rad.

@@ -25,7 +25,7 @@ class HolonomicBody(BodyBase):
         self._footing = Footing(setup.ground.terrain, setup.ground, setup.spec.radius, wanted=setup.patrol.manoeuvres)
 
     def obey(self, intent: Intent, view: View) -> Choice:
-        """The command that best carries out an intent (`agent.ports.Body.obey`)."""
+        """Return the command that best carries out an intent (`agent.ports.Body.obey`)."""
         self.way_back.note(view.pose.x, view.pose.y)
         match intent:
             case Bearing():
@@ -61,7 +61,7 @@ class HolonomicBody(BodyBase):
         return Choice(velocity, State.DEAD_END if blocked else intent.state, bearing, goal)
 
     def _stop_at(self, near: Spot, view: View, start: tuple[int, int]) -> Velocity | None:
-        """The step towards a place close by; None when no such step is possible."""
+        """Return the step towards a place close by; None when no such step is possible."""
         pose = view.pose
         velocity, way = self._steering.towards(pose, near)
         if way < CLEAR_SHARE * min(self.stride, math.dist((pose.x, pose.y), near)):
@@ -70,7 +70,7 @@ class HolonomicBody(BodyBase):
         return velocity if way > BARELY else None
 
     def _approach(self, place: Place, view: View) -> Choice:
-        """A step towards a place. The body yields to others on the way, but not on the last step."""
+        """Return a step towards a place. The body yields to others on the way, but not on the last step."""
         pose, start, found = view.pose, view.start, way_of(place, view)
         if place.wander is not None and (aside := self._aside(pose, place.wander)) is not None:
             return Choice(aside, place.state, place.wander)
@@ -96,7 +96,7 @@ class HolonomicBody(BodyBase):
         return Choice(velocity, place.state, bearing, Goal(spot, bend))
 
     def _aside(self, pose: Pose, bearing: float) -> Velocity | None:
-        """A step in a direction, in rad; None where no route would lead on from its end."""
+        """Return a step in a direction, in rad; None where no route would lead on from its end."""
         velocity, way = self._steering.heading(pose, bearing)
         end = pose.x + way * math.cos(bearing), pose.y + way * math.sin(bearing)
         return velocity if self._footing.may_end(pose, *end) else None
@@ -114,7 +114,7 @@ class HolonomicBody(BodyBase):
         return Choice(self._steering.towards(pose, spot)[0], State.DEAD_END, bearing, Goal(spot, spot))
 
     def _steer(self, command: Command, state: str, pose: Pose) -> Choice:
-        """A policy's own command, as far as the body is free."""
+        """Return a policy's own command, as far as the body is free."""
         if not isinstance(command, Velocity):
             raise PolicyFailed(f"returned Steer({type(command).__name__}) for a holonomic robot; give a Velocity")
         wanted = command.limited(self.spec.limits)

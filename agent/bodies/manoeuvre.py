@@ -38,7 +38,7 @@ SHORT = 0.4
 """Length of the short arcs, as a share of the long ones; they fit where those do not."""
 
 AHEAD = 5.0
-"""How much nearer one search has to come, in turning radii."""
+"""Progress after which a search ends, in turning radii."""
 
 MOST_NODES = 12_000
 """Poses that one search looks at."""
@@ -47,13 +47,13 @@ MOST_ARCS = 256
 """Arcs that one search may find."""
 
 OFF_COURSE = 0.1
-"""How far a car may be from where its last step should have brought it, in strides."""
+"""Largest distance of a car from where its last step should have brought it, in strides."""
 
 ASKEW = 0.05
-"""How far its heading may be from what it should be, rad."""
+"""Largest difference of its heading from the expected one, rad."""
 
 MARGIN = 8.0
-"""How much farther than twice the direct way, in turning radii, ways to a place may lead that count."""
+"""Length beyond twice the direct way, in turning radii, up to which ways to a place count."""
 
 NEAR = 0.5
 """A search ends where at most so many strides of the way are left."""
@@ -109,7 +109,7 @@ class Manoeuvres:
         self._place = None
 
     def next(self, view: View, place: Spot) -> Drive | None:
-        """The next step towards a place.
+        """Return the next step towards a place.
 
         Args:
             view: Of this tick.
@@ -126,7 +126,7 @@ class Manoeuvres:
         return self._take(view.pose)
 
     def proceed(self, pose: Pose) -> Drive | None:
-        """The next step of what was found before, wherever it leads.
+        """Return the next step of what was found before, wherever it leads.
 
         Args:
             pose: The car's own.
@@ -137,7 +137,7 @@ class Manoeuvres:
         return self._take(pose) if self._goes_on(pose) else None
 
     def back(self, view: View, paths: BoxPaths) -> Drive | None:
-        """The next step of a car that is off the reachable points, back to one of them.
+        """Return the next step of a car that is off the reachable points, back to one of them.
 
         Args:
             view: Of this tick.
@@ -155,7 +155,7 @@ class Manoeuvres:
         return self._take(pose)
 
     def _goes_on(self, pose: Pose) -> bool:
-        """Whether the car is where the last step should have brought it, and can take the next one."""
+        """Return True if the car is where the last step should have brought it, and can take the next one."""
         expected = self._expected
         return (
             expected is not None
@@ -166,7 +166,7 @@ class Manoeuvres:
         )
 
     def _take(self, pose: Pose) -> Drive | None:
-        """The first step of the plan; None without one that is free."""
+        """Return the first step of the plan; None without one that is free."""
         if not self._plan or not self._steering.is_free(pose, self._plan[0]):
             self.drop()
             return None

@@ -42,7 +42,7 @@ def psi_field(terrain: Terrain, reach_m: float) -> NDArray[np.float32]:
 
 
 def _smooth(size: int) -> int:
-    """The next size with no prime factor above 5, for which Fourier transforms are quick."""
+    """Return the next size with no prime factor above 5, for which Fourier transforms are quick."""
     while True:
         rest = size
         for prime in (2, 3, 5):

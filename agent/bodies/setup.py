@@ -60,7 +60,7 @@ class BodySetup:
 
 
 class BodyBase:
-    """What all bodies share.
+    """The part that all bodies share.
 
     Attributes:
         spec: The robot's model and limits.
@@ -79,7 +79,7 @@ class BodyBase:
         self._give_way = GiveWay(*setup.identity, dict(setup.radii), setup.step) if gives else None
 
     def obstacles(self, tick: int, pose: Pose, bumped: bool, peers: Mapping[int, Peer]) -> Sequence[Disc]:
-        """The robots that this one gives way to (`agent.ports.Body.obstacles`)."""
+        """Return the robots that this one gives way to (`agent.ports.Body.obstacles`)."""
         if self._give_way is None:
             return ()
         self._give_way.update(tick, pose, bumped, peers, 2.0 * self.stride)
@@ -87,7 +87,7 @@ class BodyBase:
 
 
 def way_of(place: Place, view: View) -> tuple[Spot, Spot] | None:
-    """The target of a `Place` intent, and where the way there first bends.
+    """Return the target of a `Place` intent, and where the way there first bends.
 
     Args:
         place: The intent. A place that no way leads to is replaced by the nearest reachable one.

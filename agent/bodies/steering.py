@@ -42,7 +42,7 @@ class Footing:
         self._radius = radius
 
     def holds(self, x: float, y: float) -> bool:
-        """Whether a straight drive leads from a place to the ground, with nothing closed.
+        """Return True if a straight drive leads from a place to the ground, with nothing closed.
 
         Args:
             x: m.
@@ -55,7 +55,7 @@ class Footing:
         return line_is_free(self._terrain, (x, y), static.centre(*joined), self._radius)
 
     def may_end(self, pose: Pose, x: float, y: float) -> bool:
-        """Whether a step may end at a place; from where the footing does not hold, any step may be taken.
+        """Return True if a step may end at a place; from where the footing does not hold, any step may be taken.
 
         Args:
             pose: The robot's own.
@@ -79,7 +79,7 @@ class HolonomicSteering:
         self.stride = spec.speed * step
 
     def towards(self, pose: Pose, target: tuple[float, float]) -> tuple[Velocity, float]:
-        """A step straight towards a target, as far as the body is free.
+        """Return a step straight towards a target, as far as the body is free.
 
         Args:
             pose: The robot's own.
@@ -101,7 +101,7 @@ class HolonomicSteering:
         return Velocity(way * across / self._step, way * up / self._step), way
 
     def along(self, pose: Pose, wanted: Velocity) -> Velocity:
-        """A step at a given velocity, as far as the body is free.
+        """Return a step at a given velocity, as far as the body is free.
 
         Args:
             pose: The robot's own.
@@ -111,7 +111,7 @@ class HolonomicSteering:
         return self.towards(pose, end)[0]
 
     def heading(self, pose: Pose, bearing: float) -> tuple[Velocity, float]:
-        """A full step in a direction, as far as the body is free.
+        """Return a full step in a direction, as far as the body is free.
 
         Args:
             pose: The robot's own.

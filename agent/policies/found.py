@@ -1,4 +1,4 @@
-"""Which policy a scenario names, and whether it takes the scenario's options.
+"""The search for the policy that a scenario names, and the check of its options.
 
 A policy is ``committed`` (the default), ``potential-field`` (the paper's), ``package.module:Class``,
 ``./file.py:Class`` beside the scenario, or the name of an entry point in the group ``fogwatch.policies``. Only what
@@ -35,7 +35,7 @@ _BUILT_IN: Mapping[str, str] = {
     COMMITTED: "agent.policies.committed.policy:Committed",
     PAPER: "agent.policies.potential_field.policy:PotentialField",
 }
-"""Where the built-in policies are; they are imported when a run uses them, because their kernels take time to load."""
+"""The modules of the built-in policies, imported when a run uses them: their kernels take time to load."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,7 @@ class PolicyKind:
 
 
 def policy_of(scenario: Scenario) -> PolicyKind:
-    """The policy that a scenario names, with its options.
+    """Return the policy that a scenario names, with its options.
 
     Raises:
         BadInput: It cannot be found or loaded, its file is not the one that the scenario was resolved with, or it does
@@ -71,7 +71,7 @@ def policy_of(scenario: Scenario) -> PolicyKind:
 
 
 def _load(patrol: PatrolSpec) -> Any:
-    """What the name stands for."""
+    """Load the class that the policy's name stands for."""
     place, colon, name = _BUILT_IN.get(patrol.policy, patrol.policy).rpartition(":")
     if not colon:
         return _entry_point(patrol.policy)
@@ -143,7 +143,7 @@ def check_digest(path: Path, patrol: PatrolSpec) -> str:
 
 
 def _module_of(path: Path, patrol: PatrolSpec) -> Any:
-    """A file as a module; loaded once in a process, as long as its bytes stay the same."""
+    """Return a file as a module; loaded once in a process, as long as its bytes stay the same."""
     name = f"fogwatch_policy_{check_digest(path, patrol)[:16]}"
     if name in sys.modules:
         return sys.modules[name]
@@ -183,17 +183,17 @@ def _options(patrol: PatrolSpec, found: Any) -> Any:
 
 
 def no_class(policy: str) -> BadInput:
-    """The error for a name that stands for no policy."""
+    """Return the error for a name that stands for no policy."""
     return BadInput(f"patrol.policy = {policy}: is not a class with a method decide(view); name one that has it")
 
 
 def absent_module(policy: str, what: str) -> BadInput:
-    """The error for a module that is not installed, or imports one that is not."""
+    """Return the error for a module that is not installed, or imports one that is not."""
     return BadInput(f"patrol.policy = {policy}: {what}; install it, or give ./file.py:Class beside the scenario")
 
 
 def absent_class(policy: str, name: str, classes: list[str]) -> BadInput:
-    """The error for a class that a module does not hold; it offers those that it holds."""
+    """Return the error for a class that a module does not hold; it offers those that it holds."""
     return BadInput(f"patrol.policy = {policy}: has no {name}; {_offer(name, classes)}")
 
 

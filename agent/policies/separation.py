@@ -26,11 +26,11 @@ if TYPE_CHECKING:
     from agent.view import View
 
 
-NOBODY: NDArray[np.int64] = np.zeros((0, 2), dtype=np.int64)
+NO_RIVALS: NDArray[np.int64] = np.zeros((0, 2), dtype=np.int64)
 
 
 class Separation:
-    """What keeps one robot apart from the others, as the policy's setting `separation` says.
+    """The separation of one robot from the others, as the policy's setting `separation` says.
 
     Attributes:
         claims: Points are left to the robot that has the shorter way to them.
@@ -79,7 +79,7 @@ class Separation:
         Args:
             view: Of this tick.
         """
-        return view.ground.static.join_each(places_of(view.peers)) if self.claims else NOBODY
+        return view.ground.static.join_each(places_of(view.peers)) if self.claims else NO_RIVALS
 
 
 def artificial_obstacles(pose: Pose, peers: Mapping[int, Peer], radius: float, point: float) -> list[Disc]:
@@ -120,7 +120,7 @@ def critical_areas(polygons: Polygons | None, terrain: Terrain, reach: BoolGrid,
 
 
 def occupied_areas(areas: NDArray[np.int32], terrain: Terrain, pose: Pose, peers: Mapping[int, Peer]) -> list[int]:
-    """The critical areas that a peer is in and this robot is not.
+    """Return the critical areas that a peer is in and this robot is not.
 
     Args:
         areas: int32 (h, w), the number of each point's critical area, 0 for none.

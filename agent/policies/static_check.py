@@ -1,4 +1,4 @@
-"""A check of a scenario's policy that runs nothing of it, for whoever only looks at the scenario.
+"""A check of a scenario's policy that runs nothing of it, for commands that only look at the scenario.
 
 The policy's source is found and parsed. So it is known whether the class is there; what it inherits, its options, and
 whether it can be made at all is known only once it runs.
@@ -127,7 +127,7 @@ def _names_bound(statement: ast.stmt) -> Iterator[str]:
 
 
 def _may_decide(made: ast.ClassDef) -> bool:
-    """Whether a class has a method `decide`, or may get it from elsewhere."""
+    """Return True if a class has a method `decide`, or may get it from elsewhere."""
     if made.bases or made.keywords or made.decorator_list:
         return True
     return any("decide" in _names_bound(statement) for statement in _statements(made.body))

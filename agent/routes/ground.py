@@ -162,7 +162,7 @@ class Ground:
             self._encode(box)
 
     def join(self, x: float, y: float) -> tuple[int, int] | None:
-        """The open element of `state` through which a body joins the reachable points.
+        """Return the open element of `state` through which a body joins the reachable points.
 
         Args:
             x: Of the body's centre, m.
@@ -186,7 +186,7 @@ class Ground:
         return None if beside is None else (beside[0] + 1, beside[1] + 1)
 
     def join_each(self, places: NDArray[np.float64]) -> NDArray[np.int64]:
-        """The open elements through which several bodies join the reachable points, as `join` finds them.
+        """Return the open elements through which several bodies join the reachable points, as `join` finds them.
 
         Args:
             places: float64 (n, 2), x and y of the bodies' centres in m.
@@ -212,21 +212,21 @@ class Ground:
         return elements[elements[:, 0] >= 0]
 
     def centre(self, row: int, col: int) -> tuple[float, float]:
-        """The centre (x, y) in m of element (row, col) of `state`."""
+        """Return the centre (x, y) in m of element (row, col) of `state`."""
         return self.terrain.centre(row - 1, col - 1)
 
     def _borrow(self, base: Ground) -> None:
         self._is_open, self._state, self._shown = base._is_open, base._state, base._shown
 
     def _place(self, disc: Disc) -> tuple[float, float, float]:
-        """A disc's row, column and radius in points of `state`."""
+        """Return a disc's row, column and radius in points of `state`."""
         x, y, radius = disc
         ox, oy = self.terrain.origin
         point = self.terrain.point
         return (y - oy) / point + 1.0, (x - ox) / point + 1.0, radius / point
 
     def _box(self, disc: Disc) -> tuple[int, int, int, int]:
-        """A disc's bounds in `state`: first row, end row, first column, end column; ends are exclusive."""
+        """Return a disc's bounds in `state`: first row, end row, first column, end column; ends are exclusive."""
         row, col, radius = self._place(disc)
         rows, cols = self._state.shape
         top, bottom = _within(math.floor(row - radius), math.ceil(row + radius) + 1, rows)

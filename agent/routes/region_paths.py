@@ -54,7 +54,7 @@ class Regions(PathWindow):
         self._settle(top, bottom, left, right, limit)
 
     def lengths_from(self, ground: Ground, row: int, col: int, starts: Sequence[Place], limit: int) -> Lengths:
-        """As `PathWindow.lengths_from`, from all starts at once."""
+        """Find lengths as `PathWindow.lengths_from`, from all starts at once."""
         self._place(ground, row, col)
         inside = [(r - self.row0 - 1, c - self.col0 - 1) for r, c in starts]
         self._route([start for start in sorted(set(inside)) if self._holds(*start)])
@@ -111,7 +111,7 @@ class _Graph(NamedTuple):
 
 
 class _Sources(NamedTuple):
-    """Where the last legs begin: see `agent.routes.kernels.region_paths.route`."""
+    """The places where the last legs begin: see `agent.routes.kernels.region_paths.route`."""
 
     begin: Ints
     row: Ints

@@ -35,7 +35,7 @@ class Way:
 
 
 def unhindered(one: Element, other: Element) -> int:
-    """The length of the way between two elements if nothing is in between, in hundredths of a point."""
+    """Return the length of the way between two elements if nothing is in between, in hundredths of a point."""
     up, across = abs(one[0] - other[0]), abs(one[1] - other[1])
     return 100 * max(up, across) + (DIAGONAL - 100) * min(up, across)
 
@@ -84,7 +84,7 @@ class Routes:
         return far
 
     def way(self, start: Element, target: Element, expected: int | None = None) -> Way:
-        """The way from one element of the ground to another, over the ground as it is now.
+        """Return the way from one element of the ground to another, over the ground as it is now.
 
         Args:
             start: An open element.
@@ -115,7 +115,7 @@ class Routes:
         return self._way_in(paths, int(rows[nearest]), int(cols[nearest]))
 
     def _is_straight(self, start: Element, target: Element) -> bool:
-        """Whether nothing is closed between two elements, and the one is in sight of the other.
+        """Return True if nothing is closed between two elements, and the one is in sight of the other.
 
         Then no way is shorter than theirs, and it does not bend. No look reaches farther than the terrain is long.
         Where much lies between them, something is closed nearly always, and is not looked for.

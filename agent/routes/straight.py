@@ -37,7 +37,7 @@ class Straight(PathWindow):
         between(self._away)
 
     def _place(self, ground: Ground, row: int, col: int) -> None:
-        """As of any window, with the patrolled points open."""
+        """Lay the window as any other, with the patrolled points open."""
         self._lie(ground, row, col)
         open_up(ground.state, self._open, self.state, self.row0 + 1, self.col0 + 1)
 

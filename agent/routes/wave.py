@@ -138,7 +138,7 @@ class Wave(PathWindow):
         self._settled = -1
 
     def lengths_from(self, ground: Ground, row: int, col: int, starts: Sequence[Place], limit: int) -> Lengths:
-        """As `PathWindow.lengths_from`, by one wave from all starts at once."""
+        """Find lengths as `PathWindow.lengths_from`, by one wave from all starts at once."""
         self._lie(ground, row, col)
         rows, cols = self.state.shape
         box = self.row0 + 1, self.row0 + rows - 1, self.col0 + 1, self.col0 + cols - 1
@@ -146,7 +146,7 @@ class Wave(PathWindow):
         return paths_in(ground, inside, box, min(limit, LONGEST)).length
 
     def extend(self, limit: int) -> None:
-        """As `PathWindow.extend`; a larger limit than before takes another wave."""
+        """Settle paths as `PathWindow.extend`; a larger limit than before takes another wave."""
         limit = min(limit, LONGEST)
         if limit <= self._settled:
             return

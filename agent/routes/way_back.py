@@ -26,7 +26,7 @@ MOST_TRIED = 1000
 """Places that are tried at a time, so that the search stays short on fine points."""
 
 REACH = 5.0
-"""How long a way back may be, m."""
+"""Longest way back, m."""
 
 OFF_CENTRE = 1.25
 """A body fits somewhere on every point at whose centre one smaller by so many points has its planning radius: half a
@@ -70,7 +70,7 @@ class WayBack:
             self._trail.append((x, y))
 
     def is_needed(self, x: float, y: float) -> bool:
-        """Whether a body is so far off the reachable points that it could not join them with nothing closed.
+        """Return True if a body is so far off the reachable points that it could not join them with nothing closed.
 
         Args:
             x: Of the body's centre, m.
@@ -94,7 +94,7 @@ class WayBack:
         return self._paths[1]
 
     def spot(self, x: float, y: float) -> Spot | None:
-        """Where a body that moves in any direction should head: in a straight line that is free, and on the way back.
+        """Return the place on the way back to which a body that moves in any direction goes in a free straight line.
 
         Args:
             x: Of the body's centre, m.

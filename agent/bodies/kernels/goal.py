@@ -14,7 +14,7 @@ float64 = types.float64
 
 @njit(float64(STATE, float64, float64, float64, float64, float64), cache=True, nogil=True)
 def free_run(state, row, col, up, across, distance):
-    """How far a ray stays on open points.
+    """Measure how far a ray stays on open points.
 
     The ray is sampled every quarter point, and the last free sample counts.
 

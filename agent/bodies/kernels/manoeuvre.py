@@ -35,12 +35,12 @@ CLEARANCE = 1e-3
 them a body comes less than that nearer to a wall."""
 
 TOUCHING = 5e-10
-"""How much nearer than its radius a disc may be to a square and still only touch it, m."""
+"""Rounding allowed in the distance of a disc that only touches a square, m."""
 
 
 @njit(types.boolean(MASK, float64, float64, float64, float64, float64, float64), cache=True, nogil=True)
 def _fits(blocked, point, ox, oy, x, y, radius):
-    """Whether a disc at (x, y) overlaps no blocked square and stays on the grid; m."""
+    """Return True if a disc at (x, y) overlaps no blocked square and stays on the grid; m."""
     height, width = blocked.shape
     inner = radius - TOUCHING
     if x - inner < ox or y - inner < oy or x + inner > ox + width * point or y + inner > oy + height * point:
@@ -71,7 +71,7 @@ def _fits(blocked, point, ox, oy, x, y, radius):
     nogil=True,
 )
 def _is_free(blocked, room, closed, point, ox, oy, x, y, heading, distance, curvature, samples, radius):
-    """Whether a disc overlaps no blocked square and its centre no closed point at all samples of an arc.
+    """Return True if a disc overlaps no blocked square and its centre no closed point at all samples of an arc.
 
     Where there is room round a sample, the disc fits there and at the next samples too, as far as there is.
     """

@@ -1,1 +1,1 @@
-"""The default policy: go to one place until somebody has seen it."""
+"""The default policy: go to one place until a robot has seen it."""

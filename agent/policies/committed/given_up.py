@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 LEFT_OUT_S = 20.0
-"""How long a robot leaves out a target's surroundings, s; doubled each time that it gives them up again."""
+"""Time for which a robot leaves out a target's surroundings, s; doubled each time that it gives them up again."""
 
 LONGEST_S = 960.0
 """Upper bound of the same, s; also how long a robot remembers that it left them out."""
@@ -25,7 +25,7 @@ Point = tuple[int, int]
 
 
 class GivenUp:
-    """What one robot leaves out.
+    """The places that one robot leaves out.
 
     Attributes:
         places: Row and column of each place, the tick until which it is left out, and for how many ticks.
@@ -81,5 +81,5 @@ class GivenUp:
         return np.array(rows, dtype=np.int64).reshape(-1, 3) if rows else NONE
 
     def _is_beside(self, place: tuple[int, int, int, int], point: Point) -> bool:
-        """Whether a point belongs to the surroundings of one that was given up."""
+        """Return True if a point belongs to the surroundings of one that was given up."""
         return (place[0] - point[0]) ** 2 + (place[1] - point[1]) ** 2 <= self._around

@@ -1,4 +1,4 @@
-"""The default policy: a robot that has chosen a place goes there until somebody has seen it.
+"""The default policy: a robot that has chosen a place goes there until a robot has seen it.
 
 The paper's robot chooses its direction anew at each tick, from sums over directions that may hardly differ. Between two
 rooms with equally stale points it turns round again and again, and sees neither. A committed robot goes to one point,
@@ -6,7 +6,7 @@ its target:
 
 - *Choice*: the point with the greatest age squared per way (`agent.policies.committed.choice`). A point to which
   another robot has the shorter way counts a tenth.
-- *Commitment*: it keeps the target until half of its age or more has gone, because somebody has seen it.
+- *Commitment*: it keeps the target until half of its age or more has gone, because a robot has seen it.
 - *Giving up*: a target that comes no nearer for a while is left out for some time, with what lies around it.
 
 For example, a point not seen for 60 s at the end of a way of 9 m counts 60^2 / (9 + 3) = 300; one not seen for 90 s,
@@ -91,7 +91,7 @@ class Committed:
         self._progress_at = 0
 
     def decide(self, view: View) -> Intent:
-        """The way to the target, or to a new one; now and then a random step."""
+        """Return the way to the target, or to a new one; now and then a random step."""
         self._separation.keep_apart(view)
         start, wander = view.start, self._random_steps.draw(view)
         if start is None:
@@ -110,7 +110,7 @@ class Committed:
         return Place(*way.place, bend=way.bend, wander=wander, figures=figures)
 
     def _kept(self, view: View, start: Element) -> Way | None:
-        """The way to the present target; None without a target, or if it is time for another."""
+        """Return the way to the present target; None without a target, or if it is time for another."""
         target = self._target
         if target is None:
             return None
@@ -150,7 +150,7 @@ class Committed:
         return None
 
     def _way_to(self, view: View, start: Element, stand: Point) -> Way | None:
-        """The shortest way to a point of the terrain; None if no way leads there now."""
+        """Return the shortest way to a point of the terrain; None if no way leads there now."""
         way = view.routes.way(start, (stand[0] + 1, stand[1] + 1), self._expected)
         if way.place != view.place_of(stand):
             return None

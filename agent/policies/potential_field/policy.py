@@ -47,7 +47,7 @@ class PotentialField:
         self._names = ("x", "y", "total") if options.direction == "vector" else sectors
 
     def decide(self, view: View) -> Intent:
-        """The strongest direction, and now and then a random one."""
+        """Return the strongest direction, and now and then a random one."""
         self._separation.keep_apart(view)
         start = view.start
         wander = self._random_steps.draw(view)
@@ -65,7 +65,7 @@ class PotentialField:
         return Bearing(bearings, near, bend, wander, figures=figures)
 
     def _pull(self, view: View, start: tuple[int, int]) -> Pull:
-        """The forces at this tick, modified by other robots and by close obstacles.
+        """Return the forces at this tick, modified by other robots and by close obstacles.
 
         Args:
             view: Of this tick.
@@ -82,7 +82,7 @@ class PotentialField:
         return pull
 
     def _bearings(self, pull: Pull) -> tuple[float, ...]:
-        """The bearings to try, rad, best first."""
+        """Return the bearings to try, rad, best first."""
         if self._options.direction == "vector":
             return tuple(bearings_by_vector(float(pull.sums[0]), float(pull.sums[1]), self._options.sectors))
         return tuple(bearings_by_force(pull.sums))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 
 def assign(costs: Sequence[Sequence[int]]) -> list[int]:
-    """The assignment of rows to columns with the least sum of costs.
+    """Return the assignment of rows to columns with the least sum of costs.
 
     Uses the Hungarian method by shortest augmenting paths. Sums are exact, so all robots that know the same costs find
     the same assignment.

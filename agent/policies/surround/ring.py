@@ -79,7 +79,7 @@ def spots_around(sight: Footprint, reach: BoolGrid, x: float, y: float, radius: 
 
 
 def spread(spots: Sequence[Stand], count: int, spacing: float) -> list[Stand]:
-    """The choice of spots that makes the smallest gap between their bearings as wide as possible.
+    """Return the choice of spots that makes the smallest gap between their bearings as wide as possible.
 
     Args:
         spots: By bearing.

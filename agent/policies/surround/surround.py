@@ -82,7 +82,7 @@ class Surround:
         routes: Routes,
         start: tuple[int, int],
     ) -> Way | None:
-        """The way to the robot's own place around the nearest intruder.
+        """Return the way to the robot's own place around the nearest intruder.
 
         Args:
             pose: The robot's own, as others hear it.
@@ -109,7 +109,7 @@ class Surround:
         return None
 
     def pushed(self, pose: Pose, peers: Mapping[int, Peer], bend: Spot) -> Spot:
-        """The next bend, shifted by the repulsion of peers close by.
+        """Return the next bend, shifted by the repulsion of peers close by.
 
         Args:
             pose: The robot's own.

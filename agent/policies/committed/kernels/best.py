@@ -42,7 +42,7 @@ def best_of(
         rival: int32 (p, q), path lengths from the nearest rival; (0, 0) without any.
         rival_row0: Row of the terrain under row 0 of ``rival``.
         rival_col0: Column of the terrain under column 0 of ``rival``.
-        last_seen: int32 (h, w), when each point was last seen; after ``tick`` for points that nobody patrols.
+        last_seen: int32 (h, w), when each point was last seen; after ``tick`` for points that are not patrolled.
         looked: int32 (h, w), when each point was last in view.
         tick: Now.
         worth: float64 (a + 1,), by age in ticks.

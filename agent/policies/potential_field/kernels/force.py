@@ -22,7 +22,7 @@ ROWS = types.Array(types.int32, 2, "C", readonly=True)
 int64 = types.int64
 boolean = types.boolean
 index = types.uint64
-"""Of what is sure not to be negative: a negative index would have to be asked for and counted from the end."""
+"""Unsigned, so that numba skips the negative-index check."""
 
 
 # fmt: off

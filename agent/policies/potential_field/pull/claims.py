@@ -15,7 +15,7 @@ WIDTHS = 40.0
 
 
 def share_table(width_m: float, point: float) -> NDArray[np.float64]:
-    """The share that is left of a force, by how much farther away the robot is than its nearest rival.
+    """Return the share that is left of a force, by how much farther away the robot is than its nearest rival.
 
     Args:
         width_m: s, m.

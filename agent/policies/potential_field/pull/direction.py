@@ -1,4 +1,4 @@
-"""From forces to a direction: the mode and vector-sum methods (paper, "direction decision methods")."""
+"""The direction that forces give: the mode and vector-sum methods (paper, "direction decision methods")."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from patrol.pose import TAU, wrap
 
 
 def sector_table(sectors: int, reach: int) -> NDArray[np.uint16]:
-    """The sector of every bearing, by offset in rows and columns.
+    """Return the sector of every bearing, by offset in rows and columns.
 
     Sector s is centred on the bearing s * 2 pi / sectors; a bearing on the border belongs to the later sector.
 
@@ -45,7 +45,7 @@ def bearings_by_force(sums: NDArray[np.float64]) -> list[float]:
 
 @cache
 def bisectors(sectors: int) -> tuple[float, ...]:
-    """The bearings on which the sectors are centred, rad.
+    """Return the bearings on which the sectors are centred, rad.
 
     Args:
         sectors: Their number.

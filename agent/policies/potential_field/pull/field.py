@@ -28,7 +28,7 @@ FIRST_LOOK = 20.0
 """Path length in m of the first round, whose forces determine the horizon of the second."""
 
 MARGIN = 1.02
-"""By what factor paths are followed beyond the last tick's horizon, so that few ticks take a second round."""
+"""Factor by which paths are followed beyond the last tick's horizon, so that few ticks take a second round."""
 
 CLOSE_ENOUGH = 0.5
 """A place close by is worth a stop when it pulls with at least this share of the strongest force."""
@@ -117,7 +117,7 @@ class Field:
         rivals: Sequence[Place] = (),
         looked: NDArray[np.int32] | None = None,
     ) -> Pull:
-        """The forces on a robot.
+        """Return the forces on a robot.
 
         Dilatation attracts a robot to a small stale place, and close to it pulls equally from all sides. So where a
         path of at most the goal distance leads to a place that pulls, without dilatation, at least `CLOSE_ENOUGH` times
@@ -155,16 +155,16 @@ class Field:
         return Pull(forces.sums, self._bend(nearby) if close else None, self._bend(forces))
 
     def _horizon(self, forces: _Forces, by_age: NDArray[np.float64]) -> int:
-        """The longest path to be followed, by the forces of the first round; see `ForceLaw`."""
+        """Return the longest path to be followed, by the forces of the first round; see `ForceLaw`."""
         exerted = float(forces.sums[2] if self._as_vector else forces.sums.sum())
         return max(self._first, self.law.horizon(exerted, float(by_age[-1])))
 
     def _span(self, length: int) -> int:
-        """How many rows and columns a path reaches at most, by its length in hundredths of a point."""
+        """Return the most rows and columns that a path reaches, by its length in hundredths of a point."""
         return min(self.paths.span, -(-length // 100))
 
     def _bend(self, forces: _Forces) -> tuple[int, int] | None:
-        """The element of the ground where the path to the strongest of some forces first bends."""
+        """Return the element of the ground where the path to the strongest of some forces first bends."""
         if forces.strongest[0] <= 0.0:
             return None
         up, across = divmod(int(self.paths.bend.reshape(-1)[forces.source[0]]), self.paths.state.shape[1])
@@ -225,14 +225,14 @@ class Field:
 
 
 class _Contest(NamedTuple):
-    """How near the rivals are, and what they leave: see `agent.policies.potential_field.kernels.force.gather`."""
+    """Path lengths from the rivals, and the shares that they leave (`gather` in `kernels/force.py`)."""
 
     rival: NDArray[np.int32]
     share: NDArray[np.float64]
 
 
 class _Forces(NamedTuple):
-    """What the kernels add to: see `agent.policies.potential_field.kernels.force.gather`."""
+    """The sums that the kernels add to: see `agent.policies.potential_field.kernels.force.gather`."""
 
     sums: NDArray[np.float64]
     strongest: NDArray[np.float64]

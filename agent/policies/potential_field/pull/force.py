@@ -27,7 +27,7 @@ FloatArray = NDArray[np.float64]
 
 
 def reach_scale(reach: str, area: float) -> float:
-    """By how much the law of attraction reaches farther than the paper's.
+    """Return the factor by which the law of attraction reaches farther than the paper's.
 
     The paper's beta makes g4 fall to 1/e within 6.3 m, which suits its ground. Where each robot has more ground, all
     that is stale may lie too far away to differ in its pull. So `area` stretches all lengths by the root of the ratio.
@@ -163,7 +163,7 @@ class ForceLaw:
         return pull_by_age(self._options.fow, self._options.alpha, mfow)
 
     def horizon(self, exerted: float, stalest: float) -> int:
-        """The longest path that can still matter.
+        """Return the longest path that can still matter.
 
         Args:
             exerted: Sum of the moduli of the forces known so far.

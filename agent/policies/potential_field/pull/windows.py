@@ -23,7 +23,7 @@ def window_of(
     patrolled: NDArray[np.bool_],
     regions: RegionSplit | None,
 ) -> PathWindow:
-    """The window of a path method, shared where possible.
+    """Return the window of a path method, shared where possible.
 
     Args:
         paths: Name of the path method.
