@@ -1,12 +1,12 @@
-"""Who may do what at the Zenoh router of a ROS 2 robot, as Zenoh's configuration takes it.
+"""Access rules of the Zenoh router of a ROS 2 robot, as Zenoh's configuration takes them.
 
-ROS itself asks nobody: whoever reaches the router `rmw_zenohd`, which listens on all interfaces, can drive the robot.
-Here the robot's own programs are those that come over TCP from the machine itself, and may do everything. Whoever comes
-over the network needs a certificate of the fleet. The agent's may command the robot and show what it knows; a viewer's
-may look, and be seen in the graph as a node with nothing to offer. Nobody else may do anything.
+ROS itself has no access rules: each client of the router `rmw_zenohd`, which listens on all interfaces, can drive the
+robot. Here the robot's own programs are those that come over TCP from the machine itself, and may do everything. A
+client that comes over the network needs a certificate of the fleet. The agent's may command the robot and show what it
+knows; a viewer's may look, and be seen in the graph as a node with nothing to offer. No other client may do anything.
 
-A latched topic is more than its key: who comes late finds its publisher, and asks it, under ``@adv``. The answer, which
-is its last message, comes under the topic's own key.
+A latched topic is more than its key: a late subscriber finds its publisher, and asks it, under ``@adv``. The answer,
+which is its last message, comes under the topic's own key.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ _ALL_MESSAGES = (
 
 
 def agent_rights(form: Format, namespace: str, commands: Sequence[str] = COMMANDS) -> Rights:
-    """What the agent of a robot may do at its router.
+    """Return the rights of a robot's agent at its router.
 
     Args:
         form: What the robot speaks.
@@ -70,7 +70,7 @@ def agent_rights(form: Format, namespace: str, commands: Sequence[str] = COMMAND
 
 
 def viewer_rights(form: Format, namespace: str) -> Rights:
-    """What somebody may do who only looks.
+    """Return the rights of a client that only reads.
 
     Args:
         form: What the robot speaks.
@@ -107,7 +107,7 @@ def _tokens(form: Format, namespace: str, who: str, name: str) -> tuple[str, ...
 
 
 def access_control(form: Format, namespace: str, members: Mapping[str, Rights]) -> dict[str, Any]:
-    """The access rules of a robot's router.
+    """Return the access rules of a robot's router.
 
     Args:
         form: What the robot speaks.
@@ -153,7 +153,7 @@ def robot_router(
     tls: Mapping[str, object],
     commands: Sequence[str] = COMMANDS,
 ) -> dict[str, Any]:
-    """The configuration of a robot's router.
+    """Return the configuration of a robot's router.
 
     Args:
         form: What the robot speaks.
@@ -177,7 +177,7 @@ def robot_router(
             "shared_memory": {"enabled": False},
             "link": {
                 "tls": dict(tls),
-                # Whoever stops reading is cut off, and holds up nobody for longer.
+                # A client that stops reading is cut off, and holds up no other for longer.
                 "tx": {"queue": {"congestion_control": {"block": {"wait_before_close": 1_000_000}}}},
             },
         },

@@ -22,7 +22,7 @@ _LONGEST_TEXT = 4096
 
 @dataclass(frozen=True, slots=True)
 class Coding:
-    """How a class of messages is coded.
+    """The coding of a class of messages.
 
     Attributes:
         type_name: The type in ROS.
@@ -43,7 +43,7 @@ class Coding:
 
 
 def encode(message: object) -> bytes:
-    """The bytes of a message.
+    """Return the bytes of a message.
 
     Args:
         message: One of `patrol.ros2.messages`.
@@ -60,7 +60,7 @@ def encode(message: object) -> bytes:
 
 
 def decode(kind: type[M], payload: bytes) -> M:
-    """The message in some bytes, whoever sent them.
+    """Return the message in some bytes of any sender.
 
     Args:
         kind: One of the classes of `patrol.ros2.messages`.
@@ -88,7 +88,7 @@ def decode(kind: type[M], payload: bytes) -> M:
 
 
 def _result(payload: bytes) -> ours.GetResultResponse:
-    """The status, which comes first; the rest differs from release to release."""
+    """Return the status, which comes first; the rest differs from release to release."""
     if len(payload) <= HEADER or payload[:1] != b"\0" or payload[1] > 1:
         raise BadMessage(f"{len(payload)} bytes that are no {GET_RESULT}_Response")
     return ours.GetResultResponse(struct.unpack_from("b", payload, HEADER)[0])
@@ -273,4 +273,4 @@ CODINGS: dict[type, Coding] = {
         ),
     ),
 }
-"""How each class of messages is coded."""
+"""The coding of each class of messages."""

@@ -1,4 +1,4 @@
-"""What the messages are in ROS: their fields and type hashes.
+"""The messages' definitions in ROS: their fields and type hashes.
 
 Most come with rosbags. Those that do not are described here by their fields: bytes and hashes depend on nothing else.
 """
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
 NO_HASH = "TypeHashNotSupported"
-"""What stands for a hash in ROS 2 Humble, which has none."""
+"""The text in place of a hash in ROS 2 Humble, which has none."""
 
 ACTION = "nav2_msgs/action/NavigateToPose"
 SEND_GOAL, GET_RESULT, FEEDBACK = (f"{ACTION}_{part}" for part in ("SendGoal", "GetResult", "FeedbackMessage"))
@@ -113,7 +113,7 @@ def service_types(
 
 @cache
 def type_hash(name: str) -> str:
-    """The hash of a type or a service, ``RIHS01_`` and 64 hex digits.
+    """Return the hash of a type or a service, ``RIHS01_`` and 64 hex digits.
 
     Args:
         name: Such as ``geometry_msgs/msg/Twist``.
@@ -126,7 +126,7 @@ def _fields(fields: tuple[tuple[str, str], ...]) -> list[tuple[str, Any]]:
 
 
 def _described(kind: str) -> Any:
-    """A field's type as rosbags describes it: a type, an array ``T[3]``, a sequence ``T[]`` or ``T[<=3]``."""
+    """Return a field's type as rosbags describes it: a type, an array ``T[3]``, a sequence ``T[]`` or ``T[<=3]``."""
     from rosbags.interfaces import Nodetype
 
     element, bracket, count = kind.rstrip("]").partition("[")

@@ -1,4 +1,4 @@
-"""What is overheard on a robot's Zenoh: of each key how much came, how old it was, and the newest messages."""
+"""Counts, ages and the newest messages of each key of a robot's Zenoh."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _MOST_SENDERS = 16
 
 @dataclass(slots=True)
 class Overheard:
-    """What was overheard under one key.
+    """The messages heard under one key.
 
     Attributes:
         first_s: When the first message came, by `time.monotonic`, s.
@@ -60,7 +60,7 @@ class Ear:
 
     @property
     def heard(self) -> dict[str, Overheard]:
-        """What was overheard so far, by key."""
+        """The messages heard so far, by key."""
         return dict(self._heard)
 
     def note(self, key: str, payload: Payload, attached: bytes, at_s: float, now_ns: int) -> None:

@@ -29,12 +29,12 @@ _BRIDGED = {
     "AS": (Kind.SERVER, "/_action/send_goal"),
     "AC": (Kind.CLIENT, "/_action/send_goal"),
 }
-"""What stands for a slash in the tokens of a bridge, and their kinds of entities."""
+"""The character for a slash in the tokens of a bridge, and their kinds of entities."""
 
 
 @dataclass(frozen=True, slots=True)
 class Attachment:
-    """What goes along with a message of `rmw_zenoh`.
+    """The data attached to a message of `rmw_zenoh`.
 
     Attributes:
         sequence: Counts the sender's messages, from 1.
@@ -47,15 +47,15 @@ class Attachment:
     sender: bytes
 
     def to_bytes(self) -> bytes:
-        """The 33 bytes of it."""
+        """Return the 33 bytes of it."""
         return _ATTACHMENT.pack(self.sequence, self.sent_ns, _GID, self.sender)
 
 
 def attachment_of(given: bytes) -> Attachment | None:
-    """The attachment in some bytes; None for what is none.
+    """Return the attachment in some bytes; None for what is none.
 
     Args:
-        given: From anybody.
+        given: From any sender.
     """
     if len(given) != _ATTACHMENT.size or given[16] != _GID:
         return None
@@ -64,7 +64,7 @@ def attachment_of(given: bytes) -> Attachment | None:
 
 
 def gid_of(token: str) -> bytes:
-    """The 16 bytes that stand for an entity. `rmw_zenoh` hashes the token otherwise; others compare only.
+    """Return the 16 bytes that stand for an entity. `rmw_zenoh` hashes the token otherwise; others compare only.
 
     Args:
         token: The entity's liveliness token.
@@ -74,7 +74,7 @@ def gid_of(token: str) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """What a key says of the messages under it.
+    """The part of a key that describes the messages under it.
 
     Attributes:
         type_name: The type as ROS calls it; empty where the format does not say.
@@ -90,7 +90,7 @@ class Format(Protocol):
 
     @property
     def name(self) -> str:
-        """What people call it."""
+        """The name for people."""
         ...
 
     @property
@@ -100,7 +100,7 @@ class Format(Protocol):
 
     @property
     def attaches(self) -> bool:
-        """Whether messages have an `Attachment`."""
+        """True if messages have an `Attachment`."""
         ...
 
     @property
@@ -109,35 +109,35 @@ class Format(Protocol):
         ...
 
     def key(self, topic: str, type_name: str, /) -> str:
-        """The key of a topic that we publish, or of a service that we offer."""
+        """Return the key of a topic that we publish, or of a service that we offer."""
         ...
 
     def heard(self, topic: str) -> str:
-        """The key expression of a topic that others publish."""
+        """Return the key expression of a topic that others publish."""
         ...
 
     def inside(self, namespace: str, /) -> str:
-        """The key expression of all topics and services in a namespace."""
+        """Return the key expression of all topics and services in a namespace."""
         ...
 
     def service_key(self, service: str, type_name: str, /) -> str:
-        """The key expression of a service that others offer."""
+        """Return the key expression of a service that others offer."""
         ...
 
     def origin(self, key: str, /) -> Origin:
-        """What a key says of the messages under it."""
+        """Read from a key which messages are under it."""
         ...
 
     def hash_of(self, type_name: str, /) -> str:
-        """The hash of a type in keys and tokens."""
+        """Return the hash of a type in keys and tokens."""
         ...
 
     def token(self, entity: Entity, /) -> str | None:
-        """The token of an entity of ours; None where there are none."""
+        """Return the token of an entity of ours; None where there are none."""
         ...
 
     def entity(self, token: str, /) -> Entity | None:
-        """The entity that a token stands for, whoever declared it; None for what is none."""
+        """Return the entity that a token of any node stands for; None for what is none."""
         ...
 
 
@@ -156,7 +156,7 @@ class RmwZenoh:
 
     @property
     def name(self) -> str:
-        """What people call it."""
+        """The name for people."""
         return "rmw_zenoh" if self.hashed else "rmw_zenoh (Humble)"
 
     @property
@@ -165,7 +165,7 @@ class RmwZenoh:
         return f"{ADMIN_SPACE}/{self.domain}/**"
 
     def key(self, topic: str, type_name: str, /) -> str:
-        """The key of a topic that we publish, or of a service that we offer."""
+        """Return the key of a topic that we publish, or of a service that we offer."""
         return f"{self.domain}/{topic.strip('/')}/{dds_name(type_name)}/{self.hash_of(type_name)}"
 
     def heard(self, topic: str) -> str:
@@ -173,7 +173,7 @@ class RmwZenoh:
         return f"{self.domain}/{topic.strip('/')}/*/*"
 
     def inside(self, namespace: str, /) -> str:
-        """The key expression of all topics and services in a namespace."""
+        """Return the key expression of all topics and services in a namespace."""
         inside = namespace.strip("/")
         return f"{self.domain}/{inside}/**" if inside else f"{self.domain}/**"
 
@@ -182,20 +182,20 @@ class RmwZenoh:
         return f"{self.domain}/{service.strip('/')}/{dds_name(type_name)}/*"
 
     def origin(self, key: str, /) -> Origin:
-        """What a key says of the messages under it."""
+        """Read from a key which messages are under it."""
         parts = key.split("/")
         return Origin(ros_name(parts[-2]), parts[-1]) if len(parts) >= 4 else Origin()
 
     def hash_of(self, type_name: str, /) -> str:
-        """The hash of a type in keys and tokens."""
+        """Return the hash of a type in keys and tokens."""
         return type_hash(type_name) if self.hashed else NO_HASH
 
     def token(self, entity: Entity, /) -> str | None:
-        """The token of an entity of ours."""
+        """Return the token of an entity of ours."""
         return entity.token
 
     def entity(self, token: str, /) -> Entity | None:
-        """The entity that a token stands for."""
+        """Return the entity that a token stands for."""
         return entity_of(token)
 
 
@@ -214,22 +214,22 @@ class Bridge:
     graph = "@/*/@ros2_lv/**"
 
     def key(self, topic: str, _type_name: str, /) -> str:
-        """The key of a topic that we publish, or of a service that we offer."""
+        """Return the key of a topic that we publish, or of a service that we offer."""
         return self.heard(topic)
 
     def heard(self, topic: str) -> str:
-        """The key of a topic that others publish."""
+        """Return the key of a topic that others publish."""
         inside = topic.strip("/")
         prefix = self.prefix.strip("/")
         return f"{prefix}/{inside}" if prefix else inside
 
     def inside(self, namespace: str, /) -> str:
-        """The key expression of all topics and services in a namespace."""
+        """Return the key expression of all topics and services in a namespace."""
         inside = self.heard(namespace).strip("/")
         return f"{inside}/**" if inside else "**"
 
     def service_key(self, service: str, _type_name: str, /) -> str:
-        """The key of a service that others offer."""
+        """Return the key of a service that others offer."""
         return self.heard(service)
 
     def origin(self, _key: str, /) -> Origin:
@@ -241,11 +241,11 @@ class Bridge:
         return ""
 
     def token(self, _entity: Entity, /) -> str | None:
-        """The bridge itself shows what it carries."""
+        """Return None: the bridge itself shows what it carries."""
         return None
 
     def entity(self, token: str, /) -> Entity | None:
-        """The entity that a token of a bridge stands for; an action's server counts as that of its send_goal."""
+        """Return the entity that a token of a bridge stands for; an action's server counts as that of its send_goal."""
         parts = token.split("/")
         if len(parts) < 6 or parts[0] != "@" or parts[2] != ADMIN_SPACE or parts[3] not in _BRIDGED:
             return None
@@ -263,14 +263,14 @@ FORMATS: dict[str, Callable[[int], Format]] = {
 
 
 def other_format(form: Format, tokens: Callable[[str], list[str]]) -> str:
-    """The format of the nodes on a router where none has the expected one.
+    """Return the format of the nodes on a router where none has the expected one.
 
     Args:
         form: The expected format.
         tokens: The liveliness tokens under a key expression.
 
     Returns:
-        The remedy, such as "rmw_zenoh; give --format rmw_zenoh"; empty where nobody speaks another format.
+        The remedy, such as "rmw_zenoh; give --format rmw_zenoh"; empty where no node speaks another format.
     """
     for name in ("rmw_zenoh", "bridge"):
         other = FORMATS[name](form.domain)
@@ -280,7 +280,7 @@ def other_format(form: Format, tokens: Callable[[str], list[str]]) -> str:
 
 
 def format_named(name: str, domain: int, option: str) -> Format:
-    """The format of a name.
+    """Return the format of a name.
 
     Args:
         name: One of `FORMATS`.

@@ -14,7 +14,7 @@ _SMALL_TURN = 1e-6
 
 
 def composed(outer: Pose, inner: Pose) -> Pose:
-    """Where something is in a frame, if it is known where it is in a child of that frame.
+    """Return a pose in a frame from the pose in a child of that frame.
 
     Args:
         outer: The child in the frame.
@@ -29,7 +29,7 @@ def composed(outer: Pose, inner: Pose) -> Pose:
 
 
 def inverted(pose: Pose) -> Pose:
-    """Where the parent is in the child, if it is known where the child is in the parent.
+    """Return the pose of the parent in the child from that of the child in the parent.
 
     Args:
         pose: The child in the parent.
@@ -39,7 +39,7 @@ def inverted(pose: Pose) -> Pose:
 
 
 def travelled(pose: Pose, twist: Twist, time_s: float) -> Pose:
-    """Where a body comes to that keeps its velocity: an exact arc.
+    """Return the pose of a body that keeps its velocity for a while: an exact arc.
 
     Args:
         pose: Where it is.

@@ -1,7 +1,7 @@
 """The action NavigateToPose of Nav2, from both sides: who wants a robot to go somewhere, and who goes.
 
 An action is three services (send_goal, get_result, cancel_goal) and two topics (feedback, status). Neither side waits:
-whoever uses one calls its `step` now and then.
+its user calls its `step` now and then.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ from patrol.ros2.names import LATCHED, USUAL
 from patrol.ros2.ports import Asked, Ros2Link, Service
 
 NAME = "navigate_to_pose"
-"""What Nav2 calls its action, relative to the robot's namespace."""
+"""The name of Nav2's action, relative to the robot's namespace."""
 
 ACCEPT_S = 5.0
-"""How long a robot may take to accept a goal, s."""
+"""Longest time for a robot to accept a goal, s."""
 RESULT_S = 30.0
-"""How long to wait for a result before asking for it again, s."""
+"""Time without a result after which it is asked for again, s."""
 
 CANCEL_S = 0.25
 """Time between two requests to cancel while none is confirmed, s."""
 CANCEL_LIMIT_S = 2.0
-"""How long the answer to one of them counts, s."""
+"""Time for which the answer to one of them counts, s."""
 
 _SEND = Service(SEND_GOAL, SendGoalRequest, SendGoalResponse)
 _RESULT = Service(GET_RESULT, GetResultRequest, GetResultResponse)
@@ -52,7 +52,7 @@ _NO_GOAL_LEFT = frozenset({0, 2, 3})
 
 
 class Status(IntEnum):
-    """How a goal is, by the numbers of action_msgs/GoalStatus."""
+    """The state of a goal, by the numbers of action_msgs/GoalStatus."""
 
     UNKNOWN = 0
     ACCEPTED = 1
@@ -64,12 +64,12 @@ class Status(IntEnum):
 
     @property
     def over(self) -> bool:
-        """Whether nothing more will happen to the goal."""
+        """True if nothing more will happen to the goal."""
         return self >= Status.SUCCEEDED
 
 
 class Going(Enum):
-    """How it stands with a robot that was sent somewhere."""
+    """The state of a robot that was sent somewhere."""
 
     NOWHERE = "nowhere"
     ASKED = "asked"
@@ -212,7 +212,7 @@ class GoalServer:
 
     @property
     def target(self) -> PoseStamped | None:
-        """Where it is to go now; None for nowhere."""
+        """The present goal; None for none."""
         goal = self._goals.get(self._current)
         return None if goal is None or goal.status.over else goal.target
 

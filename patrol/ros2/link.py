@@ -36,7 +36,7 @@ LEASE_S = 2.0
 command or a pose that is seconds old does harm."""
 
 BLOCKED_US = 1_000_000
-"""How long a latched message waits for a router that does not read; then the link is closed, and made anew."""
+"""Longest time that a latched message waits for a router that does not read; then the link is made anew."""
 
 _LONGEST_ATTACHMENT = 64
 _MOST_ENTITIES = 10_000
@@ -69,7 +69,7 @@ class ZenohRos2Link:
 
     @property
     def format(self) -> Format:
-        """What it speaks."""
+        """The format of its keys and messages."""
         return self._format
 
     @property
@@ -78,23 +78,23 @@ class ZenohRos2Link:
         return self._node
 
     def is_ours(self, entity: Entity) -> bool:
-        """Whether something in the graph is of this link itself."""
+        """Return True if something in the graph is of this link itself."""
         return entity.session == self._id
 
     @property
     def connected(self) -> bool:
-        """Whether the robot's router is at the other end now; the session finds back to one that returns by itself."""
+        """True if the robot's router is at the other end now; the session finds back to one that returns by itself."""
         return bool(self._session.info.routers_zid())
 
     def resolve(self, name: str) -> str:
-        """The full name of a topic or service, which may be relative to the node's namespace."""
+        """Return the full name of a topic or service, which may be relative to the node's namespace."""
         return full_name(self._node.namespace, name)
 
     def publisher(self, topic: str, kind: type[M], qos: Qos = USUAL) -> Sender[M]:
-        """A publisher (`patrol.ros2.ports.Ros2Link`).
+        """Return a publisher (`patrol.ros2.ports.Ros2Link`).
 
         It drops a message rather than being late. A latched one waits, for at most `BLOCKED_US`, where the router does
-        not read. So whoever has to be on time lets another thread send what is latched.
+        not read. So a caller that has to be on time lets another thread send latched messages.
         """
         full = self.resolve(topic)
         type_name = CODINGS[kind].type_name
@@ -190,12 +190,12 @@ class ZenohRos2Link:
         self._show(self._entity(Kind.SERVER, full, service.type_name, SERVICE))
 
     def graph(self, limit_s: float) -> list[Entity]:
-        """What is in the ROS graph now, as far as the format tells; waits (`patrol.ros2.ports.Ros2Link`)."""
+        """Return the ROS graph's entities now, as far as the format tells; waits (`patrol.ros2.ports.Ros2Link`)."""
         found = map(self._format.entity, self.tokens(self._format.graph, limit_s))
         return [entity for entity in found if entity is not None]
 
     def tokens(self, expression: str, limit_s: float) -> list[str]:
-        """The liveliness tokens that there are now, each once, at most 10 000; waits.
+        """Return the liveliness tokens that there are now, each once, at most 10 000; waits.
 
         Args:
             expression: A key expression.
@@ -334,12 +334,12 @@ def _deliver(
 
 
 def _stamp_ns(stamp: zenoh.Timestamp | None) -> int | None:
-    """When a message was sent, ns since the epoch, by Zenoh's own stamp."""
+    """Return the time at which a message was sent, ns since the epoch, by Zenoh's own stamp."""
     return None if stamp is None else stamp.get_time_as_ntp64().as_nanos()
 
 
 def _small(attached: zenoh.ZBytes | None) -> bytes:
-    """The bytes of an attachment; none where it is too long to be one."""
+    """Return the bytes of an attachment; none where it is too long to be one."""
     return b"" if attached is None or len(attached) > _LONGEST_ATTACHMENT else attached.to_bytes()
 
 
@@ -361,7 +361,7 @@ def open_ros2(
         wait_s: How long to wait for the router.
         waiting: Called now and then with the seconds waited, while no router answers.
         stopped: Whether to give up.
-        credentials: Prove who this is; None for a router that asks nobody.
+        credentials: Prove who this is; None for a router that asks for none.
 
     Raises:
         LinkDown: No router has answered after `wait_s`, or `stopped` says so.
@@ -371,6 +371,6 @@ def open_ros2(
     settings: Mapping[str, object] = {
         **client_settings(router, LEASE_S, credentials),
         "transport/link/tx/queue/congestion_control/block/wait_before_close": BLOCKED_US,
-        "timestamping/enabled": True,  # without it nobody gets what a latched topic sent before
+        "timestamping/enabled": True,  # without it no subscriber gets what a latched topic sent before
     }
     return ZenohRos2Link(open_session(settings, router, wait_s, waiting, stopped), form, node)

@@ -1,4 +1,4 @@
-"""Where messages wait between Zenoh's thread, which decodes them, and the thread that reads them."""
+"""The queue of messages between Zenoh's thread, which decodes them, and the thread that reads them."""
 
 from __future__ import annotations
 
@@ -62,12 +62,12 @@ class RosMailbox(Generic[T]):
 
     @property
     def received(self) -> int:
-        """How many messages came that can be used, those that were passed over included."""
+        """The number of usable messages that came, those that were passed over included."""
         return self._received
 
     @property
     def senders(self) -> int:
-        """How many different senders there were, counted up to 16."""
+        """The number of different senders, counted up to 16."""
         return len(self._senders)
 
     def put(self, received: Received[T]) -> None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from patrol.pose import Pose
 
 UNKNOWN_VARIANCES = (0.0, 0.0, 0.0)
-"""Variances of x (m²), y (m²) and heading (rad²) that nobody knows: ROS writes them as 0."""
+"""Variances of x (m²), y (m²) and heading (rad²) that are unknown: ROS writes them as 0."""
 
 
 @dataclass(frozen=True, slots=True)

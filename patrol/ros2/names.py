@@ -12,7 +12,7 @@ from patrol.errors import BadInput
 _NAME = re.compile(r"/?[A-Za-z_][A-Za-z0-9_]*(?:/[A-Za-z_][A-Za-z0-9_]*)*")
 _LONGEST_NAME = 255
 _DEFAULT_DEPTH = 42
-"""What a depth of 0 stands for, and so what `rmw_zenoh` leaves out."""
+"""The depth that 0 stands for, which `rmw_zenoh` leaves out."""
 _MOST_DEPTH = 10_000
 _BEST_EFFORT, _TRANSIENT_LOCAL, _KEEP_ALL = "2", "1", "2"
 _PLAIN_NUMBER = re.compile(r"[0-9]{0,19}")
@@ -55,7 +55,7 @@ def check_domain(domain: int, option: str) -> int:
 
 
 def domain_given(domain: int | None) -> int:
-    """The ROS_DOMAIN_ID that an option gives, or else the environment, or else 0, as in ROS.
+    """Return the ROS_DOMAIN_ID that an option gives, or else the environment, or else 0, as in ROS.
 
     Args:
         domain: The option's; None where it was not given.
@@ -72,7 +72,7 @@ def domain_given(domain: int | None) -> int:
 
 
 def full_name(namespace: str, name: str) -> str:
-    """A name with its namespace, as ROS resolves it.
+    """Return a name with its namespace, as ROS resolves it.
 
     Args:
         namespace: Such as ``robot1`` or ``/robot1``; empty for the root.
@@ -88,7 +88,7 @@ def full_name(namespace: str, name: str) -> str:
 
 
 def dds_name(type_name: str) -> str:
-    """A type as DDS calls it.
+    """Return a type as DDS calls it.
 
     Args:
         type_name: Such as ``geometry_msgs/msg/Twist``.
@@ -98,7 +98,7 @@ def dds_name(type_name: str) -> str:
 
 
 def ros_name(dds: str) -> str:
-    """A type as ROS calls it.
+    """Return a type as ROS calls it.
 
     Args:
         dds: Such as ``geometry_msgs::msg::dds_::Twist_``; anything else comes back as it is.
@@ -110,18 +110,18 @@ def ros_name(dds: str) -> str:
 
 
 def mangled(name: str) -> str:
-    """A name as a part of a token, where no slash may be and nothing may be empty."""
+    """Return a name as a part of a token, where no slash may be and nothing may be empty."""
     return name.replace("/", "%") or "%"
 
 
 def unmangled(part: str) -> str:
-    """The name in a part of a token; empty for the root."""
+    """Return the name in a part of a token; empty for the root."""
     return "" if part == "%" else part.replace("%", "/")
 
 
 @dataclass(frozen=True, slots=True)
 class Qos:
-    """What a publisher or a subscription asks of a topic. Nothing of it keeps the two from meeting.
+    """The quality of service of a publisher or a subscription. Nothing of it keeps the two from meeting.
 
     Attributes:
         reliable: Whether it wants every message.
@@ -137,7 +137,7 @@ class Qos:
 
     @property
     def text(self) -> str:
-        """As `rmw_zenoh` writes it in a token: what is as usual is left out."""
+        """The text of `rmw_zenoh` in a token: usual values are left out."""
         depth = "" if self.depth in {0, _DEFAULT_DEPTH} else str(self.depth)
         reliability, durability = "" if self.reliable else _BEST_EFFORT, _TRANSIENT_LOCAL if self.latched else ""
         return f"{reliability}:{durability}:{_KEEP_ALL if self.keep_all else ''},{depth}:,:,:,,"
@@ -150,7 +150,7 @@ SERVICE = Qos()
 
 
 def qos_of(text: str) -> Qos | None:
-    """The quality of service in a token.
+    """Return the quality of service in a token.
 
     Args:
         text: Its last part, or another robot's idea of it.
@@ -232,10 +232,10 @@ class Entity:
 
 
 def entity_of(token: str) -> Entity | None:
-    """The entity that a token stands for.
+    """Return the entity that a token stands for.
 
     Args:
-        token: The key of a liveliness token, whoever declared it.
+        token: The key of a liveliness token of any node.
 
     Returns:
         The entity; None for what is none.

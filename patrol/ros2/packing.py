@@ -29,7 +29,7 @@ MOST_CELLS = 1 << 26
 _NS = 1_000_000_000
 _LAST_S = 2**31 - 1
 _UNIT = (0.9, 1.1)
-"""How long a quaternion may be that is meant to be of length 1."""
+"""Bounds of the length of a quaternion that should have length 1."""
 
 
 class BadMessage(ValueError):
@@ -37,26 +37,26 @@ class BadMessage(ValueError):
 
 
 def number(value: float) -> float:
-    """A number that means something. Raises BadMessage for any other."""
+    """Return a number that means something. Raises BadMessage for any other."""
     if not -LARGEST <= value <= LARGEST:
         raise BadMessage(f"{float(value)} is not a number of metres, seconds or radians")
     return float(value)
 
 
 def frame(name: str) -> str:
-    """A frame's name. Raises BadMessage for what cannot be one."""
+    """Return a frame's name. Raises BadMessage for what cannot be one."""
     if not 0 < len(name) <= LONGEST_NAME or not name.isprintable():
         raise BadMessage("a frame's name is empty, too long or not printable")
     return name
 
 
 def optional_frame(name: str) -> str:
-    """A frame's name, or nothing. Raises BadMessage for what cannot be one."""
+    """Return a frame's name, or nothing. Raises BadMessage for what cannot be one."""
     return frame(name) if name else ""
 
 
 def goal_id(value: Iterable[int]) -> bytes:
-    """A goal's id. Raises BadMessage for what cannot be one."""
+    """Return a goal's id. Raises BadMessage for what cannot be one."""
     found = bytes(value)
     if len(found) != 16:
         raise BadMessage("a goal's id has 16 bytes")
@@ -64,14 +64,14 @@ def goal_id(value: Iterable[int]) -> bytes:
 
 
 def nanoseconds(time: Any) -> int:
-    """A time of ROS in ns. Raises BadMessage for what cannot be one."""
+    """Return a time of ROS in ns. Raises BadMessage for what cannot be one."""
     if time.sec < 0 or not 0 <= time.nanosec < _NS:
         raise BadMessage("a time before the epoch, or with more than a second of nanoseconds")
     return int(time.sec) * _NS + int(time.nanosec)
 
 
 def heading(turn: Any) -> float:
-    """The heading of a quaternion, rad. Raises BadMessage where it is of no use."""
+    """Return the heading of a quaternion, rad. Raises BadMessage where it is of no use."""
     x, y, z, w = (float(value) for value in (turn.x, turn.y, turn.z, turn.w))
     length = math.hypot(x, y, z, w)
     if not _UNIT[0] <= length <= _UNIT[1]:
@@ -80,13 +80,13 @@ def heading(turn: Any) -> float:
 
 
 def plane_pose(position: Any, orientation: Any) -> Pose:
-    """The pose in the plane. Raises BadMessage where it is of no use."""
+    """Return the pose in the plane. Raises BadMessage where it is of no use."""
     number(position.z)
     return Pose(number(position.x), number(position.y), heading(orientation))
 
 
 def plane_twist(twist: Any) -> Twist:
-    """The velocity in the plane. Raises BadMessage where it is of no use."""
+    """Return the velocity in the plane. Raises BadMessage where it is of no use."""
     return Twist(number(twist.linear.x), number(twist.linear.y), number(twist.angular.z))
 
 
@@ -97,7 +97,7 @@ def variances(covariance: Any) -> tuple[float, float, float]:
 
 
 def transforms(message: Any) -> TFMessage:
-    """The transforms of a message that can be used."""
+    """Return the transforms of a message that can be used."""
     good: list[Transform] = []
     for one in message.transforms:
         try:
@@ -115,7 +115,7 @@ def transforms(message: Any) -> TFMessage:
 
 
 def grid(message: Any) -> OccupancyGrid:
-    """A grid. Raises BadMessage where it is of no use."""
+    """Return a grid. Raises BadMessage where it is of no use."""
     info = message.info
     width, height = int(info.width), int(info.height)
     if not 0 < width * height == len(message.data) <= MOST_CELLS:
@@ -133,13 +133,13 @@ def grid(message: Any) -> OccupancyGrid:
 
 
 def path(message: Any) -> Path:
-    """A path. Raises BadMessage where it is of no use."""
+    """Return a path. Raises BadMessage where it is of no use."""
     poses = tuple(plane_pose(one.pose.position, one.pose.orientation) for one in message.poses)
     return Path(nanoseconds(message.header.stamp), frame(message.header.frame_id), poses)
 
 
 def make(kind: str, **fields: Any) -> Any:
-    """A message of ROS.
+    """Return a message of ROS.
 
     Args:
         kind: Its type.
@@ -149,7 +149,7 @@ def make(kind: str, **fields: Any) -> Any:
 
 
 def ros_time(stamp_ns: int) -> Any:
-    """A builtin_interfaces/Time. Raises BadMessage for what cannot be one."""
+    """Return a builtin_interfaces/Time. Raises BadMessage for what cannot be one."""
     seconds, rest = divmod(stamp_ns, _NS)
     if not 0 <= seconds <= _LAST_S:
         raise BadMessage("a time before the epoch or after 2038")
@@ -157,54 +157,54 @@ def ros_time(stamp_ns: int) -> Any:
 
 
 def ros_duration(seconds: float) -> Any:
-    """A builtin_interfaces/Duration. Raises BadMessage for what cannot be one."""
+    """Return a builtin_interfaces/Duration. Raises BadMessage for what cannot be one."""
     whole, rest = divmod(round(number(seconds) * _NS), _NS)
     return make("builtin_interfaces/msg/Duration", sec=whole, nanosec=rest)
 
 
 def ros_header(stamp_ns: int, frame_id: str) -> Any:
-    """A std_msgs/Header."""
+    """Return a std_msgs/Header."""
     return make("std_msgs/msg/Header", stamp=ros_time(stamp_ns), frame_id=optional_frame(frame_id))
 
 
 def ros_turn(angle: float) -> Any:
-    """A geometry_msgs/Quaternion round the vertical axis."""
+    """Return a geometry_msgs/Quaternion round the vertical axis."""
     half = 0.5 * number(angle)
     return make("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=math.sin(half), w=math.cos(half))
 
 
 def ros_vector(x: float, y: float, z: float, kind: str = "Vector3") -> Any:
-    """A geometry_msgs/Vector3 or Point."""
+    """Return a geometry_msgs/Vector3 or Point."""
     return make(f"geometry_msgs/msg/{kind}", x=number(x), y=number(y), z=number(z))
 
 
 def ros_pose(pose: Pose) -> Any:
-    """A geometry_msgs/Pose."""
+    """Return a geometry_msgs/Pose."""
     position = ros_vector(pose.x, pose.y, 0.0, "Point")
     return make("geometry_msgs/msg/Pose", position=position, orientation=ros_turn(pose.heading))
 
 
 def ros_pose_stamped(message: PoseStamped) -> Any:
-    """A geometry_msgs/PoseStamped."""
+    """Return a geometry_msgs/PoseStamped."""
     header = ros_header(message.stamp_ns, message.frame)
     return make("geometry_msgs/msg/PoseStamped", header=header, pose=ros_pose(message.pose))
 
 
 def ros_twist(twist: Twist) -> Any:
-    """A geometry_msgs/Twist."""
+    """Return a geometry_msgs/Twist."""
     linear, angular = ros_vector(twist.vx, twist.vy, 0.0), ros_vector(0.0, 0.0, twist.turn_rate)
     return make("geometry_msgs/msg/Twist", linear=linear, angular=angular)
 
 
 def ros_uncertain_pose(pose: Pose, spread: tuple[float, float, float]) -> Any:
-    """A geometry_msgs/PoseWithCovariance."""
+    """Return a geometry_msgs/PoseWithCovariance."""
     covariance = np.zeros(36)
     covariance[[0, 7, 35]] = [number(value) for value in spread]
     return make("geometry_msgs/msg/PoseWithCovariance", pose=ros_pose(pose), covariance=covariance)
 
 
 def ros_odometry(message: Odometry) -> Any:
-    """A nav_msgs/Odometry."""
+    """Return a nav_msgs/Odometry."""
     kind = "geometry_msgs/msg/TwistWithCovariance"
     return make(
         "nav_msgs/msg/Odometry",
@@ -216,7 +216,7 @@ def ros_odometry(message: Odometry) -> Any:
 
 
 def ros_drive(message: AckermannDriveStamped) -> Any:
-    """An ackermann_msgs/AckermannDriveStamped."""
+    """Return an ackermann_msgs/AckermannDriveStamped."""
     drive = make(
         "ackermann_msgs/msg/AckermannDrive",
         steering_angle=number(message.steering_angle),
@@ -230,7 +230,7 @@ def ros_drive(message: AckermannDriveStamped) -> Any:
 
 
 def ros_transforms(message: TFMessage) -> Any:
-    """A tf2_msgs/TFMessage."""
+    """Return a tf2_msgs/TFMessage."""
     stamped = [
         make(
             "geometry_msgs/msg/TransformStamped",
@@ -248,7 +248,7 @@ def ros_transforms(message: TFMessage) -> Any:
 
 
 def ros_grid(message: OccupancyGrid) -> Any:
-    """A nav_msgs/OccupancyGrid."""
+    """Return a nav_msgs/OccupancyGrid."""
     height, width = message.cells.shape
     if not 0 < width * height <= MOST_CELLS or message.cells.dtype != np.int8:
         raise BadMessage(f"a grid of {width} x {height} {message.cells.dtype}")
@@ -265,17 +265,17 @@ def ros_grid(message: OccupancyGrid) -> Any:
 
 
 def ros_path(message: Path) -> Any:
-    """A nav_msgs/Path."""
+    """Return a nav_msgs/Path."""
     header = ros_header(message.stamp_ns, message.frame)
     poses = [make("geometry_msgs/msg/PoseStamped", header=header, pose=ros_pose(pose)) for pose in message.poses]
     return make("nav_msgs/msg/Path", header=header, poses=poses)
 
 
 def ros_goal_id(value: bytes) -> Any:
-    """A unique_identifier_msgs/UUID. Raises BadMessage for what cannot be one."""
+    """Return a unique_identifier_msgs/UUID. Raises BadMessage for what cannot be one."""
     return make("unique_identifier_msgs/msg/UUID", uuid=np.frombuffer(goal_id(value), dtype=np.uint8))
 
 
 def ros_goal_info(value: bytes, stamp_ns: int) -> Any:
-    """An action_msgs/GoalInfo."""
+    """Return an action_msgs/GoalInfo."""
     return make("action_msgs/msg/GoalInfo", goal_id=ros_goal_id(value), stamp=ros_time(stamp_ns))

@@ -1,4 +1,4 @@
-"""What a link to a ROS 2 robot can do, whatever carries it."""
+"""The port of a link to a ROS 2 robot, whatever carries it."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Sender(Protocol[M_contra]):
 
     @property
     def sent(self) -> int:
-        """How many."""
+        """The number of messages."""
         ...
 
     def send(self, message: M_contra) -> None:
@@ -69,7 +69,7 @@ class Ros2Link(Protocol):
 
     @property
     def format(self) -> Format:
-        """What it speaks."""
+        """The format of its keys and messages."""
         ...
 
     @property
@@ -78,20 +78,20 @@ class Ros2Link(Protocol):
         ...
 
     def is_ours(self, entity: Entity) -> bool:
-        """Whether something in the graph is of this link itself."""
+        """Return True if something in the graph is of this link itself."""
         ...
 
     @property
     def connected(self) -> bool:
-        """Whether the robot's router is at the other end now."""
+        """True if the robot's router is at the other end now."""
         ...
 
     def resolve(self, name: str) -> str:
-        """The full name of a topic or service, which may be relative to the node's namespace."""
+        """Return the full name of a topic or service, which may be relative to the node's namespace."""
         ...
 
     def publisher(self, topic: str, kind: type[M], qos: Qos = USUAL) -> Sender[M]:
-        """A publisher.
+        """Return a publisher.
 
         Args:
             topic: The topic's name.
@@ -139,7 +139,7 @@ class Ros2Link(Protocol):
         ...
 
     def graph(self, limit_s: float) -> list[Entity]:
-        """What is in the ROS graph now, as far as the format tells; waits.
+        """Return the entities of the ROS graph now, as far as the format tells; waits.
 
         Args:
             limit_s: How long to wait at most.

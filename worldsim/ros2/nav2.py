@@ -1,4 +1,4 @@
-"""What stands for Nav2 on a simulated robot: it finds a way to a goal on the map, and drives it."""
+"""A simple Nav2 of a simulated robot: it finds a way to a goal on the map, and drives it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from patrol.scenario import RobotSpec
 Point = tuple[int, int]
 
 THERE_M = 0.2
-"""How near a goal is reached, m."""
+"""Distance at which a goal is reached, m."""
 FACING_RAD = 0.3
 """A robot that must turn farther than this towards where it drives turns on the spot."""
 TURNS_PER_S = 2.0
@@ -41,7 +41,7 @@ class Navigator:
         self._way: list[tuple[float, float]] = []
 
     def velocity(self, pose: Pose, goal: Pose) -> Twist | None:
-        """The velocity towards a goal, in the body's frame; None where there is no way.
+        """Return the velocity towards a goal, in the body's frame; None where there is no way.
 
         Args:
             pose: Where the robot is.

@@ -1,4 +1,4 @@
-"""What a simulated robot says and hears: the topics of a ROS 2 robot with a localisation, and perhaps with Nav2."""
+"""The topics of a simulated robot: the topics of a ROS 2 robot with a localisation, and perhaps with Nav2."""
 
 from __future__ import annotations
 
@@ -36,16 +36,16 @@ DRIVES = ("twist-stamped", "twist", "ackermann")
 CLOCK_HZ = 50.0
 CORRECTION_HZ = 10.0
 ANOTHER_M, ANOTHER_RAD = 0.2, 0.2
-"""How far a robot drives or turns between two poses of its localisation, as AMCL has it."""
+"""Motion between two poses of the localisation, as AMCL has it."""
 
 _ROOM = 64
 _ROUNDING_S = 1e-3
-"""By how much a time since the epoch may be off, s: a double holds it to less than a microsecond, and steps add up."""
+"""Rounding allowed in a time since the epoch, s: a double holds it to less than a microsecond, and steps add up."""
 
 
 @dataclass(frozen=True, slots=True)
 class Habits:
-    """How a robot talks.
+    """The settings of a robot's topics.
 
     Attributes:
         drive: What it is told: one of `DRIVES`.
@@ -67,7 +67,7 @@ class Habits:
 
 
 class Every:
-    """When something that happens at equal intervals is due.
+    """A clock for what happens at equal intervals.
 
     Args:
         period_s: The interval, s.
@@ -78,7 +78,7 @@ class Every:
         self._due_s = -math.inf
 
     def is_so(self, now_s: float) -> bool:
-        """Whether it is due, once in each interval.
+        """Return True if it is due, once in each interval.
 
         Args:
             now_s: The time, s.

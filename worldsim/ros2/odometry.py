@@ -1,4 +1,4 @@
-"""What a robot takes itself to have driven: the truth with drift, and noise on every message."""
+"""Simulated odometry: the truth with drift, and noise on every message."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from patrol.ros2.frames import composed, inverted
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """How wrong odometry is.
+    """The errors of odometry.
 
     Attributes:
         noise_m: Standard deviation of x and y in each message, m.
@@ -59,7 +59,7 @@ class DriftingOdometry:
         self.counted = composed(self.counted, Pose(moved.x * stretch, moved.y * stretch, turn))
 
     def say(self) -> Pose:
-        """The pose in the next message, in the frame of the odometry."""
+        """Return the pose in the next message, in the frame of the odometry."""
         self._said += 1
         x, y, heading = (self._noise(part) for part in range(3))
         errors = self._errors
@@ -69,7 +69,7 @@ class DriftingOdometry:
 
     @property
     def correction(self) -> Pose:
-        """Where the odometry's frame is on the map, as a perfect localisation would find."""
+        """The pose of the odometry's frame on the map, as a perfect localisation would find it."""
         return composed(self._last, inverted(self.counted))
 
     def _noise(self, part: int) -> float:

@@ -59,7 +59,7 @@ def options_of(arguments: Sequence[str] | None) -> argparse.Namespace:
 
 
 def parser() -> ProcessParser:
-    """The parser of the command line of simulated ROS 2 robots."""
+    """Return the parser of the command line of simulated ROS 2 robots."""
     made = ProcessParser("fogwatch robot-sim", "Simulate ROS 2 robots, to try an agent without a robot.", HELP)
     add = made.add_argument
     add("--connect", required=True, metavar="LOCATOR", help="the Zenoh router of the robots, tcp/HOST:7447")
@@ -97,7 +97,7 @@ def parser() -> ProcessParser:
 
 
 def errors_of(options: argparse.Namespace) -> Errors:
-    """How wrong odometry is.
+    """Read the errors of odometry.
 
     Args:
         options: From `options_of`.
@@ -106,7 +106,7 @@ def errors_of(options: argparse.Namespace) -> Errors:
 
 
 def robots_of(options: argparse.Namespace) -> list[Named]:
-    """The robots.
+    """Return the robots.
 
     Args:
         options: From `options_of`.
@@ -124,7 +124,7 @@ def robots_of(options: argparse.Namespace) -> list[Named]:
 
 
 def starts_of(options: argparse.Namespace) -> list[Pose]:
-    """The starts that are given.
+    """Return the starts that are given.
 
     Args:
         options: From `options_of`.
@@ -145,7 +145,7 @@ def starts_of(options: argparse.Namespace) -> list[Pose]:
 
 
 def unplugged(options: argparse.Namespace, names: Sequence[str]) -> dict[str, float]:
-    """When the odometry of which robot ends, s.
+    """Read the times at which robots' odometry ends, s.
 
     Args:
         options: From `options_of`.

@@ -73,7 +73,7 @@ def _run(options: argparse.Namespace, ending: Ending, say: Callable[[str], None]
 
 
 def _scenario(options: argparse.Namespace) -> Scenario:
-    """A scenario for robots of one kind on a map."""
+    """Return a scenario for robots of one kind on a map."""
     from patrol.scenario import load_scenario
 
     starts = starts_of(options)
@@ -97,7 +97,7 @@ def _scenario(options: argparse.Namespace) -> Scenario:
 def _simulation(
     options: argparse.Namespace, prepared: Prepared, pace: float, stack: ExitStack, ending: Ending
 ) -> Simulation | None:
-    """The robots, each with a connection of its own; None when it is time to leave."""
+    """Return the robots, each with a connection of its own; None when it is time to leave."""
     from patrol.net.keys import check_locator
     from patrol.net.link import LinkDown
     from patrol.prepare import sensor_footprint

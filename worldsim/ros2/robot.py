@@ -21,7 +21,7 @@ _STANDS = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class Build:
-    """How a robot is built.
+    """The dimensions and limits of a robot.
 
     Attributes:
         spec: Its model, top speed (m/s), radius (m) and turning radius (m).
@@ -42,7 +42,7 @@ class Build:
 
 @dataclass(slots=True)
 class Touches:
-    """What a robot has run into, counted once until it is free again.
+    """Counts of collisions; each counts once until the robot is free again.
 
     Attributes:
         walls: Walls, and the end of the terrain.
@@ -84,12 +84,12 @@ class SimulatedRobot:
 
     @property
     def pose(self) -> Pose:
-        """Where it truly is. A holonomic robot turns only as it is told."""
+        """The true pose. A holonomic robot turns only as it is told."""
         return Pose(self.body.pose.x, self.body.pose.y, self._heading)
 
     @property
     def stands(self) -> bool:
-        """Whether it does not move."""
+        """True if it does not move."""
         return abs(self.velocity.vx) + abs(self.velocity.vy) + abs(self.velocity.turn_rate) < _STANDS
 
     def obey(self, twist: messages.Twist, now_s: float) -> None:
@@ -142,7 +142,7 @@ class SimulatedRobot:
 
 
 def command_of(spec: RobotSpec, twist: messages.Twist, heading: float) -> Command:
-    """The command of a body that is told a velocity.
+    """Return the command of a body that is told a velocity.
 
     Args:
         spec: Of the body.
@@ -160,7 +160,7 @@ def command_of(spec: RobotSpec, twist: messages.Twist, heading: float) -> Comman
 
 
 def eased(going: messages.Twist, told: messages.Twist, most: float, radius: float) -> messages.Twist:
-    """The velocity nearest to what a body is told that its motors reach.
+    """Return the velocity nearest to what a body is told that its motors reach.
 
     Args:
         going: What it obeys now.

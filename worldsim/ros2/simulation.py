@@ -21,7 +21,7 @@ STEP_S = 0.02
 
 @dataclass(frozen=True, slots=True)
 class Ground:
-    """Where robots are and what counts there.
+    """The terrain of the simulated robots, and what they collide with.
 
     Attributes:
         terrain: The ground.
@@ -125,7 +125,7 @@ class Simulation:
         self._plugs[name] = _Plug(wall_s)
 
     def summary(self) -> dict[str, Any]:
-        """What was measured, in s and m."""
+        """Return the measured times and ways, in s and m."""
         return {
             "simulated_s": self.time_s,
             "patrolled_s": self.patrolled_s,

@@ -26,7 +26,7 @@ What connects them:
     hardware.py           what the robot says of itself, its time, and who stops it
     driver.py             the mind's body, and the thread that drives
     rivals.py             who else drives the robot
-    shown.py              map, fog and path, for whoever looks on
+    shown.py              map, fog and path, for viewers
     robot_map.py          the map that the robot has
     settings.py           topics, kinds of commands, limits
     options.py            the same on a command line

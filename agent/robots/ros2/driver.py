@@ -27,9 +27,9 @@ from patrol.process.reporting.logs import Log
 from patrol.process.reporting.vitals import ODOMETRY_AGE, STOPPED, UNUSABLE, Vitals
 
 SAY_AFTER_S = 1.0
-"""How long a robot has to stand for a reason before it is said, s."""
+"""Time that a robot stands before the reason is reported, s."""
 HELD_AFTER_S = 10.0
-"""How long a robot that could drive has to be held before it is said, s: at walls and in queues it soon goes round."""
+"""Time that a robot that could drive is held before that is reported, s: at walls and in queues it soon goes round."""
 LONGEST_CYCLE_S = 0.25
 """The longest time between two commands over which a speed may change, s: who was late does not jump."""
 _JOIN_S = 1.0
@@ -42,7 +42,7 @@ class Failed(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Pace:
-    """How a robot's time is divided.
+    """The division of a robot's time.
 
     Attributes:
         step: A tick, s of the robot's time.
@@ -56,7 +56,7 @@ class Pace:
 
 
 class Objection(Protocol):
-    """What may keep a robot from driving besides stops."""
+    """The reasons besides stops that keep a robot from driving."""
 
     @property
     def why(self) -> str:
@@ -64,7 +64,7 @@ class Objection(Protocol):
         ...
 
     def release(self) -> None:
-        """Somebody who has looked at the robot releases it."""
+        """Release the robot, by an operator who has looked at it."""
         ...
 
 
@@ -120,7 +120,7 @@ class Ros2Robot:
 
     @property
     def driving(self) -> bool:
-        """Whether its thread drives."""
+        """True if its thread drives."""
         return self._thread.is_alive()
 
     def show(self, vitals: Vitals) -> None:
@@ -242,7 +242,7 @@ class Ros2Robot:
             self._halt()
 
     def _halt(self) -> None:
-        """Zero velocity, after whatever is being sent; also if whoever sends it hangs."""
+        """Send zero velocity, after the present message; also if the thread that sends it hangs."""
         locked = self._lock.acquire(timeout=_LOCK_S)
         try:
             self._steering.halt()
@@ -260,7 +260,7 @@ class Sayer:
         self._said = False
 
     def state(self, why: str, moment_s: float, after_s: float = SAY_AFTER_S) -> None:
-        """How it is.
+        """Take in the robot's state.
 
         Args:
             why: Why it stands; empty if it does not.

@@ -21,7 +21,7 @@ _ROOM = 64
 
 
 class RobotTime:
-    """What time it is for the robot: the system's clock, or the clock of a simulation.
+    """The robot's time: the system's clock, or the clock of a simulation.
 
     Args:
         factor: Seconds of the robot's time in one of ours.
@@ -35,7 +35,7 @@ class RobotTime:
         self._fresh_s = fresh_s
 
     def at(self, moment_s: float) -> float | None:
-        """The robot's time, s since its epoch; None while nobody knows.
+        """Return the robot's time, s since its epoch; None while it is unknown.
 
         Args:
             moment_s: When, by `time.monotonic`.
@@ -48,7 +48,7 @@ class RobotTime:
         return told.message.stamp_ns / 1e9 + self._factor * (moment_s - told.at_s)
 
     def now(self) -> float | None:
-        """The robot's time now, s since its epoch."""
+        """Return the robot's time now, s since its epoch."""
         return self.at(time.monotonic())
 
 
@@ -119,7 +119,7 @@ class Hardware:
         return f"{found} ({refused[0]})" if found and refused else found
 
     def fix(self) -> Fix | None:
-        """Where the robot is now, after what has arrived; None if nobody knows. From one thread at a time."""
+        """Locate the robot now, by the messages that have arrived; None if unknown. From one thread at a time."""
         self._heed_stops()
         now_s = self.time.now()
         if now_s is None:
@@ -135,7 +135,7 @@ class Hardware:
 
     @property
     def odometry_age_s(self) -> float | None:
-        """How long ago odometry has come, s of ours; None before the first. From any thread."""
+        """The age of the newest odometry, s of ours; None before the first. From any thread."""
         newest = self._odometry.newest
         return None if newest is None else time.monotonic() - newest.at_s
 
@@ -154,12 +154,12 @@ class Hardware:
         return dict(sum((Counter(mailbox.refused) for mailbox in heard), Counter[str]()))
 
     def stamp_ns(self) -> int:
-        """The stamp of a message that is sent now; 0 while nobody knows the time."""
+        """Return the stamp of a message that is sent now; 0 while the time is unknown."""
         now_s = self.time.now()
         return 0 if now_s is None else max(0, int(now_s * 1e9))
 
     def _transforms(self) -> Iterator[tuple[RosMailbox[TFMessage], bool]]:
-        """Where transforms wait, and whether they hold for ever; those of the robot's own namespace go first.
+        """Give the queues of transforms, and whether they hold for ever; those of the robot's own namespace go first.
 
         Outside of it they count only as long as there are none inside: other robots may use the same names there.
         """
@@ -167,7 +167,7 @@ class Hardware:
         yield (self._tf if self._tf.received else self._root_tf), False
 
     def _arrival(self, at_s: float, now_s: float) -> float:
-        """When something arrived, s of the robot's time."""
+        """Return the arrival time of a message, s of the robot's time."""
         then_s = self.time.at(at_s)
         return now_s if then_s is None else min(then_s, now_s)
 
@@ -189,7 +189,7 @@ class Hardware:
 
 
 class Refusals:
-    """What topics have refused, for people: the first message of each topic for each reason.
+    """The messages that topics have refused, for people: the first message of each topic for each reason.
 
     Args:
         mailboxes: Of the topics.

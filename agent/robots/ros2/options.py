@@ -59,7 +59,7 @@ Exit codes: 1 the robot or its policy failed, 2 bad input, 130 interrupted.
 
 
 def wanted(arguments: Sequence[str]) -> bool:
-    """Whether a command line of ``python -m agent`` is meant for a ROS 2 robot.
+    """Return True if a command line of ``python -m agent`` is meant for a ROS 2 robot.
 
     A robot of a simulated fleet may be called ros2; its command line names a scenario and no robot's router.
 
@@ -83,7 +83,7 @@ def options_of(arguments: Sequence[str]) -> argparse.Namespace:
 
 
 def ros2_parser() -> ProcessParser:
-    """The parser of a ROS 2 robot's command line."""
+    """Return the parser of a ROS 2 robot's command line."""
     parser = ProcessParser("fogwatch agent --robot ros2", DESCRIPTION, HELP)
     parser.add_argument("--robot", choices=["ros2"], required=True, help="a ROS 2 robot")
     add = parser.add_argument_group("the robot").add_argument
@@ -146,7 +146,7 @@ def ros2_parser() -> ProcessParser:
 
 
 def drive_settings(options: argparse.Namespace) -> DriveSettings:
-    """How the robot is driven.
+    """Return how the robot is driven.
 
     Args:
         options: From `options_of`.
@@ -201,7 +201,7 @@ def drive_settings(options: argparse.Namespace) -> DriveSettings:
 
 
 def domain_of(options: argparse.Namespace) -> int:
-    """The ROS_DOMAIN_ID.
+    """Return the ROS_DOMAIN_ID.
 
     Args:
         options: From `options_of`.

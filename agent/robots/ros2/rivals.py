@@ -1,6 +1,6 @@
-"""Who else drives the robot. Two that send it commands take turns in the worst of ways, so there must be one alone.
+"""Other drivers of the robot. Commands of two senders alternate unpredictably, so there must be only one.
 
-ROS asks nobody who may command. The graph shows who does, where the format has one; a bridge shows what it carries.
+ROS lets every node command. The graph shows which do, where the format has one; a bridge shows what it carries.
 """
 
 from __future__ import annotations
@@ -16,22 +16,22 @@ from patrol.ros2.ports import Ros2Link
 LOOK_S = 1.0
 """Time between two looks at the graph, s."""
 GRAPH_S = 2.0
-"""How long a look may take at most, s."""
+"""Longest time of a look, s."""
 GONE_S = 4.0
-"""How long to wait, at the start, for somebody else to go: a router forgets one that was cut off after 2 s."""
+"""Time to wait, at the start, for another driver to go: a router forgets one that was cut off after 2 s."""
 _AGAIN_S = 0.2
 _LONGEST = 100
 _MOST = 4
 
 
 def rivals(entities: Sequence[Entity], topic: str | None, is_ours: Callable[[Entity], bool], node: str) -> list[str]:
-    """Who else drives the robot, in words.
+    """Describe the other drivers of the robot.
 
     Args:
         entities: The graph.
         topic: The full name of the topic of its commands; None where it gets goals, which Nav2 itself turns into some.
         is_ours: Whether an entity is our own.
-        node: The full name of our own node: nobody else may have it.
+        node: The full name of our own node: no other may have it.
     """
     found = set()
     for one in entities:
@@ -63,14 +63,14 @@ class Rivals:
 
     @property
     def why(self) -> str:
-        """Who else drives the robot; empty if nobody does."""
+        """The other drivers of the robot; empty if there are none."""
         return f"also driven by {', '.join(self._found)} (end all but one)" if self._found else ""
 
     def release(self) -> None:
-        """An operator's word ends nobody."""
+        """Keep all drivers: an operator's word ends none."""
 
     def are_there(self, wait_s: float = GONE_S, stopped: Callable[[], bool] = lambda: False) -> list[str]:
-        """Who else drives the robot and does not go; waits.
+        """Find the other drivers of the robot that do not go; waits.
 
         Args:
             wait_s: How long to wait for them to go, s.

@@ -12,8 +12,8 @@ from patrol.ros2.messages import OccupancyGrid
 
 OCCUPIED_SHARE = 0.65
 FREE_SHARE = 0.196
-"""From which share on a cell is a wall, and up to which it is free, as map_server has it. What is unknown, a pixel of
-205, lies in between, and nobody drives there."""
+"""Least share of a wall and largest share of free ground in a cell, as map_server has it. What is unknown, a pixel of
+205, lies in between, and no robot drives there."""
 _WALL, _UNKNOWN, _FREE = 0, 205, 254
 
 
@@ -21,7 +21,7 @@ def write_map(grid: OccupancyGrid, folder: Path) -> Path:
     """Write a map as map_server does.
 
     Args:
-        grid: The map, from anybody.
+        grid: The map, from any sender.
         folder: Where to.
 
     Returns:

@@ -1,4 +1,4 @@
-"""How a ROS 2 robot is spoken to: its topics, the kind of its commands, its limits."""
+"""The interface of a ROS 2 robot: its topics, the kind of its commands, its limits."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ TOPICS: Mapping[str, str] = {
 """The topics by their usual names, and what they hold. All but the clock are relative to the robot's namespace."""
 
 DRIVES = ("twist-stamped", "twist", "ackermann", "nav2")
-"""What the robot is told: velocities, with or without a stamp; speeds and steering angles; or where to go."""
+"""The commands of a robot: velocities, with or without a stamp; speeds and steering angles; or where to go."""
 
 
 @dataclass(frozen=True, slots=True)
 class DriveSettings:
-    """How a robot is driven.
+    """The interface by which a robot is driven.
 
     Attributes:
         drive: One of `DRIVES`.
@@ -62,7 +62,7 @@ class DriveSettings:
     topics: Mapping[str, str] = field(default_factory=dict)
 
     def of_body(self, model: str, limits: Limits) -> DriveSettings:
-        """The same for a body of a scenario.
+        """Return the same for a body of a scenario.
 
         Args:
             model: Its model.
@@ -77,7 +77,7 @@ class DriveSettings:
         return {"nav2": None, "ackermann": "ackermann_cmd"}.get(self.drive, "cmd_vel")
 
     def topic(self, usual: str) -> str:
-        """The name of a topic.
+        """Return the name of a topic.
 
         Args:
             usual: Its usual name.
@@ -86,7 +86,7 @@ class DriveSettings:
 
 
 def turn_rate_of(model: str, limits: Limits) -> float:
-    """How fast a body can turn, rad/s: a car along its tightest turn, others as fast as their rim goes at top speed.
+    """Return a body's largest turn rate, rad/s: a car's along its tightest turn, others' by their rim's top speed.
 
     Args:
         model: Its model.

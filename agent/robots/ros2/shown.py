@@ -1,6 +1,6 @@
-"""What the robot shows to RViz, Foxglove and the like: the map, what it believes of the fog, and its way.
+"""The topics for RViz, Foxglove and the like: the map, what it believes of the fog, and its way.
 
-Whoever looks on costs the patrol nothing: a thread of its own sends, what is not sent in time is left out, and a large
+Viewers cost the patrol nothing: a thread of its own sends, what is not sent in time is left out, and a large
 grid is thinned.
 """
 
@@ -31,7 +31,7 @@ MOST_CELLS = 250_000
 """Cells of a grid of fog; of a finer one every second, third, ... row and column is sent."""
 MOST_POSES = 2000
 APART_M = 0.1
-"""How far the poses of a path are from each other, m."""
+"""Distance between the poses of a path, m."""
 GRAPH_S = 2.0
 OCCUPIED, UNKNOWN = 100, -1
 
@@ -86,7 +86,7 @@ class Shown:
 
 
 def show_map(link: Ros2Link, settings: DriveSettings, terrain: Terrain, stamp_ns: int) -> bool:
-    """Publish the map, latched, unless somebody else already does.
+    """Publish the map, latched, unless another node already does.
 
     Args:
         link: To the robot.
@@ -106,7 +106,7 @@ def show_map(link: Ros2Link, settings: DriveSettings, terrain: Terrain, stamp_ns
 
 
 def fog_cells(fog: Fog, tick: int, thin: int) -> NDArray[np.int8]:
-    """A fog as cells: 0 where it was just seen, 100 where it is stalest, -1 where nobody patrols.
+    """Return a fog as cells: 0 where it was just seen, 100 where it is stalest, -1 off the patrolled ground.
 
     Args:
         fog: The fog.
@@ -122,7 +122,7 @@ def fog_cells(fog: Fog, tick: int, thin: int) -> NDArray[np.int8]:
 
 
 def grid_of(terrain: Terrain, cells: NDArray[np.int8], thin: int, frame: str, stamp_ns: int) -> OccupancyGrid:
-    """A grid on a terrain.
+    """Return a grid on a terrain.
 
     Args:
         terrain: Where its first cell begins.

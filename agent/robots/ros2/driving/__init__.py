@@ -1,1 +1,1 @@
-"""How a ROS 2 robot is moved, and what keeps it from moving: limits, the fence, a pose that does not follow."""
+"""The motion of a ROS 2 robot, and what prevents it: limits, the fence, a pose that does not follow."""

@@ -1,4 +1,4 @@
-"""From commands of ours to velocities as ROS has them: in the body's frame, x forward and y to the left (REP 103)."""
+"""Our commands as velocities of ROS: in the body's frame, x forward and y to the left (REP 103)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from patrol.ros2 import messages
 
 
 def velocity_of(command: Command, heading: float) -> messages.Twist:
-    """The velocity that a command stands for, in the body's frame.
+    """Return the velocity that a command stands for, in the body's frame.
 
     Args:
         command: Of any model. A holonomic body's is in the map's frame; the body keeps its heading.
@@ -29,7 +29,7 @@ def velocity_of(command: Command, heading: float) -> messages.Twist:
 
 
 def steering_of(command: Drive, wheelbase: float) -> tuple[float, float]:
-    """The speed (m/s) and the steering angle (rad) of a car that obeys a command.
+    """Return the speed (m/s) and the steering angle (rad) of a car that obeys a command.
 
     Args:
         command: The command.
@@ -39,7 +39,7 @@ def steering_of(command: Drive, wheelbase: float) -> tuple[float, float]:
 
 
 def scaled(command: Command, share: float) -> Command:
-    """The same path, driven more slowly.
+    """Return the same path, driven more slowly.
 
     Args:
         command: Of any model.
@@ -57,7 +57,7 @@ def scaled(command: Command, share: float) -> Command:
 
 
 def nearer(command: Command, wanted: Command, most: float, radius: float) -> Command:
-    """The command nearest to a wanted one that a body reaches whose speed changes by a limited amount.
+    """Return the command nearest to a wanted one that a body reaches whose speed changes by a limited amount.
 
     Args:
         command: What it obeys now.

@@ -20,7 +20,7 @@ SHARES = tuple(eighth / 8.0 for eighth in range(8, 0, -1))
 """Shares of a command's speed that are tried, the whole first."""
 
 THEIRS_S = 0.3
-"""How much longer another robot may take to stop than this one, s: it hears of this one once a tick."""
+"""Time that another robot takes longer to stop than this one, s: it hears of this one once a tick."""
 
 LOOKS = (0.25, 0.5, 0.75, 1.0)
 """Shares of the time until it stands at which a body's distance from another is looked at."""
@@ -43,7 +43,7 @@ class Fence:
     braking: float
 
     def allowed(self, pose: Pose, command: Command, others: Sequence[Other] = ()) -> Command:
-        """The same path, as fast as it may be driven; a halt if not at all.
+        """Return the same path, as fast as it may be driven; a halt if not at all.
 
         Args:
             pose: The body's own.
@@ -61,7 +61,7 @@ class Fence:
         return Twist(0.0, command.turn_rate) if isinstance(command, Twist) else scaled(command, 0.0)
 
     def on_ground(self, pose: Pose) -> bool:
-        """Whether a body's centre is where a body may be.
+        """Return True if a body's centre is where a body may be.
 
         Args:
             pose: The body's.
@@ -74,7 +74,7 @@ class Fence:
         return self.reaction_s + command.speed_mps / (2.0 * self.braking)
 
     def _keeps_off(self, pose: Pose, command: Command, time_s: float, other: Other) -> bool:
-        """Whether a body comes no nearer to another than both are wide, or goes away from it."""
+        """Return True if a body comes no nearer to another than both are wide, or goes away from it."""
         wide = self.radius + other.radius
         now = other.distance(pose.x, pose.y, 0.0)
         if now - (command.speed_mps + other.speed) * time_s >= wide:

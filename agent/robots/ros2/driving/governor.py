@@ -1,4 +1,4 @@
-"""What the robot is told next, many times a tick. Whatever is in doubt ends in zero velocity."""
+"""The next velocity of the robot, many times a tick: zero in any case of doubt."""
 
 from __future__ import annotations
 
@@ -69,10 +69,10 @@ class Governor:
     def step(
         self, pose: Pose | None, now_s: float, since_s: float, stopped: str, others: Sequence[Other] = ()
     ) -> Command:
-        """What to tell the robot now.
+        """Return the velocity to send now.
 
         Args:
-            pose: Where it is; None if nobody knows.
+            pose: Its pose; None if unknown.
             now_s: The time, s.
             since_s: Time since the last step, s.
             stopped: Why it has to stand whatever the mind wants; empty if it has not.

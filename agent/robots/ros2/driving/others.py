@@ -41,7 +41,7 @@ class Other:
         return math.hypot(self.vx, self.vy)
 
     def distance(self, x: float, y: float, ahead_s: float) -> float:
-        """How far its centre will be from a place, m.
+        """Return the distance of its centre from a place, m.
 
         Args:
             x: m.

@@ -1,8 +1,8 @@
-"""Whether a robot's pose follows what it is told. One whose pose stands still while it is told to drive drives blind.
+"""The check that a robot's pose follows its commands: a robot whose pose stands still under commands drives blind.
 
 Its odometry may hang, or its wheels may be blocked: the two look the same. The mind tries other directions, as after
 any bump. When nothing moves the pose for `BLIND_M` and `BLIND_S`, and for as long as weak motors take to turn the body
-round, the robot stands until its pose moves, or somebody who has looked at it releases it.
+round, the robot stands until its pose moves, or an operator who has looked at it releases it.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from patrol.ground.swept_path import advance
 from patrol.pose import Command, Pose, wrap
 
 ENOUGH_M, ENOUGH_RAD = 0.3, 1.0
-"""How far a robot must have been told to go or to turn before it is judged: well beyond the errors of its pose."""
+"""Commanded motion after which a robot is judged: well beyond the errors of its pose."""
 
 ENOUGH_S = 0.5
 """For how long, s."""
@@ -23,10 +23,10 @@ MOVES_SHARE = 0.25
 """A robot moves that has come this share of what it was told, wherever to: one with weak motors goes on for a while."""
 
 BLIND_M, BLIND_S = 1.0, 1.0
-"""How far and for how long a robot may be told to go without moving, m and s."""
+"""Largest commanded way and time without any motion, m and s."""
 
 MOVED_M, MOVED_RAD = 0.2, 0.3
-"""How far the pose of one that stands must move to show that it moves again: well beyond its noise."""
+"""Motion of the pose that shows that a standing robot moves again: well beyond its noise."""
 
 
 class Response:
@@ -56,7 +56,7 @@ class Response:
 
         Args:
             command: What.
-            pose: Where it is now; None if nobody knows.
+            pose: Its pose now; None if unknown.
             time_s: For how long, s.
         """
         if pose is None or self._begin is None or self._meant is None:
@@ -85,7 +85,7 @@ class Response:
         self._start(pose)
 
     def release(self) -> None:
-        """Somebody has looked at the robot, or it moves: judge it anew."""
+        """Judge the robot anew: an operator has looked at it, or it moves."""
         self.why = ""
         self._blind_m = self._blind_s = 0.0
         self._start(None)

@@ -1,4 +1,4 @@
-"""How a robot is moved: by velocities, or by goals for its Nav2."""
+"""The steering of a ROS 2 robot: by velocities, or by goals for its Nav2."""
 
 from __future__ import annotations
 
@@ -29,24 +29,24 @@ STUCK_SHARE = 0.25
 """A robot that has come less far than this share of what it was told stands before something that no map shows."""
 
 LASTING_ZEROS = 5
-"""How often zero velocity is sent in the end: single messages may be lost."""
+"""Number of messages of zero velocity at the end: single messages may be lost."""
 ZEROS_S = 0.05
 """Time between two of them, s. A router with a limit drops what comes too soon after the command before, also a zero
 (`patrol.ros2.access.COMMAND_HZ`)."""
 
 CONFIRM_S = 1.0
-"""How long Nav2 is given to confirm that it has cancelled its goals when a robot is halted, s."""
+"""Time for Nav2 to confirm that it has cancelled its goals when a robot is halted, s."""
 
 ANOTHER_M = 0.5
-"""How far a new goal must be from the last one to be sent, m."""
+"""Least distance of a new goal from the last one, m."""
 AGAIN_S = 3.0
-"""How long a goal that has failed is not sent again, s."""
+"""Time for which a goal that has failed is not sent again, s."""
 
 HALTED = "it was halted"
 
 
 class Steering(Protocol):
-    """What moves a robot."""
+    """The steering of a robot."""
 
     def want(self, command: Command, goal: Place | None, now_s: float) -> None:
         """Take in what the mind wants.
@@ -62,7 +62,7 @@ class Steering(Protocol):
         """Move on, if it is safe; many times a tick.
 
         Args:
-            fix: Where the robot is; None if nobody knows.
+            fix: The robot's pose; None if unknown.
             now_s: The time, s.
             since_s: Time since the last step, s.
             stopped: Why it has to stand; empty if it has not.
@@ -73,7 +73,7 @@ class Steering(Protocol):
         ...
 
     def ahead(self, fix: Fix, lead_s: float) -> Pose:
-        """Where the robot will be in a moment.
+        """Predict the robot's place in a moment.
 
         Args:
             fix: Where it is.
@@ -82,7 +82,7 @@ class Steering(Protocol):
         ...
 
     def blocked(self, pose: Pose) -> bool:
-        """Whether something has kept it from moving since it was last asked."""
+        """Return True if something has kept it from moving since it was last asked."""
         ...
 
     def halt(self) -> None:
@@ -95,7 +95,7 @@ class Steering(Protocol):
 
     @property
     def unconfirmed(self) -> str:
-        """What of the last stop nobody has confirmed, in a few words; empty where there is nothing to confirm."""
+        """The part of the last stop that is not confirmed, in a few words; empty where there is nothing to confirm."""
         ...
 
 
@@ -134,11 +134,11 @@ class VelocitySteering:
         return self._governor.why if command.speed_mps == 0.0 else ""
 
     def ahead(self, fix: Fix, lead_s: float) -> Pose:
-        """Where the robot will be if it goes on as it was told last."""
+        """Predict the robot's place if it goes on as commanded last."""
         return travelled(fix.pose, velocity_of(self._governor.command, fix.pose.heading), lead_s)
 
     def blocked(self, pose: Pose) -> bool:
-        """Whether the robot did not get on although it was told to, or the fence held it for most of the time."""
+        """Return True if the robot did not get on as commanded, or the fence held it for most of the time."""
         held = self._held > 0.5 * self._steps
         self._steps = self._held = 0
         return self._progress.ended(pose) or held
@@ -163,7 +163,7 @@ class VelocitySteering:
 
 
 class Progress:
-    """Whether a robot goes where it was told to go."""
+    """The check that a robot goes where it was told to go."""
 
     def __init__(self) -> None:
         self._begin: Pose | None = None
@@ -175,7 +175,7 @@ class Progress:
             self._meant = advance(self._meant, command, time_s)
 
     def ended(self, pose: Pose) -> bool:
-        """Whether it did not get on. It is judged anew each time it was told to go far enough.
+        """Return True if it did not get on. It is judged anew each time it was told to go far enough.
 
         Args:
             pose: Where it is.
@@ -241,11 +241,11 @@ class GoalSteering:
         return ""
 
     def ahead(self, fix: Fix, lead_s: float) -> Pose:
-        """Where the robot will be if it goes on as its odometry says."""
+        """Predict the robot's place if it goes on as its odometry says."""
         return travelled(fix.pose, fix.twist, lead_s)
 
     def blocked(self, pose: Pose) -> bool:
-        """Whether a goal has failed."""
+        """Return True if a goal has failed."""
         del pose
         failures, self._failures = self._failures, 0
         return failures > 0
@@ -265,15 +265,15 @@ class GoalSteering:
 
     @property
     def unconfirmed(self) -> str:
-        """Whether Nav2 has not confirmed yet that it has cancelled its goals."""
+        """True if Nav2 has not confirmed yet that it has cancelled its goals."""
         return "Nav2 has not confirmed that it has cancelled its goals" if self._goals.going is Going.STOPPING else ""
 
     def _stand(self, fix: Fix | None, must: bool) -> None:
         """Have no goal.
 
         Args:
-            fix: Where the robot is; None if nobody knows.
-            must: Whether no goal of anybody else may move it either.
+            fix: The robot's pose; None if unknown.
+            must: No goal of another client may move it either.
         """
         moment_s = time.monotonic()
         going = self._goals.step(moment_s)
@@ -285,7 +285,7 @@ class GoalSteering:
 
 
 def _sender(hardware: Hardware) -> Callable[[Command, float], None]:
-    """What sends a command, of which the heading of the body is needed, rad."""
+    """Return the function that sends a command; it takes the heading of the body, rad."""
     settings, link = hardware.settings, hardware.link
     frame = settings.base_frame
     if settings.drive == "ackermann":

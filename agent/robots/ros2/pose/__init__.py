@@ -1,1 +1,1 @@
-"""Where a ROS 2 robot is, by its odometry and what corrects it."""
+"""The pose of a ROS 2 robot, by its odometry and what corrects it."""

@@ -1,4 +1,4 @@
-"""Where the robot is on the map now: its odometry, corrected by its localisation, and brought up to this moment.
+"""The robot's pose on the map now: its odometry, corrected by its localisation, and brought up to this moment.
 
 Odometry is smooth and frequent, but drifts. A localisation corrects it now and then: by the transform of the odometry's
 frame in the map's, which AMCL, slam_toolbox and Cartographer publish on ``tf``, or by poses such as ``amcl_pose``.
@@ -25,23 +25,23 @@ LONGEST_S = 0.5
 """The longest time over which a pose is carried on by its velocity, s."""
 
 AHEAD_S = 0.1
-"""How far a stamp may be ahead of the robot's time, s: clocks on two machines never agree quite."""
+"""Largest lead of a stamp over the robot's time, s: clocks on two machines never agree quite."""
 
 CORRECTION_S = 5.0
-"""How old the newest transform from map to odometry may be, s. AMCL repeats it with every scan."""
+"""Greatest age of the newest transform from map to odometry, s. AMCL repeats it with every scan."""
 
 CORRECTED_M = 10.0
-"""How far a robot may drive on its odometry after the last pose of its localisation, m. AMCL sends one after each 0.2 m
+"""Longest drive on odometry after the last pose of the localisation, m. AMCL sends one after each 0.2 m
 or so, and none to a robot that stands."""
 
 MATCH_S = 0.2
-"""How far in time the odometry that a pose is held against may be from it, s."""
+"""Largest difference in time between a pose and the odometry that it is compared with, s."""
 
 SPEED = 0.25
 """The top speed of a small and careful robot, m/s."""
 
 RADIUS = 0.25
-"""Of its body, m."""
+"""The radius of its body, m."""
 
 _STANDS = 0.02
 """A robot stands whose speed and turn rate add up to less than this, in m/s and rad/s: odometry is noisy."""
@@ -49,7 +49,7 @@ _MOST_CHILDREN = 256
 
 
 class Source(StrEnum):
-    """What corrects the odometry."""
+    """The source of corrections of the odometry."""
 
     TF = "tf"
     POSE = "pose"
@@ -58,7 +58,7 @@ class Source(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Fix:
-    """Where the robot is.
+    """The pose of the robot.
 
     Attributes:
         pose: On the map, now.
@@ -73,7 +73,7 @@ class Fix:
 
 @dataclass(frozen=True, slots=True)
 class _Correction:
-    """Where the odometry's frame is on the map."""
+    """The pose of the odometry's frame on the map."""
 
     pose: Pose
     arrived_s: float
@@ -82,7 +82,7 @@ class _Correction:
 
 @dataclass(frozen=True, slots=True)
 class LocalisationSettings:
-    """How a robot is found on the map.
+    """The settings by which a robot is found on the map.
 
     Attributes:
         source: What corrects its odometry.
@@ -198,7 +198,7 @@ class Localisation:
         self._posed = _Correction(composed(message.pose, inverted(then)), arrived_s, nearest.driven_m)
 
     def _precedes_all(self, at_s: float) -> bool:
-        """Whether a pose is from before the first odometry of a robot that stood then.
+        """Return True if a pose is from before the first odometry of a robot that stood then.
 
         A localisation is silent while a robot stands, so that its latched pose may be old. Since then the robot has
         driven less than it takes for another one: no more than some 0.2 m.
@@ -209,7 +209,7 @@ class Localisation:
         return self._posed is None and stood and len(readings) < REMEMBERED and at_s < first.stamp_s
 
     def at(self, now_s: float) -> Fix | None:
-        """Where the robot is now; None, and `why`, if nobody knows.
+        """Return the robot's pose now; None, and `why`, if it is unknown.
 
         Args:
             now_s: The time, s.
@@ -268,5 +268,5 @@ class Localisation:
 
 
 def _named(frame: str) -> str:
-    """A frame's name as tf compares it: old robots put a slash before it."""
+    """Return a frame's name as tf compares it: old robots put a slash before it."""
     return frame.lstrip("/")

@@ -1,7 +1,7 @@
 """The odometry of a robot, as far as it can be believed: of one sender, in its order, and without jumps.
 
 Odometry goes on as a body does. What is farther from what came before than speed and time allow is not: the robot was
-restarted and counts from somewhere else, it was carried, or somebody else speaks. Then nobody knows where it is until
+restarted and counts from somewhere else, it was carried, or another node speaks. Then its pose is unknown until
 its odometry has been steady for `SETTLED_S`, and something has said anew where that lies on the map.
 """
 
@@ -22,16 +22,16 @@ SETTLED_S = 1.0
 """For how long odometry must be steady, or of one sender, before it counts again, s."""
 
 JUMP_M, JUMP_RAD = 0.5, 1.0
-"""What odometry may be off without having jumped, m and rad: the noise of its poses, and what a message comes late."""
+"""Largest change of odometry that is no jump, m and rad: the noise of its poses, and the lateness of a message."""
 
 USUAL_S = 0.1
 """Time between two messages of which none between them is missing, s."""
 
 MOST_RAD = 3.0
-"""A turn that is larger is a jump, however fast the robot can turn: of nearly half a turn nobody can say which way."""
+"""A turn that is larger is a jump, however fast the robot can turn: of nearly half a turn the sense is unknown."""
 
 BACK_S = 0.1
-"""By how much arrivals must go back for a clock to have been set back, s."""
+"""Least step back of arrivals that means that a clock was set back, s."""
 
 REMEMBERED = 256
 """Messages that are remembered."""
@@ -91,7 +91,7 @@ class Odometer:
 
     @property
     def newest(self) -> Reading | None:
-        """What it believes of the newest message."""
+        """The newest message, as far as it is believed."""
         return self.readings[-1] if self.readings else None
 
     def take(self, message: Odometry, arrived_s: float, sender: bytes = b"") -> bool:
@@ -161,19 +161,19 @@ class Odometer:
         self.readings.append(reading)
 
     def _settled(self, reading: Reading) -> bool:
-        """Whether what came astray has been steady for long enough to be where the robot counts from now."""
+        """Return True if what came astray has been steady for long enough to be where the robot counts from now."""
         if self._astray is None or not self._follows(self._astray, reading):
             self._astray_since_s = reading.arrived_s
         self._astray, self._strayed_s = reading, reading.arrived_s
         return reading.arrived_s - self._astray_since_s >= SETTLED_S
 
     def _keeps_its_speed(self, reading: Reading) -> bool:
-        """Whether many small jumps make no large one."""
+        """Return True if many small jumps make no large one."""
         second = [one for one in self.readings if 0.0 <= reading.arrived_s - one.arrived_s <= SETTLED_S]
         return not second or self._follows(second[0], reading)
 
     def _follows(self, before: Reading, after: Reading) -> bool:
-        """Whether a body that was at the one can be at the other."""
+        """Return True if a body that was at the one can be at the other."""
         lapsed_s = max(after.stamp_s - before.stamp_s, after.arrived_s - before.arrived_s, 0.0)
         time_s = min(lapsed_s, SETTLED_S) + self._fresh_s  # messages that waited arrive together
         speed = max(self._speed, min(_speed(before.twist), _speed(after.twist)))

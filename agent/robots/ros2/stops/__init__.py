@@ -1,1 +1,1 @@
-"""Who has told a ROS 2 robot to stop, how that outlives the process, and whether the robot stands."""
+"""The stops of a ROS 2 robot, the files in which they outlive the process, and the check that the robot stands."""

@@ -18,7 +18,7 @@ _FOLDER = "fogwatch"
 
 
 def state_folder(given: Path | None, environment: Mapping[str, str]) -> Path:
-    """Where this user's processes keep what must outlive them.
+    """Return the folder for what must outlive this user's processes.
 
     Args:
         given: What an option says, if it says anything.
@@ -28,7 +28,7 @@ def state_folder(given: Path | None, environment: Mapping[str, str]) -> Path:
         The option's folder, else the first one of systemd's ``StateDirectory=``, else the user's own.
 
     Raises:
-        BadInput: Nobody says where the user's own is.
+        BadInput: The user's own folder is unknown.
     """
     if given is not None:
         return given
@@ -68,7 +68,7 @@ class StopFiles:
             ) from None
 
     def holds(self, stopper: str) -> bool:
-        """Whether somebody's stop holds.
+        """Return True if any stop holds.
 
         Args:
             stopper: Who.

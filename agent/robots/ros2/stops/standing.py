@@ -1,4 +1,4 @@
-"""Whether a robot that was told to stand does, as far as anybody can tell."""
+"""The check that a robot that was told to stand does, as far as its odometry shows."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ STANDS_S = LONGEST_S + 0.1
 """For how long odometry must say that a robot stands, s: what it says may be so old, and from before the stop."""
 
 LIMIT_S = 3.0
-"""How long a robot has to come to rest before whoever stopped it is told that it has not, s."""
+"""Time for a robot to come to rest before its operator is told that it has not, s."""
 
 LOOK_S = 1.0
-"""How long whoever asks later waits at most, s: long enough to see a robot stand that has come to rest since."""
+"""Longest wait of a later request, s: long enough to see a robot stand that has come to rest since."""
 
 _JUST = "it has not come to rest yet"
 
 
 def moves(fix: Fix) -> bool:
-    """Whether a robot moves, as its odometry says.
+    """Return True if a robot moves, as its odometry says.
 
     Args:
         fix: Where it is.
@@ -33,7 +33,7 @@ def moves(fix: Fix) -> bool:
 
 
 def speed_of(fix: Fix) -> float:
-    """How fast a robot moves and turns, together: m/s and rad/s.
+    """Return the speed of a robot and its rim together: m/s and rad/s.
 
     Args:
         fix: Where it is.
@@ -62,11 +62,11 @@ class Standing:
             self._still_s, self._doubt = None, _JUST
 
     def look(self, fix: Fix | None, unconfirmed: str, moment_s: float) -> None:
-        """What is known of the robot, which has been told to stand.
+        """Describe the state of a robot that was told to stand.
 
         Args:
-            fix: Where it is; None if nobody knows.
-            unconfirmed: What of the stop nobody has confirmed; empty if there is nothing.
+            fix: Its pose; None if unknown.
+            unconfirmed: The part of the stop that is not confirmed; empty if there is none.
             moment_s: When, by `time.monotonic`.
         """
         with self._changed:

@@ -1,4 +1,4 @@
-"""Who has told the robot to stop. Everybody who has must release it before it drives again, also after a restart."""
+"""The stops of the robot. Each source of a stop must release it before it drives again, also after a restart."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from threading import Condition, Thread
 from agent.robots.ros2.stops.files import StopFiles
 
 SAVE_S = 1.0
-"""How long a disk may take to note a stop before whoever waits for it is told that it is not noted, s."""
+"""Longest time to write a stop to disk before its source is told that it is not written, s."""
 
 
 class Stopper(StrEnum):
-    """Who can stop a robot."""
+    """The sources of stops."""
 
     OPERATOR = "operator"
     TOPIC = "topic"
@@ -49,7 +49,7 @@ class Stops:
 
     @property
     def why(self) -> str:
-        """Who has stopped the robot, and how to release it; empty if nobody has."""
+        """The stops of the robot and how to release them; empty if there are none."""
         with self._changed:
             held = [self._texts[stopper] for stopper in self._held]
         return "; ".join(f"stopped by {who} ({release})" for who, release in held)
@@ -60,7 +60,7 @@ class Stops:
         return self._error
 
     def who(self, stopper: Stopper) -> str:
-        """What people call somebody who stops the robot."""
+        """Name a source of stops, for people."""
         return self._texts[stopper][0]
 
     def hold(self, stopper: Stopper) -> bool:
@@ -81,7 +81,7 @@ class Stops:
             return new
 
     def release(self, stopper: Stopper) -> bool:
-        """Release what was stopped by somebody; others' stops still hold.
+        """Release the stops of one source; others' stops still hold.
 
         Args:
             stopper: Who says so.

@@ -64,7 +64,7 @@ class StopTopic(RosMailbox[Bool]):
         super().refuse(reason, line)
 
     def heed(self) -> tuple[bool, bool, str]:
-        """What has come since this was last asked.
+        """Take the requests that have come since the last call.
 
         Returns:
             Whether the topic stopped the robot in the meantime, whether it holds it now, and why a false has not
