@@ -30,7 +30,7 @@ class Layout:
 
 
 def builtin_terrain(name: str, point: float) -> Terrain:
-    """A built-in terrain as a grid; a point that shares some area with an obstacle is impassable.
+    """Return a built-in terrain as a grid; a point that shares some area with an obstacle is impassable.
 
     Args:
         name: a key of `LAYOUTS`.
@@ -62,7 +62,7 @@ def _box(left: float, low: float, right: float, high: float) -> Polygon:
 
 
 def _tank(x: float, y: float, radius: float) -> Polygon:
-    """A round tank as an octagon."""
+    """Return a round tank as an octagon."""
     turns = [math.pi * (2 * i + 1) / 8 for i in range(8)]
     return tuple((x + radius * math.cos(turn), y + radius * math.sin(turn)) for turn in turns)
 

@@ -1,7 +1,7 @@
 """Static fields of one body and sensor on one terrain: where it fits, where it gets to, what it can see from there.
 
 They depend on nothing that happens in a run, so they are computed once and shared, memory-mapped, by all processes.
-The kernels that compute them are loaded where they are used: whoever is given the fields needs none of them.
+The kernels that compute them are loaded where they are used: a process that is given the fields needs none of them.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from patrol.pose import Pose
 IntGrid = NDArray[np.int32]
 
 TOLERANCE = 1e-9
-"""How much nearer than its planning radius (m) a body's centre may be to a wall."""
+"""Rounding allowed in the distance (m) of a body's centre from a wall."""
 
 GRIDS = ("cspace", "reach", "patrolled", "proxy")
 
 MARGIN = 2.0
-"""How far (points) beyond the planning radius's half point the way from a start to the C-space may be."""
+"""Longest way (points) from a start to the C-space, beyond the planning radius's half point."""
 
 
 @dataclass(frozen=True, eq=False)
 class StaticFields:
-    """What robots of one radius can do on one terrain. All arrays are (height, width) and read-only.
+    """The reach and the view of robots of one radius on one terrain. All arrays are (height, width) and read-only.
 
     Attributes:
         cspace: bool, the body fits with its centre at the point's centre.
@@ -72,7 +72,7 @@ class StaticFields:
 
 
 def load_grid(path: Path) -> NDArray[Any]:
-    """An array of a .npy file, memory-mapped and read-only.
+    """Return an array of a .npy file, memory-mapped and read-only.
 
     Args:
         path: The file.
@@ -123,7 +123,7 @@ def clearance_levels(free: BoolGrid, cap: int) -> IntGrid:
 
 
 def cspace_of(terrain: Terrain, radius: float) -> BoolGrid:
-    """The C-space of a body: where its centre keeps the planning radius to every wall.
+    """Return the C-space of a body: where its centre keeps the planning radius to every wall.
 
     Distances are exact, from a point's centre to the nearest blocked or keep-out square and to the terrain's edge.
 
@@ -140,7 +140,7 @@ def cspace_of(terrain: Terrain, radius: float) -> BoolGrid:
 
 
 def parts_of(mask: BoolGrid) -> tuple[IntGrid, int]:
-    """The connected parts of a mask (8 neighbours, no corner cutting).
+    """Return the connected parts of a mask (8 neighbours, no corner cutting).
 
     Args:
         mask: bool (h, w).
@@ -156,7 +156,7 @@ def parts_of(mask: BoolGrid) -> tuple[IntGrid, int]:
 
 
 def anchor(terrain: Terrain, cspace: BoolGrid, x: float, y: float) -> tuple[int, int] | None:
-    """The C-space point through which a body joins the C-space.
+    """Return the C-space point through which a body joins the C-space.
 
     The nearest point within two points and a half (the lowest index of several) that a straight line over free points
     leads to, so that no start joins a room behind a wall.
@@ -187,7 +187,7 @@ def anchor(terrain: Terrain, cspace: BoolGrid, x: float, y: float) -> tuple[int,
 
 
 def _open_line(terrain: Terrain, x0: float, y0: float, x1: float, y1: float) -> bool:
-    """Whether every tenth of a point along a short straight line lies on free points."""
+    """Return True if every tenth of a point along a short straight line lies on free points."""
     steps = max(math.ceil(10.0 * math.hypot(x1 - x0, y1 - y0) / terrain.point), 1)
     for i in range(steps + 1):
         at = terrain.point_at(x0 + (x1 - x0) * i / steps, y0 + (y1 - y0) * i / steps)
@@ -199,7 +199,7 @@ def _open_line(terrain: Terrain, x0: float, y0: float, x1: float, y1: float) -> 
 def compute_fields(
     terrain: Terrain, radius: float, sensor_range: float, line_of_sight: bool, starts: Sequence[Pose]
 ) -> StaticFields:
-    """The static fields of a body and a sensor, for robots that begin at given places.
+    """Return the static fields of a body and a sensor, for robots that begin at given places.
 
     Patrolled is what the whole disc around some place in reach sees, whatever the sensor's angle: a robot may turn.
 

@@ -38,11 +38,11 @@ NEARLY_NOTHING = 0.05
 """Share of free cells below which a map's settings rather than its walls are to blame."""
 
 SEVERAL = 4.0
-"""How many times as many free cells make another value of a setting more likely than the one given."""
+"""Factor of more free cells that makes another value of a setting more likely than the one given."""
 
 
 def free_cells(says: MapFile) -> BoolGrid:
-    """The cells of a map that are free, that is neither occupied nor unknown.
+    """Return the cells of a map that are free, that is neither occupied nor unknown.
 
     As nav2: a pixel's shade is the mean of its channels (with alpha in mode trinary) and its occupancy 1 - shade, or
     shade where negate is set; free is what lies below free_thresh. In mode scale a pixel that is not opaque is unknown.
@@ -66,7 +66,7 @@ def free_cells(says: MapFile) -> BoolGrid:
 
 
 def image_size(says: MapFile) -> tuple[int, int]:
-    """The (rows, columns) of a map's image, from its first bytes.
+    """Return the (rows, columns) of a map's image, from its first bytes.
 
     Args:
         says: The map's YAML file.
@@ -79,7 +79,7 @@ def image_size(says: MapFile) -> tuple[int, int]:
 
 
 def _occupancy(says: MapFile, block: NDArray[np.float64], has_alpha: bool) -> tuple[BoolGrid, NDArray[np.float64]]:
-    """Which cells of some rows are not unknown for the image's sake, and the occupancy of each, 0 to 1."""
+    """Return the known cells of some rows, as far as the image tells, and the occupancy of each, 0 to 1."""
     alpha = block[..., -1] if has_alpha else np.full(block.shape[:2], float(QUANTA))
     colours = block[..., :-1] if has_alpha and says.mode != "trinary" else block
     shade = colours.sum(axis=-1) / colours.shape[-1] / QUANTA
@@ -91,7 +91,7 @@ def _occupancy(says: MapFile, block: NDArray[np.float64], has_alpha: bool) -> tu
 
 @dataclass(frozen=True, slots=True)
 class CellShares:
-    """What a map's settings make of its cells.
+    """The shares of free and of occupied cells under a map's settings.
 
     Attributes:
         free: Share of the free cells, 0 to 1.
@@ -102,14 +102,14 @@ class CellShares:
     occupied: float
 
     def __str__(self) -> str:
-        """The three shares in percent."""
+        """Return the three shares in percent."""
         unknown = max(1.0 - self.free - self.occupied, 0.0)
         free, occupied = _percent(self.free), _percent(self.occupied)
         return f"{free} of its cells free, {occupied} occupied and {_percent(unknown)} unknown"
 
 
 def cell_shares(says: MapFile) -> CellShares:
-    """The shares of free and occupied cells.
+    """Return the shares of free and occupied cells.
 
     Args:
         says: The map's YAML file.
@@ -128,7 +128,7 @@ def cell_shares(says: MapFile) -> CellShares:
 
 
 def suspicious(says: MapFile) -> str:
-    """What a map's settings make of its cells, and which setting to correct, where they seem wrong.
+    """Describe the cells under a map's settings and the setting to correct, where they seem wrong.
 
     They seem wrong where nearly nothing is free, and where another value of one of them would free several times more.
 

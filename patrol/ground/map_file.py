@@ -1,4 +1,4 @@
-"""What a map's YAML file says, in ROS map_server's format.
+"""A map's YAML file, in ROS map_server's format.
 
 Its keys are image, resolution, origin, negate, occupied_thresh, free_thresh and, if wanted, mode.
 """
@@ -21,7 +21,7 @@ MODES: tuple[Mode, ...] = ("trinary", "scale", "raw")
 
 @dataclass(frozen=True, slots=True)
 class MapFile:
-    """What a map's YAML file says.
+    """The content of a map's YAML file.
 
     Attributes:
         path: The YAML file.

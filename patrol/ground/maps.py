@@ -26,7 +26,7 @@ TOLERANCE = 1e-6
 
 
 class TerrainSource(Protocol):
-    """Which terrain is meant: a scenario's section `terrain`."""
+    """A terrain's name or file, and its keep-out zones: a scenario's section `terrain`."""
 
     @property
     def builtin(self) -> str | None:
@@ -45,7 +45,7 @@ class TerrainSource(Protocol):
 
 
 def load_terrain(spec: TerrainSource, point: float, base: Path, within: Path | None = None) -> Terrain:
-    """The terrain that a scenario asks for.
+    """Return the terrain that a scenario asks for.
 
     Args:
         spec: The scenario's `terrain` section.
@@ -72,7 +72,7 @@ def load_terrain(spec: TerrainSource, point: float, base: Path, within: Path | N
 
 
 def read_terrain(path: Path, point: float, within: Path | None = None) -> Terrain:
-    """The terrain of a map.
+    """Return the terrain of a map.
 
     The grid begins at the map's origin; what is left of the map beyond the last whole point is dropped.
 
@@ -109,7 +109,7 @@ def read_terrain(path: Path, point: float, within: Path | None = None) -> Terrai
 
 
 def suspicious_reading(terrain: Terrain) -> str:
-    """What the settings of a terrain's map make of its cells, where they seem wrong.
+    """Describe the cells under the settings of a terrain's map, where they seem wrong.
 
     Args:
         terrain: As read.
@@ -124,7 +124,7 @@ def suspicious_reading(terrain: Terrain) -> str:
 
 
 def resample(cells: BoolGrid, resolution: float, point: float) -> BoolGrid:
-    """The points on which every cell that they share some area with is free.
+    """Return the points on which every cell that they share some area with is free.
 
     Args:
         cells: bool (rows, columns), free cells.

@@ -18,7 +18,7 @@ TOLERANCE = 1e-6
 
 
 def cover(polygon: Polygon, shape: tuple[int, int], point: float, origin: tuple[float, float]) -> BoolGrid:
-    """The points that share some area with a polygon, whose inside is by the even-odd rule.
+    """Return the points that share some area with a polygon, whose inside is by the even-odd rule.
 
     Args:
         polygon: Corners in m.
@@ -77,7 +77,7 @@ def _painted(covered: BoolGrid, edges: Sequence[_Edge], rows: NDArray[np.int64],
 
 
 def _reached(a0: float, a1: float, index: NDArray[np.int64]) -> tuple[int, int]:
-    """The range of rows or columns, as places in `index`, that an edge may run through, and a few more."""
+    """Return the range of rows or columns, as places in `index`, that an edge may run through, and a few more."""
     low, high = np.clip([min(a0, a1) - 2.0, max(a0, a1) + 2.0], float(index[0]), float(index[-1] + 1))
     return math.floor(low) - int(index[0]), math.ceil(high) - int(index[0])
 
@@ -91,7 +91,7 @@ def _span(values: Sequence[float], count: int) -> NDArray[np.int64]:
 def _crossings(
     x0: float, y0: float, x1: float, y1: float, rows: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """The rows, as places in `rows`, whose middle an edge crosses, and where, in points."""
+    """Return the rows, as places in `rows`, whose middle an edge crosses, and where, in points."""
     low, high = _reached(y0, y1, rows)
     ys = np.asarray(rows[low:high] + 0.5, dtype=np.float64)
     between = np.flatnonzero((ys >= y0) != (ys >= y1))

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def advance(pose: Pose, command: Command, step: float) -> Pose:
-    """The pose after one step with nothing in the way.
+    """Return the pose after one step with nothing in the way.
 
     A holonomic robot faces the direction in which it moves, and keeps its heading when it stands. A car and a
     differential drive follow an exact arc; the latter may also turn on the spot.
@@ -43,7 +43,7 @@ def advance(pose: Pose, command: Command, step: float) -> Pose:
 
 
 def line_is_free(terrain: Terrain, start: tuple[float, float], end: tuple[float, float], radius: float) -> bool:
-    """Whether a body touches no wall on a straight line.
+    """Return True if a body touches no wall on a straight line.
 
     Args:
         terrain: The map.
@@ -55,7 +55,7 @@ def line_is_free(terrain: Terrain, start: tuple[float, float], end: tuple[float,
 
 
 def path_is_free(terrain: Terrain, pose: Pose, command: Command, step: float, radius: float) -> bool:
-    """Whether a body can obey a command for one step; touching a wall is free.
+    """Return True if a body can obey a command for one step; touching a wall is free.
 
     Args:
         terrain: The map.
@@ -77,7 +77,7 @@ def path_is_free(terrain: Terrain, pose: Pose, command: Command, step: float, ra
 
 
 def chords(command: Command, step: float) -> int:
-    """How many chords represent the path of one step in `lay_path`.
+    """Count the chords that represent the path of one step in `lay_path`.
 
     Args:
         command: What the body obeys.
@@ -118,7 +118,7 @@ def lay_path(path: NDArray[np.float64], pose: Pose, command: Command, step: floa
 
 
 def free_fraction(terrain: Terrain, pose: Pose, target: Pose, radius: float) -> float:
-    """The largest fraction of a line that is free.
+    """Return the largest fraction of a line that is free.
 
     Args:
         terrain: The map.

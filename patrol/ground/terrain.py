@@ -23,7 +23,7 @@ MAX_POINTS = 50_000_000
 
 
 def whole_points(length: float, point: float) -> int:
-    """The number of whole points that lie along a length; a millionth of a point may be missing.
+    """Return the number of whole points that lie along a length; a millionth of a point may be missing.
 
     Args:
         length: m.
@@ -36,7 +36,7 @@ def whole_points(length: float, point: float) -> int:
 
 
 def frozen_grid(mask: BoolGrid) -> BoolGrid:
-    """A read-only, row-major bool view of a mask; copies only where its memory is laid out otherwise.
+    """Return a read-only, row-major bool view of a mask; copies only where its memory is laid out otherwise.
 
     Args:
         mask: bool (h, w).
@@ -127,7 +127,7 @@ class Terrain:
         return room
 
     def with_grids(self, free: BoolGrid, blocked: NDArray[np.uint8]) -> Terrain:
-        """Take over `free` and `blocked` from somebody who has computed them, such as from files that many share.
+        """Take over `free` and `blocked` computed elsewhere, such as from files that many share.
 
         Args:
             free: bool (height, width), what this terrain would make of its grids.
@@ -161,7 +161,7 @@ class Terrain:
         return ox + (col + 0.5) * self.point, oy + (row + 0.5) * self.point
 
     def inside(self, row: int, col: int) -> bool:
-        """Whether (row, col) is a point of this grid.
+        """Return True if (row, col) is a point of this grid.
 
         Args:
             row: From the lowest y.
@@ -171,7 +171,7 @@ class Terrain:
         return 0 <= row < height and 0 <= col < width
 
     def contains(self, x: float, y: float) -> bool:
-        """Whether a place lies on the terrain; False for NaN and infinities.
+        """Return True if a place lies on the terrain; False for NaN and infinities.
 
         Args:
             x: m.

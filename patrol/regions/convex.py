@@ -50,7 +50,7 @@ def circumference(polygon: Floats) -> float:
 
 
 def hull(places: Floats) -> Floats:
-    """The convex hull of places, without corners on straight sides.
+    """Return the convex hull of places, without corners on straight sides.
 
     Args:
         places: float64 (n, 2).
@@ -75,7 +75,7 @@ def hull(places: Floats) -> Floats:
 
 
 def dents(polygon: Floats) -> Bools:
-    """Which corners of any polygon are concave, by more than DENT at the end of the shorter side.
+    """Mark the corners of polygons that are concave, by more than DENT at the end of the shorter side.
 
     Args:
         polygon: float64 (k, 2).
@@ -91,7 +91,7 @@ def dents(polygon: Floats) -> Bools:
 
 
 def outward(polygon: Floats) -> tuple[Floats, Floats]:
-    """The sides of a convex polygon as lines.
+    """Return the sides of a convex polygon as lines.
 
     Args:
         polygon: float64 (k, 2).
@@ -106,7 +106,7 @@ def outward(polygon: Floats) -> tuple[Floats, Floats]:
 
 
 def overlap(polygon: Floats, other: Floats) -> float:
-    """How deep two convex polygons reach into each other: the shortest way to part them.
+    """Return the depth of two overlapping convex polygons: the shortest way to part them.
 
     Args:
         polygon: float64 (k, 2).
@@ -123,7 +123,7 @@ def overlap(polygon: Floats, other: Floats) -> float:
 
 
 def depths(polygon: Floats, places: Floats) -> Floats:
-    """How deep each place lies within a convex polygon.
+    """Return the depth of each place within a convex polygon.
 
     Args:
         polygon: float64 (k, 2).
@@ -138,7 +138,7 @@ def depths(polygon: Floats, places: Floats) -> Floats:
 
 
 def left_of(polygon: Floats, a: Floats, b: Floats) -> Floats:
-    """The part of any polygon on the left of a line.
+    """Return the part of any polygon on the left of a line.
 
     Args:
         polygon: float64 (k, 2).

@@ -22,10 +22,10 @@ from patrol.regions.outline import Ring
 Ints = NDArray[np.int64]
 
 SLACK = 1.0
-"""How far, in points, a cut between two corners may miss a convex angle."""
+"""Largest error, in points, of a cut between two corners that should leave convex angles."""
 
 DENT = 0.25
-"""How far, in points, a corner may jut into a piece."""
+"""Largest depth, in points, of a corner that juts into a piece."""
 
 MARGIN = 0.5
 """Least distance, in points, of a cut from corners that it passes, and of its end from one that it might end in."""
@@ -89,7 +89,7 @@ class Plan:
 
 
 def convex_pieces(rings: Sequence[Ring]) -> list[Floats]:
-    """The pieces into which cuts divide the ground inside the rings; angles exceed 180 degrees by SLACK at most.
+    """Return the pieces into which cuts divide the ground inside the rings; angles exceed 180 degrees by SLACK at most.
 
     Args:
         rings: Outlines of the ground.
@@ -122,7 +122,7 @@ def _plan(rings: Sequence[Ring]) -> Plan:
 
 
 def _shared_cuts(plan: Plan) -> tuple[list[tuple[int, int]], Floats, Floats]:
-    """The cuts that serve two concave corners, shortest first, and their two ends, float64 (k, 2) each."""
+    """Return the cuts that serve two concave corners, shortest first, and their two ends, float64 (k, 2) each."""
     begin, end = plan.corners, np.ascontiguousarray(plan.corners[plan.after])
     ways = plan.no_ways()
     plan.shorten(plan.concave, begin, end, 0, ways)
@@ -139,7 +139,7 @@ def _shared_cuts(plan: Plan) -> tuple[list[tuple[int, int]], Floats, Floats]:
 
 
 def best_set(cuts: Sequence[tuple[int, int]], first: Floats, second: Floats) -> list[tuple[int, int]]:
-    """As many of the cuts as neither cross nor share a corner, and of as many the shorter ones.
+    """Choose the most cuts that neither cross nor share a corner, and of as many the shorter ones.
 
     A local optimum: no cut can be changed for two others, nor for a shorter one.
 
@@ -224,7 +224,7 @@ def _ending(plan: Plan, v: int, way: Floats) -> int:
 
 
 def _serves(plan: Plan, corner: int, other: int) -> bool:
-    """Whether a cut from a corner to another place leaves convex angles at the corner."""
+    """Return True if a cut from a corner to another place leaves convex angles at the corner."""
     place = np.array([plan.place(other)])
     ways = plan.no_ways()
     plan.shorten(np.array([corner]), place, place, 0, ways)

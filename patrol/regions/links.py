@@ -1,4 +1,4 @@
-"""Where a body passes from one region to the next (paper, "The region method": connecting points)."""
+"""Connections: points at which a body passes from one region to the next (paper: connecting points)."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Connection:
 
 
 def connect(terrain: Terrain, labels: Ints, body: BoolGrid) -> tuple[Ints, tuple[Connection, ...]]:
-    """The parts of regions in which a body's centre may be, and the connections between them.
+    """Return the parts of regions in which a body's centre may be, and the connections between them.
 
     Args:
         terrain: The ground.
@@ -86,7 +86,7 @@ def _borders(parts: Ints) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def _middles(first: NDArray[np.int64], second: NDArray[np.int64], width: int) -> list[int]:
-    """The index of the middle pair of points of each stretch of the border between two parts."""
+    """Return the index of the middle pair of points of each stretch of the border between two parts."""
     places = 0.5 * (np.stack(np.divmod(first, width), axis=1) + np.stack(np.divmod(second, width), axis=1))
     # Two convex regions meet along a straight line, so places are in order along the way from one end to the other.
     end = places[np.argmax(np.hypot(*(places - places[0]).T))]

@@ -19,11 +19,11 @@ from patrol.regions.kernels.outline import fewest_corners, trace
 Ints = NDArray[np.int64]
 
 SHAVE = 0.5
-"""How much of the free ground (points) an outline may cut off at a corner: so little that each point keeps its
+"""Most free ground (points) that an outline may cut off at a corner: so little that each point keeps its
 centre."""
 
 NOTCH = 0.05
-"""How far, in points, corners that touch are drawn apart."""
+"""Distance, in points, by which corners that touch are drawn apart."""
 
 _NO_SIDES = np.empty((0, 2, 2))
 
@@ -43,7 +43,7 @@ class Ring:
 
 
 def loops_of(free: BoolGrid, fill: float) -> list[Floats]:
-    """The exact outline of a mask as `trace_loops` has it, without small holes.
+    """Return the exact outline of a mask as `trace_loops` has it, without small holes.
 
     Args:
         free: bool (h, w).
@@ -57,7 +57,7 @@ def loops_of(free: BoolGrid, fill: float) -> list[Floats]:
 
 
 def simplified(loops: Sequence[Floats], fill: float) -> list[Ring]:
-    """An exact outline with few corners.
+    """Return an exact outline with few corners.
 
     Outer rings run counter-clockwise, holes clockwise; rings neither cross nor touch.
 
@@ -79,7 +79,7 @@ def simplified(loops: Sequence[Floats], fill: float) -> list[Ring]:
 
 
 def trace_loops(mask: BoolGrid) -> list[Floats]:
-    """The exact outline of a mask.
+    """Return the exact outline of a mask.
 
     Where two points touch at a corner only, each one's corner is drawn back by NOTCH, so that loops never touch.
 
@@ -106,7 +106,7 @@ def trace_loops(mask: BoolGrid) -> list[Floats]:
 
 
 def _straighten(loop: Floats, everything: Floats, fill: float) -> Ring:
-    """The ring of a loop, so that nothing else of the outline lies between the two.
+    """Return the ring of a loop, so that nothing else of the outline lies between the two.
 
     everything: float64 (m, 2), all corners there are, by y.
     """
@@ -139,7 +139,7 @@ def _between(i: int, j: int, n: int) -> Ints:
 
 
 def _shuts_in(loop: Floats, side: tuple[int, int], everything: Floats) -> bool:
-    """Whether corners of other parts of the outline lie between a side and the corners that it skips."""
+    """Return True if corners of other parts of the outline lie between a side and the corners that it skips."""
     passed = _between(*side, len(loop))
     if passed.size == 0:
         return False
@@ -173,7 +173,7 @@ def _sides(ring: Ring) -> Floats:
 
 
 def _mergeable(ring: Ring, fill: float) -> Ints:
-    """The corners of short sides between two concave corners, shortest first."""
+    """Return the corners of short sides between two concave corners, shortest first."""
     corners = np.array(ring.corners)
     back, ahead = np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0)
     concave = cross(corners - back, ahead - corners) < -FLAT
@@ -214,7 +214,7 @@ def _merge_at(ring: Ring, i: int, others: Floats, fill: float) -> bool:
 
 
 def _is_free(sides: Floats, a: Floats, first: Floats, second: Floats, b: Floats, place: Floats) -> bool:
-    """Whether none of the other sides is in the way when two corners between a and b become one at a place."""
+    """Return True if none of the other sides is in the way when two corners between a and b become one at a place."""
     bend = np.stack([a, first, second, b, place])
     near = ((sides.max(axis=1) >= bend.min(axis=0)) & (sides.min(axis=1) <= bend.max(axis=0))).all(axis=1)
     sides = sides[near]
@@ -226,7 +226,7 @@ def _is_free(sides: Floats, a: Floats, first: Floats, second: Floats, b: Floats,
 
 
 def _meeting_places(a: Floats, first: Floats, second: Floats, b: Floats, fill: float) -> list[Floats]:
-    """Where one corner may replace two: half-way between them, and where the sides beyond them meet."""
+    """Give the places where one corner may replace two: half-way between, and where the sides beyond them meet."""
     middle = 0.5 * (first + second)
     ahead, back = first - a, second - b
     turn = float(cross(ahead, back))
@@ -239,7 +239,7 @@ def _meeting_places(a: Floats, first: Floats, second: Floats, b: Floats, fill: f
 
 
 def _replaces(chain: Floats, a: Floats, place: Floats, b: Floats, fill: float) -> bool:
-    """Whether the sides a, place, b, with a concave corner, keep within the tolerances of a chain's corners."""
+    """Return True if the sides a, place, b, with a concave corner, keep within the tolerances of a chain's corners."""
     away = np.minimum(_distances(chain, a, place), _distances(chain, place, b))
     is_free = (cross(place - a, chain - a) > 0.0) | (cross(b - place, chain - place) > 0.0)
     return bool((away <= np.where(is_free, fill, SHAVE) + FLAT).all())
@@ -262,7 +262,7 @@ def _in_triangle(places: Floats, a: Floats, b: Floats, c: Floats) -> BoolGrid:
 
 
 def _crosses(sides: Floats, a: Floats, b: Floats) -> bool:
-    """Whether the line from a to b crosses any of some sides, (k, 2, 2)."""
+    """Return True if the line from a to b crosses any of some sides, (k, 2, 2)."""
     begin, end = sides[:, 0], sides[:, 1]
     apart = cross(b - a, begin - a) * cross(b - a, end - a)
     across = cross(end - begin, a - begin) * cross(end - begin, b - begin)

@@ -12,7 +12,7 @@ import numpy as np
 from patrol.regions.convex import Floats, area, circumference, cross, dents, depths, hull, left_of, outward, overlap
 
 POCKET = 1.0
-"""How deep, in points, a merged region may reach into walls beside its parts."""
+"""Largest depth, in points, of a merged region in walls beside its parts."""
 
 TOUCHING = 1e-6
 """Polygons that overlap by less than this, in points or square points, only touch."""
@@ -59,7 +59,7 @@ class Patchwork:
         self._low[number], self._high[number] = np.inf, -np.inf
 
     def near(self, polygon: Floats, margin: float = 0.0) -> list[int]:
-        """The polygons whose boxes come near a polygon's box.
+        """Return the polygons whose boxes come near a polygon's box.
 
         Args:
             polygon: float64 (k, 2).
@@ -72,7 +72,7 @@ class Patchwork:
         return [int(i) for i in np.flatnonzero(((self._low <= high) & (self._high >= low)).all(axis=1))]
 
     def is_clear(self, polygon: Floats, *besides: int) -> bool:
-        """Whether a convex polygon at most touches the others.
+        """Return True if a convex polygon at most touches the others.
 
         Args:
             polygon: float64 (k, 2).
@@ -82,7 +82,7 @@ class Patchwork:
         return all(overlap(polygon, other) <= TOUCHING for other in others)
 
     def rest(self, number: int, gainer: Floats) -> Floats | None:
-        """A polygon without what it shares with a convex one.
+        """Return a polygon without what it shares with a convex one.
 
         Args:
             number: Of the polygon.
@@ -103,7 +103,7 @@ class Patchwork:
 
 
 def made_convex(pieces: Sequence[Floats]) -> list[Floats]:
-    """The pieces without their dents; together they cover the same ground.
+    """Return the pieces without their dents; together they cover the same ground.
 
     A dent is filled, and what the piece so gains of its neighbours is cut off them; where a neighbour would have to
     give more than that, the piece is cut in two along a side at its dent instead.
@@ -181,7 +181,7 @@ def merged(polygons: Sequence[Floats]) -> list[Floats]:
 
 
 def _mergers(work: Patchwork, number: int) -> Iterator[tuple[float, int, Floats]]:
-    """The wholes that a polygon can become: compactness, partner, whole."""
+    """Give the wholes that a polygon can become: compactness, partner, whole."""
     polygon = work.polygons[number]
     for partner in work.near(polygon, TOUCHING):
         other = work.polygons[partner]
@@ -193,7 +193,7 @@ def _mergers(work: Patchwork, number: int) -> Iterator[tuple[float, int, Floats]
 
 
 def _pocket(whole: Floats, polygon: Floats, other: Floats) -> float:
-    """How far the hull of two polygons that share a border spans beyond them: from the border's ends."""
+    """Return the reach of two polygons' hull beyond them: from the ends of the border that they share."""
     own, others = ((whole[:, None] == each[None]).all(axis=2).any(axis=1) for each in (polygon, other))
     spanning = ~(own & np.roll(own, -1)) & ~(others & np.roll(others, -1))
     corners = np.concatenate([polygon, other])

@@ -40,7 +40,7 @@ FILL = 1.5
 """Points: steps, ends of thin walls and poles of up to this size count as free ground."""
 
 BY_HAND = 0.25
-"""By so much (m), or a point where that is more, may polygons given by hand overlap, miss the walls and be dented."""
+"""Error allowed in polygons given by hand, m, or a point where that is more: overlaps, gaps to the walls, dents."""
 
 MOST_CORNERS = 10_000
 """Corners of an outline that make about 3000 regions; the method is for terrains with far fewer."""
@@ -67,7 +67,7 @@ class RegionSplit:
     connections: tuple[Connection, ...]
 
     def for_body(self, terrain: Terrain, body: BoolGrid) -> RegionSplit:
-        """The same regions, connected for another body.
+        """Return the same regions, connected for another body.
 
         Args:
             terrain: The ground.
@@ -137,7 +137,7 @@ def split_regions(terrain: Terrain, body: BoolGrid | None = None) -> RegionSplit
 def regions_by_hand(
     terrain: Terrain, polygons: Sequence[Sequence[tuple[float, float]]], body: BoolGrid | None = None
 ) -> RegionSplit:
-    """The split that the user's polygons describe.
+    """Return the split that the user's polygons describe.
 
     They need not follow walls closely: what they cover of them does not count, and free points up to BY_HAND beside a
     region belong to it.
@@ -199,7 +199,7 @@ def _in_metres(terrain: Terrain, polygon: Floats) -> Polygon:
 
 
 def _checked(terrain: Terrain, number: int, polygon: Sequence[tuple[float, float]]) -> Floats:
-    """A polygon given by hand, in points, convex and counter-clockwise."""
+    """Return a polygon given by hand, in points, convex and counter-clockwise."""
     where = f"patrol.options.regions.{number}"
     if len(polygon) < 3:
         raise BadInput(f"{where}: has {len(polygon)} corners; give at least 3")
@@ -217,7 +217,7 @@ def _checked(terrain: Terrain, number: int, polygon: Sequence[tuple[float, float
 
 
 def _slack(terrain: Terrain) -> float:
-    """How far, in points, polygons given by hand may be off."""
+    """Return the error allowed in polygons given by hand, in points."""
     return max(BY_HAND / terrain.point, 1.0)
 
 

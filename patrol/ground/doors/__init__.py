@@ -1,1 +1,1 @@
-"""Where the ground is narrow: rooms and doors, passages, and bodies that do not fit."""
+"""Narrow ground: rooms and doors, passages, and bodies that do not fit."""

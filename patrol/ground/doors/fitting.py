@@ -19,7 +19,7 @@ LEAST_RADIUS = 0.01
 
 
 def fits_nowhere(terrain: Terrain, radius: float, default: bool = False) -> str:
-    """The error for a body that fits nowhere.
+    """Return the error for a body that fits nowhere.
 
     Args:
         terrain: The ground.
@@ -42,7 +42,7 @@ def fits_nowhere(terrain: Terrain, radius: float, default: bool = False) -> str:
 
 
 def fits_no_door(terrain: Terrain, radius: float, widest: Door, default: bool = False) -> str:
-    """The error for a body that fits through no door around the place where it would start.
+    """Return the error for a body that fits through no door around the place where it would start.
 
     Args:
         terrain: The ground.
@@ -68,7 +68,7 @@ def fits_no_door(terrain: Terrain, radius: float, widest: Door, default: bool = 
 
 
 def no_room_for_all(terrain: Terrain, radius: float, robots: int, placed: int) -> str:
-    """The error for a fleet that finds no room at the start.
+    """Return the error for a fleet that finds no room at the start.
 
     Args:
         terrain: The ground.
@@ -90,12 +90,12 @@ def no_room_for_all(terrain: Terrain, radius: float, robots: int, placed: int) -
 
 
 def _named(radius: float, default: bool) -> str:
-    """The field with its value."""
+    """Return the field with its value."""
     return f"robots.radius = {radius:g}{', the default' if default else ''}"
 
 
 def _map_to_blame(terrain: Terrain, what: str) -> str:
-    """The error where not the body but the settings of the terrain's map seem to be wrong; empty otherwise."""
+    """Return the error where not the body but the settings of the terrain's map seem to be wrong; empty otherwise."""
     from patrol.ground.maps import suspicious_reading  # here: it needs the image library
 
     why = suspicious_reading(terrain)
@@ -103,7 +103,7 @@ def _map_to_blame(terrain: Terrain, what: str) -> str:
 
 
 def largest_radius(terrain: Terrain) -> float:
-    """The largest radius of a body that fits somewhere on a terrain, rounded down to hundredths of a metre.
+    """Return the largest radius of a body that fits somewhere on a terrain, rounded down to hundredths of a metre.
 
     Args:
         terrain: The ground.
@@ -120,7 +120,7 @@ def _hundredths(length: float) -> float:
 
 
 def _finer_points(spare: float, radius: float, point: float) -> list[str]:
-    """The advice to use smaller points; none where points are no coarser than suits the body.
+    """Return the advice to use smaller points; none where points are no coarser than suits the body.
 
     A body needs half a point more than its radius, and a finer grid may be shifted against the place by a point.
 
@@ -130,12 +130,12 @@ def _finer_points(spare: float, radius: float, point: float) -> list[str]:
         point: Side of a point, m.
     """
     finer = _nice(spare / 1.5) if spare > 0.0 else 0.0
-    if finer < LEAST_SHARE * radius:  # nobody knows whether the place is wide enough, unless points are coarse
+    if finer < LEAST_SHARE * radius:  # whether the place is wide enough is unknown, unless points are coarse
         finer = _nice(0.25 * radius) if point > radius else 0.0
     return [f"a smaller point, such as {finer:g}"] if 0.0 < finer < point else []
 
 
 def _nice(length: float) -> float:
-    """The largest of 1, 2 and 5 times a power of ten that is not above a length."""
+    """Return the largest of 1, 2 and 5 times a power of ten that is not above a length."""
     power = 10.0 ** math.floor(math.log10(length))
     return next(factor * power for factor in (5.0, 2.0, 1.0) if factor * power <= length * (1.0 + 1e-9))

@@ -14,7 +14,7 @@ SMALLEST_M2 = 1.0
 
 
 def narrow_passages(terrain: Terrain, reach: BoolGrid, width: float) -> list[BoolGrid]:
-    """The critical areas of a terrain: connected reachable parts narrower than a width that join wider ground.
+    """Return the critical areas of a terrain: connected reachable parts narrower than a width that join wider ground.
 
     Narrow is what no disc of that diameter, lying on free ground, covers. A narrow part counts when it meets wider
     ground in two places or more, so that corners and dead ends do not.
@@ -47,7 +47,7 @@ def narrow_passages(terrain: Terrain, reach: BoolGrid, width: float) -> list[Boo
 
 
 def _grown(mask: BoolGrid) -> BoolGrid:
-    """A mask and its eight neighbours."""
+    """Return a mask and its eight neighbours."""
     framed = np.pad(mask, 1)
     rows, cols = mask.shape
     grown = mask.copy()

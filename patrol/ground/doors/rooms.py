@@ -98,7 +98,7 @@ class Rooms:
         self.crumb_count = parts_of(self.crumbs)[1]
 
     def points_of(self, leaves: Sequence[int]) -> BoolGrid:
-        """The points of some rooms.
+        """Return the points of some rooms.
 
         Args:
             leaves: The rooms' nodes.
@@ -112,7 +112,7 @@ class Rooms:
         return points
 
     def takes_body(self, leaves: Sequence[int]) -> bool:
-        """Whether the body fits into at least one of some rooms.
+        """Return True if the body fits into at least one of some rooms.
 
         Args:
             leaves: The rooms' nodes.
@@ -120,7 +120,7 @@ class Rooms:
         return any(self.levels.flat[self.nodes[leaf, ROOM]] >= self.body for leaf in leaves)
 
     def door(self, number: int, behind: float) -> Door:
-        """The door that an inner node stands for.
+        """Return the door that an inner node stands for.
 
         Args:
             number: Of the node.
@@ -133,7 +133,7 @@ class Rooms:
         return Door(x, y, width, max(0.5 * width - 0.5 * self.terrain.point, 0.0), behind, level >= self.body)
 
     def doors(self) -> list[Door]:
-        """The doors between parts large enough to list, at least one of them reached; narrowest first."""
+        """Return the doors between parts large enough to list, at least one of them reached; narrowest first."""
         found = []
         for root in np.flatnonzero(self.is_root & self.reached):
             waiting = [int(root)]

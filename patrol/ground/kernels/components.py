@@ -14,7 +14,7 @@ int32 = types.int32
 def label_parts(mask, labels, work):
     """Number the connected parts of a mask 1, 2, ... in the order of their first points.
 
-    Bodies step to 8 neighbours, diagonally only where both orthogonal neighbours are in the mask. Whoever can step
+    Bodies step to 8 neighbours, diagonally only where both orthogonal neighbours are in the mask. A body that can step
     diagonally can thus also go round by one of these, so the parts are those of 4 neighbours.
 
     Args:

@@ -20,7 +20,7 @@ float64 = types.float64
 
 @njit(types.boolean(GRID, int64, int64), cache=True, nogil=True)
 def _is_frontier(reach, row, col):
-    """Whether a reached point has a neighbour, of 8, that is not."""
+    """Return True if a reached point has a neighbour, of 8, that is not."""
     height, width = reach.shape
     for r in range(max(row - 1, 0), min(row + 2, height)):
         for c in range(max(col - 1, 0), min(col + 2, width)):

@@ -15,7 +15,7 @@ VIEW = types.Array(types.uint8, 2, "C")
 int64 = types.int64
 float64 = types.float64
 index = types.uint64
-"""Of what is sure not to be negative: a negative index would have to be asked for and counted from the end."""
+"""Unsigned, so that numba skips the negative-index check."""
 
 
 @njit(types.void(GRID, int64, int64, float64, VIEW, int64, int64), cache=True, nogil=True)

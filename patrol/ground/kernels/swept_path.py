@@ -14,13 +14,13 @@ import numpy as np
 from numba import njit, types
 
 TOLERANCE = 1e-9
-"""How much nearer than its radius (m) a disc may be to a square and still only touch it."""
+"""Rounding allowed in the distance (m) of a disc that only touches a square."""
 
 WIDEST = 1e6
 """Radius in m of the widest circle whose centre is computed."""
 
 SAGITTA = 1e-4
-"""How far (m) a chord may lie from the arc it stands for."""
+"""Largest distance (m) of a chord from the arc that it stands for."""
 
 _MASK = types.Array(types.uint8, 2, "C", readonly=True)
 _PATH = types.Array(types.float64, 2, "C")
@@ -190,7 +190,7 @@ def free_fraction_line(blocked, point, ox, oy, x0, y0, x1, y1, radius):
 
 @njit(types.int64(_F, _F, _F), cache=True, nogil=True, error_model="numpy")
 def chord_count(distance, turn, longest):
-    """How many equal chords stand for an arc: within SAGITTA of it and at most `longest`; 1 for a line.
+    """Count the equal chords that stand for an arc: within SAGITTA of it and at most `longest`; 1 for a line.
 
     A chord of length L that turns by u lies within L * u / 8 of its arc. No chord turns by more than half a circle.
 
@@ -225,7 +225,7 @@ def arc_points(path, x, y, heading, distance, turn):
 
 @njit(types.boolean(_PATH, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
 def _path_hits(path, left, low, right, high, radius):
-    """Whether a disc swept along the chords of `path` hits one square."""
+    """Return True if a disc swept along the chords of `path` hits one square."""
     for i in range(path.shape[0] - 1):
         x0, y0 = path[i, 0], path[i, 1]
         dx, dy = path[i + 1, 0] - x0, path[i + 1, 1] - y0
@@ -239,7 +239,7 @@ def _path_hits(path, left, low, right, high, radius):
 
 @njit(types.boolean(_PATH, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
 def _path_leaves(path, left, low, right, high, radius):
-    """Whether a disc swept along the chords of `path` leaves the rectangle."""
+    """Return True if a disc swept along the chords of `path` leaves the rectangle."""
     for i in range(path.shape[0] - 1):
         x0, y0 = path[i, 0], path[i, 1]
         if _free_of_edge(x0, path[i + 1, 0] - x0, left + radius, right - radius) < 1.0:
@@ -251,7 +251,7 @@ def _path_leaves(path, left, low, right, high, radius):
 
 @njit(types.uint8(_MASK, _F, _F, _F, _F, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
 def free_arc(blocked, point, ox, oy, x, y, heading, distance, turn, radius):
-    """Whether a disc can drive a whole arc.
+    """Return True if a disc can drive a whole arc.
 
     The arc is swept as chords of at most half a point that lie within SAGITTA of it. A blocked square is compared with
     them only if the ring that the disc sweeps on the whole circle reaches it; of a circle beyond WIDEST that is not

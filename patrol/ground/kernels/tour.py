@@ -136,7 +136,7 @@ def lengths_between(is_open, places, lengths, length, straight, diagonal, limit)
 
 @njit(types.boolean(GRID, types.int64, types.int64), cache=True, nogil=True)
 def clear_line(is_open, first, last):
-    """Whether the straight line between two points' centres crosses open points only.
+    """Return True if the straight line between two points' centres crosses open points only.
 
     A line through the corner of four points needs all four of them.
 

@@ -1,4 +1,4 @@
-"""Which places see all of some ground: the choice from which a tour is made."""
+"""The choice of places from which all of some ground is seen: the beginning of a tour."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ REMEMBERED = 512
 
 
 class Looks:
-    """What is seen from a point, remembered for a while."""
+    """The views from points, remembered for a while."""
 
     def __init__(self, terrain: Terrain, footprint: Footprint) -> None:
         self._terrain = terrain
@@ -43,7 +43,7 @@ class Looks:
 
 
 class Views:
-    """How often each point of some ground is seen from the chosen places.
+    """Counts of the chosen places that see each point of some ground.
 
     Attributes:
         ground: bool, every so many points of each row and column of the ground.
@@ -74,7 +74,7 @@ class Views:
         return rows, cols, seen & self.ground[rows, cols]
 
     def gain(self, place: int) -> int:
-        """How many points are seen from a place and from no chosen one."""
+        """Count the points that are seen from a place and from no chosen one."""
         rows, cols, seen = self._window(place)
         return int(np.count_nonzero(seen & (self.count[rows, cols] == 0)))
 
@@ -91,7 +91,7 @@ class Views:
         return not (seen & (count == 0)).any()
 
     def unseen(self) -> int | None:
-        """The first point of the ground that is seen from no chosen place, its flat index in the terrain."""
+        """Return the first point of the ground that is seen from no chosen place, its flat index in the terrain."""
         missing = self.ground & (self.count == 0)
         at = int(missing.argmax())
         row, col = divmod(at, missing.shape[1])
@@ -151,7 +151,7 @@ def complete(views: Views, part: BoolGrid, proxy: NDArray[np.int32]) -> list[int
 
 
 def needed(chosen: list[int], views: Views) -> list[int]:
-    """The chosen places without those that see nothing alone."""
+    """Return the chosen places without those that see nothing alone."""
     needed = []
     for place in dict.fromkeys(chosen):
         if not views.take(place):

@@ -38,13 +38,13 @@ SAMPLES = 0.25
 """Distance of the places on the way from which the ground is seen, as a share of the sensor's range."""
 
 ROUNDS = 4
-"""How often the places are put in order anew and the tour tightened, at most."""
+"""Largest number of times that places are put in order anew and the tour tightened."""
 
 PULLS = (1.0, 0.5, 0.2)
-"""How far a place is pulled towards the middle of its neighbours, as shares of the distance."""
+"""Shares of the distance by which a place is pulled towards the middle of its neighbours."""
 
 GAIN = 0.01
-"""By how much a change shortens the tour at least, in distances of samples."""
+"""Least gain of a change to the tour, in distances of samples."""
 
 ROUGH = 50.0
 """Points of a thinned grid along the sensor's range: the search thins the ground out, the result is exact."""
@@ -53,7 +53,7 @@ NEIGHBOURS = 4
 """Places of a tour beside which a new one may be put in."""
 
 PASSES = 8
-"""How often all places are tried at most in one round."""
+"""Largest number of times that all places are tried in one round."""
 
 
 Flat = NDArray[np.int64]
@@ -137,12 +137,12 @@ class _Ways:
         self._bends: dict[tuple[int, int], tuple[int, ...]] = {}
 
     def inside(self, row: int, col: int) -> bool:
-        """Whether the body's centre may be on a point."""
+        """Return True if the body's centre may be on a point."""
         rows, cols = self._framed.shape
         return 0 <= row < rows - 2 and 0 <= col < cols - 2 and bool(self._framed[row + 1, col + 1])
 
     def way(self, first: int, last: int) -> tuple[float, tuple[int, ...]]:
-        """The way between two points, the same in both directions.
+        """Return the way between two points, the same in both directions.
 
         Args:
             first: Flat index.
@@ -162,7 +162,7 @@ class _Ways:
         return self._known[pair]
 
     def corners(self, first: int, last: int) -> tuple[int, ...]:
-        """The corners of a way that is known, from its first point to before its last; flat indices."""
+        """Return the corners of a way that is known, from its first point to before its last; flat indices."""
         if first == last:
             return (first,)
         bends = self._bends[min(first, last), max(first, last)]
@@ -214,7 +214,7 @@ class _Patrol:
 
     @property
     def length(self) -> float:
-        """Of the tour, points."""
+        """The length of the tour, points."""
         return sum(self._ways.way(self.places[at - 1], place)[0] for at, place in enumerate(self.places))
 
     @property
@@ -303,14 +303,14 @@ class _Patrol:
         return True
 
     def _beside(self, place: int) -> list[int]:
-        """The numbers of the places next to the `NEIGHBOURS` that are nearest to a point in a straight line."""
+        """Return the numbers of the places next to the `NEIGHBOURS` that are nearest to a point in a straight line."""
         rows, cols = np.divmod(np.array(self.places), self._ways.width)
         row, col = divmod(place, self._ways.width)
         nearest = np.argsort((rows - row) ** 2 + (cols - col) ** 2, kind="stable")[:NEIGHBOURS]
         return sorted({int(at + side) % len(self.places) for at in nearest for side in (0, 1)})
 
     def _detour(self, before: int, place: int, after: int) -> float:
-        """By how much a place lengthens the way between two others, points."""
+        """Return the detour over a place between two others, points."""
         way = self._ways.way
         return way(before, place)[0] + way(place, after)[0] - way(before, after)[0]
 
@@ -320,7 +320,7 @@ class _Patrol:
 
 
 def _nearest_neighbours(lengths: NDArray[np.int32]) -> Flat:
-    """A first tour: from place 0 always on to the nearest place that is left."""
+    """Return a first tour: from place 0 always on to the nearest place that is left."""
     left = np.ones(len(lengths), dtype=np.bool_)
     tour = np.zeros(len(lengths), dtype=np.int64)
     for step in range(1, len(tour)):

@@ -24,7 +24,7 @@ FLAT = 1e-9
 
 @njit(boolean(float64, float64, float64, float64, float64, float64, float64), cache=True, nogil=True)
 def _in_cone(ax, ay, bx, by, dx, dy, slack):
-    """Whether a cut (dx, dy) leaves convex angles at a corner with sides (ax, ay) to it and (bx, by) from it.
+    """Return True if a cut (dx, dy) leaves convex angles at a corner with sides (ax, ay) to it and (bx, by) from it.
 
     slack: how far, at the shorter of cut and side, the angle may lie beyond 180 degrees.
     """
@@ -44,7 +44,7 @@ def _in_cone(ax, ay, bx, by, dx, dy, slack):
 
 @njit(boolean(PLACES, INDICES, int64, int64, float64), cache=True, nogil=True)
 def _in_sight(corners, after, v, w, margin):
-    """Whether the line between two corners crosses no side and keeps `margin` from every other corner beside it."""
+    """Return True if the line between two corners crosses no side and keeps `margin` from all other corners."""
     vx, vy = corners[v, 0], corners[v, 1]
     dx, dy = corners[w, 0] - vx, corners[w, 1] - vy
     square = dx * dx + dy * dy

@@ -30,7 +30,7 @@ def _inside(mask, row, col):
 
 @njit(boolean(GRID, int64, int64, int64), cache=True, nogil=True)
 def _borders(mask, x, y, way):
-    """Whether the unit step from (x, y) has the mask on its left and none on its right; ways: +x, +y, -x, -y."""
+    """Return True if the unit step from (x, y) has the mask on its left and none on its right; ways: +x, +y, -x, -y."""
     if way == 0:
         return _inside(mask, y, x) and not _inside(mask, y - 1, x)
     if way == 1:
