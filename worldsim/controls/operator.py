@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from worldsim.world import World
 
 POLL_S = 0.05
-"""How long the world waits for a request at a time while its ticks are held, s."""
+"""Longest single wait for a request while the ticks are held, s."""
 
 MOST_DURING = 8
 """Requests that are taken at once while a tick is waited for."""
@@ -51,7 +51,7 @@ class ControlRequest:
 
 
 class ControlRequests(Protocol):
-    """Where operators' requests come in."""
+    """The port for operators' requests."""
 
     def get(self, timeout_s: float) -> ControlRequest | None:
         """Take the next request.
@@ -79,7 +79,7 @@ class PacedBetweenTicks(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class RunState:
-    """Whether and how fast the ticks run.
+    """The pace of the ticks: running or held, and how fast.
 
     Attributes:
         running: Whether they run by themselves, and are not held.
@@ -134,7 +134,7 @@ class Operator:
 
     @property
     def state(self) -> RunState:
-        """Whether and how fast the ticks run now."""
+        """The present pace of the ticks."""
         return RunState(not self._held, self._pace)
 
     def between(self, stop: Callable[[], bool]) -> Iterator[Event]:
@@ -179,7 +179,7 @@ class Operator:
                 self._deferred.append(request)
 
     def _wait_s(self) -> float:
-        """How long until the next tick is due, s."""
+        """Return the time until the next tick is due, s."""
         if self._held and not self._steps:
             return math.inf
         if self._held or self._pace is None or not self._waits:

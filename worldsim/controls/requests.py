@@ -1,6 +1,6 @@
 """Takes operators' requests from the network, and keeps the scenario that they have changed.
 
-Only requests of somebody who knows the fleet's token come through (`patrol.net.security.control_auth`). All others are
+Only requests of clients that know the fleet's token come through (`patrol.net.security.control_auth`). All others are
 counted and get no answer.
 """
 
@@ -30,11 +30,11 @@ MOST_AT_ONCE = 64
 
 
 class Question(Protocol):
-    """What the world needs of a question that came over the network, so that it can be tested without one."""
+    """The port of a request that came over the network, so that it can be tested without one."""
 
     @property
     def payload(self) -> bytes:
-        """What is asked."""
+        """The content of the request."""
         ...
 
     @property
@@ -93,7 +93,7 @@ def _request(admitted: Admitted, question: Question) -> ControlRequest:
 
 
 def answer_challenge(gate: ControlGate, question: Question, refused: Counter[str]) -> None:
-    """Give a ticket to whoever asks for one; it is of use to those only who know the token.
+    """Give a ticket to each client that asks; it is of use only with the token.
 
     Args:
         gate: Gives the tickets.

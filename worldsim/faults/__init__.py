@@ -1,1 +1,1 @@
-"""When faults happen, and what they do to the processes of robots."""
+"""The times of faults, and their effects on the processes of robots."""

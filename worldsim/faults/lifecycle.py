@@ -37,11 +37,11 @@ BECOMES: Mapping[str, Status] = {
 
 STOPPED = "its process stands still"
 UNSEEN = "its process cannot be looked at here"
-"""What was seen of a process that should be stopped, as journals have it; anything else is wrong."""
+"""The journal's words for a process that should be stopped; all others are errors."""
 
 
 def standing_at_the_end(timeline: Timeline, numbers: Iterable[int], ticks: int) -> dict[int, Status]:
-    """The robots' statuses after a number of ticks, if their processes do only what faults make them do.
+    """Return the robots' statuses after a number of ticks, if their processes do only what faults make them do.
 
     Args:
         timeline: The faults.

@@ -1,4 +1,4 @@
-"""When a scenario's faults happen, and to which robots: entries resolved to ticks and robot numbers.
+"""The times and targets of a scenario's faults: entries resolved to ticks and robot numbers.
 
 Which robots `one`, `half` and the like are is drawn from (seed, Purpose.FAULT, the fault's index, the field, robot):
 the robots with the lowest draws. So it depends on no other fault, and on nothing that happens in the run.
@@ -109,16 +109,16 @@ class Timeline:
         self._changes, self._active = self._all_active()
 
     def at(self, k: int) -> tuple[Entry, ...]:
-        """The lasting faults of radio, position and clock that are active in tick k, by index."""
+        """Return the lasting faults of radio, position and clock that are active in tick k, by index."""
         place = bisect_right(self._changes, k) - 1
         return self._active[place] if place >= 0 else ()
 
     def acts(self, k: int) -> tuple[Act, ...]:
-        """What is to be done to robots before tick k, by fault and then by robot."""
+        """Return the acts on robots before tick k, by fault and then by robot."""
         return self._acts.get(k, ())
 
     def beginnings(self, k: int) -> tuple[Event, ...]:
-        """The faults that happen or begin before tick k."""
+        """Return the faults that happen or begin before tick k."""
         return tuple(
             Event(k, FAULT_EVENT, None, f"{entry.id} {entry.fault.kind} {_verb(entry)}: {self.describe(entry)}")
             for entry in self.entries
@@ -126,7 +126,7 @@ class Timeline:
         )
 
     def endings(self, k: int) -> tuple[Event, ...]:
-        """The lasting faults that have ended before tick k."""
+        """Return the lasting faults that have ended before tick k."""
         return tuple(
             Event(k, FAULT_EVENT, None, f"{entry.id} {entry.fault.kind} ends")
             for entry in self.entries
@@ -183,7 +183,7 @@ class Timeline:
         return Entry(index, fault, begin, end, self._resolve(fault.who, index, Target.WHO))
 
     def _resolve(self, who: str | tuple[str, ...] | Some, index: int, field: Target) -> tuple[int, ...]:
-        """The robots that a target means, ascending."""
+        """Return the robots that a target means, ascending."""
         return meant(who, self._names, self._spares, (self._seed, index, field))
 
     def _grouped(self, fault: Partition, index: int) -> tuple[tuple[int, ...], ...]:
@@ -213,7 +213,7 @@ class Timeline:
         return {k: tuple(act for _, act in sorted(due, key=lambda pair: pair[0])) for k, due in acts.items()}
 
     def _all_active(self) -> tuple[list[int], list[tuple[Entry, ...]]]:
-        """The ticks at which what is active changes, ascending, and what is active from each of them on."""
+        """Return the ticks at which what is active changes, ascending, and what is active from each of them on."""
         lasting = [entry for entry in self.entries if _lasts(entry)]
         changes = sorted({k for entry in lasting for k in (entry.begin, entry.end) if k is not None})
         active = [
@@ -224,7 +224,7 @@ class Timeline:
 
 
 def _absent_at_first(entries: Sequence[Entry]) -> frozenset[int]:
-    """The robots that join before they have left."""
+    """Return the robots that join before they have left."""
     comes: dict[int, bool] = {}
     for entry in sorted(entries, key=lambda entry: entry.begin):
         for number in entry.who if isinstance(entry.fault, Join | Leave) else ():
@@ -233,7 +233,7 @@ def _absent_at_first(entries: Sequence[Entry]) -> frozenset[int]:
 
 
 def _lasts(entry: Entry) -> bool:
-    """Whether a fault is active over ticks, and no act between two of them."""
+    """Return True if a fault is active over ticks, and no act between two of them."""
     return entry.fault.kind not in PROCESS_KINDS
 
 

@@ -1,1 +1,1 @@
-"""What the world knows of robots: their bodies, their motion, what they sense, and which intruders they see."""
+"""The robots in the world: their bodies, their motion, what they sense, and which intruders they see."""

@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 
 
 def standstill(spec: RobotSpec) -> Command:
-    """The command that stops a robot of this model."""
+    """Return the command that stops a robot of this model."""
     return halted(spec.model)
 
 
 def overlap(pose: Pose, radius: float, other: Pose, other_radius: float) -> bool:
-    """Whether two round bodies overlap; touching is no overlap.
+    """Return True if two round bodies overlap; touching is no overlap.
 
     Args:
         pose: Of the one body.
@@ -63,12 +63,12 @@ class Body:
 
     @property
     def alive(self) -> bool:
-        """Whether a mind drives it."""
+        """True if a mind drives it."""
         return self.status is Status.ALIVE
 
     @property
     def present(self) -> bool:
-        """Whether it is in the world and in the way of others, alive or not."""
+        """True if it is in the world and in the way of others, alive or not."""
         return not self.away and self.status not in (Status.ABSENT, Status.LEFT)
 
     def halt(self, status: Status) -> None:

@@ -1,4 +1,4 @@
-"""Which robots see which intruders: what the world gives robots, and the verdict recomputes."""
+"""The intruders that robots see: reported by the world, recomputed by the verdict."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Intruders:
         self._footprint = footprint
 
     def seen_by(self, tick: int, pose: Pose) -> tuple[Place, ...]:
-        """Where a robot sees intruders: on points of its footprint.
+        """Find the intruders that a robot sees: those on points of its footprint.
 
         Args:
             tick: The tick.

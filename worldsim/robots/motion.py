@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def within_limits(spec: RobotSpec, command: Command) -> Command | None:
-    """The nearest command that a robot can obey.
+    """Return the nearest command that a robot can obey.
 
     Args:
         spec: The robot's model and limits.
@@ -93,7 +93,7 @@ def _cancel_meeting(
 
 
 def _paths(bodies: Sequence[Body], moving: Sequence[bool], pieces: int, step: float) -> NDArray[np.float64]:
-    """Where each body would be at m + 1 equal steps of time, with m chords for arcs: float64 (n, m + 1, 2), m."""
+    """Lay out the places of bodies at m + 1 equal steps of time, with m chords for arcs: float64 (n, m + 1, 2), m."""
     paths = np.empty((len(bodies), pieces + 1, 2), dtype=np.float64)
     for path, body, moves in zip(paths, bodies, moving, strict=True):
         if moves:

@@ -1,4 +1,4 @@
-"""Where robots take themselves to be, and what time their clocks show, as drift and clock faults have it.
+"""The poses and times that robots' senses report, under drift and clock faults.
 
 Bodies are not affected: the world moves them, and keeps the true fog, by their true poses.
 """
@@ -43,7 +43,7 @@ class Senses:
         self._jumps: dict[tuple[int, int], list[tuple[float, float]]] = {}
 
     def pose(self, number: int, k: int, true: Pose) -> Pose:
-        """Where a robot takes itself to be.
+        """Return the pose that a robot's senses report.
 
         Args:
             number: The robot's number.
@@ -63,7 +63,7 @@ class Senses:
         return Pose(_within(x, self._x_limits), _within(y, self._y_limits), true.heading)
 
     def clock(self, number: int, k: int) -> float:
-        """What a robot's clock shows.
+        """Return the time that a robot's clock shows.
 
         Args:
             number: The robot's number.
@@ -91,7 +91,7 @@ class Senses:
         return dx, dy
 
     def _jumped(self, entry: Entry, number: int, times: int, size: float) -> tuple[float, float]:
-        """The sum of the first `times` jumps, added up in their order, m."""
+        """Return the sum of the first `times` jumps, added up in their order, m."""
         sums = self._jumps.setdefault((entry.index, number), [(0.0, 0.0)])
         while len(sums) <= times:
             bearing = TAU * draw(self._seed, Purpose.SENSES, entry.index, number, len(sums), _JUMP)

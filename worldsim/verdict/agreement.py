@@ -104,7 +104,7 @@ def not_repeated(stated: Mapping[str, Any], found: Mapping[str, Any]) -> list[st
 
 
 def _unrepeated(stated: Mapping[str, Any], found: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """The stated results of checks that could not be judged again."""
+    """Return the stated results of checks that could not be judged again."""
     unjudged = {check["name"] for check in found["checks"] if not check["judged"]}
     return [check for check in stated["checks"] if check["name"] in unjudged and check.get("judged", True)]
 

@@ -83,9 +83,9 @@ class Verdict:
     """The results of a run's checks, and what follows from them.
 
     Attributes:
-        outcome: "valid", "invalid", or "unknown" when the journal does not reach its end, so that nobody can tell.
+        outcome: "valid", "invalid", or "unknown" when the journal does not reach its end, so that it cannot be judged.
         checks: The results.
-        progress: How the patrol got on; None where nobody looked at the fog.
+        progress: How the patrol got on; None if the fog was not looked at.
     """
 
     outcome: Outcome
@@ -94,7 +94,7 @@ class Verdict:
 
     @property
     def valid(self) -> bool:
-        """Whether the run can be believed."""
+        """True if the run can be believed."""
         return self.outcome == "valid"
 
     @property
@@ -109,7 +109,7 @@ class Verdict:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What is wrong with the patrol although the run can be believed, one line each."""
+        """Faults of the patrol although the run can be believed, one line each."""
         return tuple(line for check in self.checks for line in check.warnings)
 
 
@@ -162,7 +162,7 @@ class Judge:
                 reading.tick(record)
 
     def verdict(self) -> Verdict:
-        """The verdict, once all ticks are in and the journal has ended."""
+        """Return the verdict, once all ticks are in and the journal has ended."""
         checks = tuple(check.result() for check in self._checks)
         progress = [check.facts() for check in self._checks if isinstance(check, Progress)]
         return Verdict(_outcome(self._journal, checks), checks, progress[0] if progress else None)

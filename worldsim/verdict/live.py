@@ -101,7 +101,7 @@ class LiveJudge:
             self._waiting = record
 
     def _changes_scenario(self, event: Event) -> bool:
-        """Whether an operator has added to the scenario, and not just paused the run, for example."""
+        """Return True if an operator has added to the scenario, and not just paused the run, for example."""
         if event.kind != OPERATOR:
             return False
         return self._loaded.as_operated(self.journal.events).scenario != self.prepared.scenario

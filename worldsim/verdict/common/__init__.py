@@ -1,1 +1,1 @@
-"""What all checks of the verdict share."""
+"""The code that all checks of the verdict share."""

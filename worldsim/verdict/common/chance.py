@@ -1,4 +1,4 @@
-"""Whether chance can explain what was counted, at a rate of false alarms that holds whenever counting stops.
+"""A test that chance explains a count, at a rate of false alarms that holds whenever counting stops.
 
 n draws that each hit with probability p, of which x hit, are compared with draws of an unknown probability q, weighed
 over all q by a Beta(1/2, 1/2) distribution:
@@ -21,7 +21,7 @@ FAMILY = 1e-9
 
 
 def evidence(hits: int, draws: int, p: float) -> float:
-    """The logarithm of E.
+    """Return the logarithm of E.
 
     Args:
         hits: Draws that hit.
@@ -42,7 +42,7 @@ def evidence(hits: int, draws: int, p: float) -> float:
 
 
 def enough(draws: int, p: float, alarm: float) -> bool:
-    """Whether there are enough draws that some number of hits would be unexplained.
+    """Return True if there are enough draws that some number of hits would be unexplained.
 
     Args:
         draws: All draws.
@@ -53,7 +53,7 @@ def enough(draws: int, p: float, alarm: float) -> bool:
 
 
 def unexplained(hits: int, draws: int, p: float, alarm: float) -> bool:
-    """Whether chance does not explain a number of hits.
+    """Return True if chance does not explain a number of hits.
 
     Args:
         hits: Draws that hit.

@@ -48,7 +48,7 @@ class JudgedRun:
         exit_codes: Exit codes of its processes by name, None for one that was never seen to end; empty for a run in one
             process.
         verify_fog: Whether to recompute the fog and what robots made of what they heard.
-        baseline_s: Mean MFoW (s) of the same scenario without its faults, or None where nobody has run that.
+        baseline_s: Mean MFoW (s) of the same scenario without its faults, or None if that was not run.
         fog: The true fog of the world that makes the run, as it is after each tick, where the fog is not recomputed;
             None where there is no such world.
     """
@@ -63,12 +63,12 @@ class JudgedRun:
 
     @property
     def processes(self) -> bool:
-        """Whether the robots were processes."""
+        """True if the robots were processes."""
         return bool(self.exit_codes)
 
     @property
     def by_ether(self) -> bool:
-        """Whether the world carried the frames, so that their fates are known."""
+        """True if the world carried the frames, so that their fates are known."""
         return self.prepared.scenario.radio.via == "ether"
 
     @property
@@ -88,7 +88,7 @@ class JudgedRun:
 
 
 class Reading(ABC):
-    """What goes through the ticks of a journal, in order, and can be asked about them.
+    """A reader of a journal's ticks, in order, that can be asked about them.
 
     Attributes:
         needs: The classes of the readings that this one asks. They take in each tick before it does, and once one of
@@ -110,7 +110,7 @@ class Reading(ABC):
 
     @property
     def usable(self) -> bool:
-        """Whether readings that need this one can go on."""
+        """True if readings that need this one can go on."""
         return True
 
     @abstractmethod
@@ -132,7 +132,7 @@ class Readings:
         self._made: dict[type[Reading], Reading] = {}
 
     def __getitem__(self, kind: type[R]) -> R:
-        """The reading of that class."""
+        """Return the reading of that class."""
         found = self._made[kind]
         assert isinstance(found, kind)
         return found
@@ -173,7 +173,7 @@ class Check(Reading):
 
     @classmethod
     def applies(cls, run: JudgedRun) -> bool:
-        """Whether a run calls for this check.
+        """Return True if a run calls for this check.
 
         Args:
             run: The run.
@@ -190,7 +190,7 @@ class Check(Reading):
             self._tick(record)
 
     def result(self) -> CheckResult:
-        """The result, once all ticks are in and the journal has ended."""
+        """Return the result, once all ticks are in and the journal has ended."""
         return CheckResult(self.name, not self._problem, self._problem or self._good())
 
     def _tick(self, record: TickRecord) -> None:
@@ -198,7 +198,7 @@ class Check(Reading):
 
     @abstractmethod
     def _good(self) -> str:
-        """The detail of a result without a problem."""
+        """Return the detail of a result without a problem."""
 
     def _fail(self, problem: str) -> None:
         """Note a problem; the first is kept."""

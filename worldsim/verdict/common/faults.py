@@ -1,4 +1,4 @@
-"""What a fault's entry says, read without the code that carries faults out; and the base of checks of such faults."""
+"""Readings of a fault's entry without the code that carries faults out, and the base of checks of such faults."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ NO_ROBOT = 0
 
 
 def active(entry: Entry, k: int) -> bool:
-    """Whether a lasting fault is active in tick k."""
+    """Return True if a lasting fault is active in tick k."""
     return entry.begin <= k and (entry.end is None or k < entry.end)
 
 
 def on_link(entry: Entry, origin: int, to: int) -> bool:
-    """Whether a fault of links acts on what one robot's radio sends to another.
+    """Return True if a fault of links acts on what one robot's radio sends to another.
 
     Args:
         entry: The fault.
@@ -35,7 +35,7 @@ def on_link(entry: Entry, origin: int, to: int) -> bool:
 
 
 def forgers_of(timeline: Timeline) -> dict[str, int]:
-    """The numbers of the robots that forge (`NO_ROBOT` for a stranger) by the ids of the spoofs."""
+    """Return the numbers of the robots that forge (`NO_ROBOT` for a stranger) by the ids of the spoofs."""
     return {entry.id: entry.sources[0] for entry in timeline.entries if isinstance(entry.fault, Spoof)}
 
 
@@ -60,7 +60,7 @@ class FrameFaultCheck(Check):
 
     @classmethod
     def applies(cls, run: JudgedRun) -> bool:
-        """Where the world carried frames and a fault of these kinds acts on them."""
+        """Return True if the world carried frames and a fault of these kinds acts on them."""
         return super().applies(run) and any(isinstance(entry.fault, cls.kinds) for entry in run.timeline.entries)
 
     def _tick(self, record: TickRecord) -> None:
@@ -72,6 +72,6 @@ class FrameFaultCheck(Check):
         """Look at a tick in which some of the faults are active."""
 
     def _frame(self, link: tuple[int, int, int], k: int) -> str:
-        """What to call a frame of tick k on a link."""
+        """Name a frame of tick k on a link."""
         source, to, _ = link
         return f"a frame from {self._names.get(source, source)} to {self._names.get(to, to)} of tick {k}"

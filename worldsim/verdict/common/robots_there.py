@@ -28,7 +28,7 @@ class RobotsThere(Check):
 
     @property
     def usable(self) -> bool:
-        """Whether nothing was wrong so far."""
+        """True if nothing was wrong so far."""
         return not self._problem
 
     def _tick(self, record: TickRecord) -> None:

@@ -1,4 +1,4 @@
-"""What a journal says of frames in the air, read without the code that carries them."""
+"""A journal's frames in the air, read without the code that carries them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def causes_before(kind: type[Fault]) -> frozenset[str]:
 
 
 def name_of(kind: type[Fault]) -> str:
-    """What scenarios and journals call a kind of fault."""
+    """Return the name of a kind of fault in scenarios and journals."""
     return str(get_args(kind.model_fields["kind"].annotation)[0])
 
 
@@ -38,7 +38,7 @@ ON_ARRIVAL = (RECEIVER_DEAD, RECEIVER_PAUSED, RECEIVER_ABSENT)
 
 
 def origins_of(record: TickRecord, forgers: Mapping[str, int]) -> dict[tuple[int, int], int]:
-    """From which robot's radio each frame of a tick comes.
+    """Return the robot whose radio sends each frame of a tick.
 
     Args:
         record: The tick's record.
@@ -103,7 +103,7 @@ def arrived(record: TickRecord) -> Links:
 
 
 def sent_links(record: TickRecord) -> WholeLinks:
-    """The link of every frame of a tick to every robot that is there, by frame and receiver."""
+    """Return the link of every frame of a tick to every robot that is there, by frame and receiver."""
     places: Counter[int] = Counter()
     sequences = []
     for source, _ in record.frames:
@@ -126,10 +126,10 @@ def _pairs(sources: tuple[int, ...], here: tuple[int, ...]) -> Pairs:
 
 
 def kind_of(cause: str) -> str:
-    """The kind of what dropped a frame, from the cause that the journal names."""
+    """Return the kind of what dropped a frame, from the cause that the journal names."""
     return cause.partition(":")[0]
 
 
 def fault_of(cause: str) -> str:
-    """The id of the fault that dropped a frame, empty where none did."""
+    """Return the id of the fault that dropped a frame, empty where none did."""
     return cause.partition(":")[2]

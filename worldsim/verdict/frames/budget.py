@@ -47,7 +47,7 @@ class WithinBudget(Check):
 
     @classmethod
     def applies(cls, run: JudgedRun) -> bool:
-        """Where there is a budget."""
+        """Return True if the scenario has a budget."""
         return run.prepared.scenario.radio.budget is not None
 
     def _tick(self, record: TickRecord) -> None:

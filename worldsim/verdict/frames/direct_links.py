@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class DirectLinks(Check):
-    """By the robots' own counts nobody has heard more frames of a robot than it has sent.
+    """By the robots' own counts, no robot has heard more frames of another than that one has sent.
 
     With direct radio the fate of the other frames is unknown, so there is no more to judge.
     """
@@ -21,11 +21,11 @@ class DirectLinks(Check):
 
     @classmethod
     def applies(cls, run: JudgedRun) -> bool:
-        """Where robots hear each other directly."""
+        """Return True if robots hear each other directly."""
         return not run.by_ether
 
     def result(self) -> CheckResult:
-        """The result, once the journal has ended."""
+        """Return the result, once the journal has ended."""
         counts = reported(self._run.journal)
         problems = [
             f"{hearer} heard {count} frames of {sender}, which sent {counts[sender]['sent']}"

@@ -82,7 +82,7 @@ class DropsExplained(Check):
         return f"{self._explained} frames dropped, each for a cause that applies"
 
     def _lost_on_links(self, record: TickRecord) -> int | None:
-        """How many frames were dropped, where all were by losses that act on their links; None where any was not."""
+        """Count dropped frames, if losses that act on their links dropped all of them; else return None."""
         dropped = drops_of(record.dropped)
         if (dropped.source == FORGED).any() or (dropped.sequence % (MAX_TICKS + 1) != record.k).any():
             return None
@@ -100,7 +100,7 @@ class DropsExplained(Check):
         return len(dropped) if sent.issuperset(np.unique(dropped.source).tolist()) else None
 
     def _applies(self, why: str, source: int, origin: int, to: int, k: int) -> bool:
-        """Whether a cause that acts when a frame is sent can act on this one."""
+        """Return True if a cause that acts when a frame is sent can act on this one."""
         if why == OWN:
             return source == FORGED and origin == to
         entry = self._entries.get(fault_of(why))
@@ -114,7 +114,7 @@ class DropsExplained(Check):
         return isinstance(entry.fault, Silence | Partition)
 
     def _dies(self, number: int, k: int) -> bool:
-        """Whether a robot was lost in a tick, before it could hear anything."""
+        """Return True if a robot was lost in a tick, before it could hear anything."""
         lost = Status.LOST.name.lower()
         return any(e.k == k + 1 and e.robot == number and e.kind == lost for e in self._run.journal.events)
 
@@ -159,7 +159,7 @@ class NothingCrossed(FrameFaultCheck):
 
 
 def _stops(entry: Entry, origin: int, to: int) -> bool:
-    """Whether a silence or partition stops what a radio sends to a robot; a stranger is in no group."""
+    """Return True if a silence or partition stops what a radio sends to a robot; a stranger is in no group."""
     fault = entry.fault
     if isinstance(fault, Silence):
         out = origin in entry.who and fault.direction != "in"

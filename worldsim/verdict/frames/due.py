@@ -1,4 +1,4 @@
-"""Which robots should have sent a frame in a tick: all of them, or fewer where the fleet saves on its radio."""
+"""The robots that should have sent a frame in a tick: all of them, or fewer where the fleet saves on its radio."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class _Known:
-    """What is known of a robot.
+    """The known state of a robot.
 
     since: the tick of its last frame or, where that is not known to be its process's, of the process's start.
     last: what that frame said; None where it may not know what it said.
@@ -56,7 +56,7 @@ class DueFrames:
     def missing(
         self, k: int, living: Mapping[int, Position], said: Mapping[int, Position], seers: Collection[int]
     ) -> list[int]:
-        """The robots that should have sent and have not.
+        """Return the robots that should have sent and have not.
 
         Args:
             k: The tick; each in turn.
@@ -86,7 +86,7 @@ class DueFrames:
         return known.last is not None and self._predictor.error(known.last, now) > self._error
 
     def _interrupted(self, k: int) -> Iterator[int]:
-        """The robots that something has happened to since the tick before: their processes may be other ones."""
+        """Give the robots that something has happened to since the tick before: their processes may be other ones."""
         events = self._journal.events
         while self._read < len(events) and events[self._read].k <= k:
             event = events[self._read]

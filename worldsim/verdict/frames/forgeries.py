@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from worldsim.verdict.common.check import JudgedRun, Readings
 
 _HALF_CM = 0.5 + 1e-6
-"""How far a coordinate on the wire may be from the one that was rounded, cm."""
+"""Largest difference of a coordinate on the wire from the one that was rounded, cm."""
 
 Place = tuple[int, int, int]
 """x and y in cm and the heading in mrad, as a frame has them."""
@@ -51,7 +51,7 @@ class _Spoof:
 
 @dataclass(frozen=True, slots=True)
 class _Victim:
-    """What is known of a robot in whose name frames are forged.
+    """The known frames of a robot in whose name frames are forged.
 
     Attributes:
         row: Its part of the tick's record.
@@ -118,7 +118,7 @@ class SpoofsAsAsked(FrameFaultCheck):
         return f"{self._forged} frames forged as configured"
 
     def _problem_of(self, spoof: _Spoof, k: int, frames: list[bytes], rows: Mapping[int, RobotTick]) -> str:
-        """What is wrong with the frames that an active spoof sends in a tick."""
+        """Describe errors in the frames that an active spoof sends in a tick."""
         if spoof.kind == "replay":
             return self._problem_of_repeats(spoof, frames, rows)
         due = list(self._due(spoof, rows))
@@ -144,7 +144,7 @@ class SpoofsAsAsked(FrameFaultCheck):
                 yield number
 
     def _known(self, spoof: _Spoof, rows: Mapping[int, RobotTick]) -> Iterator[int]:
-        """The victims without the spare robots that have not joined yet."""
+        """Give the victims without the spare robots that have not joined yet."""
         for number in spoof.entry.who:
             if rows[number].status is not Status.ABSENT or number not in self._spares:
                 yield number
@@ -161,7 +161,7 @@ class SpoofsAsAsked(FrameFaultCheck):
         return _Victim(rows[number], said, not drifts)
 
     def _problem_of_one(self, spoof: _Spoof, k: int, position: Position, victim: _Victim | None) -> str:
-        """What is wrong with a forged position that is no replay."""
+        """Describe the error of a forged position that is no replay."""
         if position.sequence != k + spoof.ahead:
             return f"sequence {position.sequence} instead of {k + spoof.ahead}"
         stamp = position.time_ms
@@ -182,7 +182,7 @@ class SpoofsAsAsked(FrameFaultCheck):
         return "" if _shifted(place, victim, spoof.offset) else f"place {place}, not its own plus the offset"
 
     def _problem_of_repeats(self, spoof: _Spoof, frames: list[bytes], rows: Mapping[int, RobotTick]) -> str:
-        """What is wrong with repeated frames: they should be those of the configured time, byte by byte."""
+        """Describe the errors of repeated frames: they should be those of the configured time, byte by byte."""
         then = self._sent[spoof.age] if spoof.age < len(self._sent) else {}
         due = sorted(then[number] for number in self._known(spoof, rows) if number in then)
         return "" if sorted(frames) == due else f"does not repeat what its victims sent {spoof.age} ticks ago"
@@ -210,13 +210,13 @@ def _spoof(entry: Entry, fault: Spoof, step: float) -> _Spoof:
 
 
 def _ago(seconds: float, step: float) -> int:
-    """The least number of whole ticks, at least one, that is not less than a time in seconds."""
+    """Return the least number of whole ticks, at least one, that is not less than a time in seconds."""
     near = max(round(seconds / step), 1)
     return near if near * step >= seconds - 1e-9 * step else near + 1
 
 
 def _shifted(place: Place, victim: _Victim, offset: tuple[float, float]) -> bool:
-    """Whether a place is the victim's, shifted by an offset (m), as far as the wire's rounding can tell."""
+    """Return True if a place is the victim's, shifted by an offset (m), as far as the wire's rounding can tell."""
     x, y, heading = place
     if victim.said is not None:
         near, said = 2.0 * _HALF_CM if any(offset) else 0.0, victim.said

@@ -76,7 +76,7 @@ class Sightlines:
 
 
 class WithinReach(FrameFaultCheck):
-    """What got through a `range` was within reach and, where walls count, in sight when it was sent.
+    """Frames that passed a `range` were within reach and, where walls count, in sight when they were sent.
 
     What was stopped by one was not.
     """
@@ -109,7 +109,7 @@ class WithinReach(FrameFaultCheck):
         return f"{self._stopped} frames were out of reach, and no other was stopped"
 
     def _out_of_reach(self, entry: Entry, a: Place, b: Place, *, sure: bool) -> bool:
-        """Whether b is out of reach from a: for sure, or as far as rounding can tell."""
+        """Return True if b is out of reach from a: for sure, or as far as rounding can tell."""
         fault = entry.fault
         assert isinstance(fault, Range)
         if math.dist(a, b) > fault.reach + (ROUNDING_M if sure else -ROUNDING_M):

@@ -29,7 +29,7 @@ ROUNDING_BYTES = 1e-6
 
 
 class Replay(Check):
-    """What a fresh ether does with the journal's frames is what the journal says, draw for draw.
+    """A fresh ether decides the fates of the journal's frames as the journal has them, draw for draw.
 
     Attributes:
         delivery: What it did in the last tick, None where that could not be recomputed.
@@ -80,7 +80,7 @@ class Replay(Check):
         self._fates += len(record.deliveries) + len(record.dropped)
 
     def result(self) -> CheckResult:
-        """The result, once all ticks are in."""
+        """Return the result, once all ticks are in."""
         return self._not_judged(self._unknown) if self._unknown else super().result()
 
     def _good(self) -> str:
@@ -106,7 +106,7 @@ class Replay(Check):
         return ""
 
     def _first(self, what: str, found: Sequence[tuple[object, ...]], due: Sequence[tuple[object, ...]]) -> str:
-        """The first difference between two rows of fates, in words; empty where there is none that matters."""
+        """Return the first difference between two rows of fates, in words; empty where there is none that matters."""
         surplus, missing = Counter(found) - Counter(due), Counter(due) - Counter(found)
         if not surplus and not missing:
             # Journals of 0.2 have dropped frames in other orders, which mean nothing.
@@ -134,7 +134,7 @@ class _Leaky:
 
 
 class WithinBandwidth(FrameFaultCheck):
-    """Nobody sent more than its bandwidth, and nobody was stopped who had not used it up.
+    """No robot sent more than its bandwidth, and none was stopped that had not used it up.
 
     Each fault and sender have a leaky bucket of one second's worth: what is sent must not make it overflow, and what is
     stopped would have. A frame that other faults stopped on every link may or may not have used up bandwidth. What a

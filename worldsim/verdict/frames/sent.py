@@ -103,7 +103,7 @@ class FramesAreTrue(Check):
             self._missing += [(record.k, number, "a contact") for number in self._without_contact(contacts, said)]
 
     def result(self) -> CheckResult:
-        """The result, once all ticks are in and the journal has ended."""
+        """Return the result, once all ticks are in and the journal has ended."""
         self._miss()
         return super().result()
 
@@ -124,7 +124,7 @@ class FramesAreTrue(Check):
         return [number for number, contacts in left.items() if contacts and (number in said or not self._sparing)]
 
     def _problem_of(self, source: int, frame: bytes, due: Position | None, said: dict[int, Position]) -> str:
-        """What is wrong with a position; it is added to those said."""
+        """Describe the error of a position, and add it to those sent."""
         if due is None:
             return "has no sender that is alive"
         if frame == encode(due, self._key):  # nearly always, without a trail
@@ -172,7 +172,7 @@ class LinksAddUp(Check):
                 del self._open[link]
 
     def result(self) -> CheckResult:
-        """The result, once all ticks are in."""
+        """Return the result, once all ticks are in."""
         wrong = Counter(self._open)
         wrong.subtract(self._replay.in_flight)
         wrong = Counter({link: left for link, left in wrong.items() if left})
@@ -189,7 +189,7 @@ class LinksAddUp(Check):
 
 
 def _same_links(some: Links, others: Links) -> bool:
-    """Whether two lists hold the same links, each as often, in any order."""
+    """Return True if two lists hold the same links, each as often, in any order."""
     if len(some) != len(others):
         return False
     if some == others:
@@ -201,7 +201,7 @@ def _same_links(some: Links, others: Links) -> bool:
 
 
 def _problem_of_contact(frame: bytes, key: bytes | None, due: list[Position]) -> str:
-    """What is wrong with the report of a contact; it is removed from those that are due."""
+    """Describe the error of a contact's report, and remove the contact from those that are due."""
     try:
         said = decode(frame, key)
     except Rejected as rejected:

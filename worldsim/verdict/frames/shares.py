@@ -45,7 +45,7 @@ class _Count:
 
 @dataclass(slots=True)
 class _Losses:
-    """What one loss fault did. bad: for bursts, the last tick and state of each link."""
+    """The effects of one loss fault. bad: for bursts, the last tick and state of each link."""
 
     entry: Entry
     counts: list[_Count]
@@ -93,7 +93,7 @@ class LossesAsAsked(FrameFaultCheck):
                     self._sort_out(faults, record.k, (source, to), cause, first=places[source] == 1)
 
     def result(self) -> CheckResult:
-        """The result, once all ticks are in."""
+        """Return the result, once all ticks are in."""
         said = []
         for losses in self._faults.values():
             share = (
@@ -215,7 +215,7 @@ class DelaysAsAsked(FrameFaultCheck):
             self._awaited.discard(link)
 
     def result(self) -> CheckResult:
-        """The result, once all ticks are in."""
+        """Return the result, once all ticks are in."""
         counts = [(entry.id, self._counts[entry.index]) for entry in self._entries if entry.index in self._counts]
         said = [f"{fault}: {count.hits} of {count.draws} {count.what}" for fault, count in counts]
         return _judged(self.name, said, counts, self._alarm)
@@ -246,7 +246,7 @@ def _between(entry: Entry, sources: NDArray[np.int64], targets: NDArray[np.int64
 
 
 def alarm_of(timeline: Timeline) -> float:
-    """The probability of a false alarm that each series of draws may have, so that all together have `FAMILY`.
+    """Return the probability of a false alarm that each series of draws may have, so that all together have `FAMILY`.
 
     Args:
         timeline: The run's faults.
@@ -263,7 +263,7 @@ def alarm_of(timeline: Timeline) -> float:
 
 
 def longer(wait: Wait, seconds: float) -> float:
-    """The probability that a random wait is longer than a given time.
+    """Return the probability that a random wait is longer than a given time.
 
     Args:
         wait: Its distribution, which is not constant.
@@ -294,7 +294,7 @@ def _is_random(wait: Wait) -> bool:
 
 
 def _median(wait: Wait) -> float:
-    """The median of a wait, s."""
+    """Return the median of a wait, s."""
     first, *rest = wait.values
     match wait.shape:
         case "uniform":
@@ -305,7 +305,7 @@ def _median(wait: Wait) -> float:
 
 
 def _judged(name: str, said: Sequence[str], counts: Sequence[tuple[str, _Count]], alarm: float) -> CheckResult:
-    """The result of all series of draws; `said` is its detail where chance explains them."""
+    """Return the result of all series of draws; `said` is its detail where chance explains them."""
     tellable = [(fault, count) for fault, count in counts if enough(count.draws, count.p, alarm)]
     wrong = [
         f"{fault}: {count.hits} of {count.draws} {count.what}, {100.0 * count.p:.4g} % configured"

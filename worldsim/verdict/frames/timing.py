@@ -48,7 +48,7 @@ class OnTime(FrameFaultCheck):
 
     @classmethod
     def applies(cls, run: JudgedRun) -> bool:
-        """Where the world carried the frames and there is any fault of the radio."""
+        """Return True if the world carried the frames and there is any fault of the radio."""
         kinds = {entry.fault.kind for entry in run.timeline.entries}
         return run.by_ether and bool(kinds - {*PROCESS_KINDS, *SENSE_KINDS})
 
@@ -85,7 +85,7 @@ class OnTime(FrameFaultCheck):
                 self._wrong(link, f"arrived {times} times")
 
     def _expect(self, record: TickRecord, entries: Sequence[Entry]) -> None:
-        """When the frames of a tick may arrive."""
+        """Return the ticks in which the frames of a tick may arrive."""
         held, copied = _by_link(record.delayed), _by_link(record.copies)
         for origin, link in airborne(record, self._forgers):
             on = {entry.id: entry for entry in entries if on_link(entry, origin, link[1])}
@@ -110,7 +110,7 @@ class OnTime(FrameFaultCheck):
             self._wrong(link, "was copied or delayed, but was not in flight")
 
     def _takes(self, link: Link, on: dict[str, Entry], held: Sequence[str]) -> Span:
-        """How long (s) a frame may take that the journal says was delayed by these faults, or by none."""
+        """Return the longest time (s) of a frame that, by the journal, was delayed by these faults, or by none."""
         least = most = 0.0
         for fault, entry in on.items():
             if isinstance(entry.fault, Delay):
@@ -131,7 +131,7 @@ class OnTime(FrameFaultCheck):
         return (max(least, soon), most) if held else (least, min(most, soon))
 
     def _heard_in(self, k: int, seconds: float) -> float:
-        """The tick in which a frame is heard that was sent in tick k and takes a time in seconds."""
+        """Return the tick in which a frame is heard that was sent in tick k and takes a time in seconds."""
         if math.isinf(seconds):
             return math.inf
         return k + max(0, math.ceil((seconds - SOON * self._step) / self._step - 1e-9))
@@ -156,7 +156,7 @@ class OnTime(FrameFaultCheck):
 
 
 def bounds(wait: Wait) -> Span:
-    """The bounds of a wait.
+    """Return the bounds of a wait.
 
     Args:
         wait: Its distribution.
@@ -176,7 +176,7 @@ def bounds(wait: Wait) -> Span:
 
 
 def _by_link(rows: Sequence[tuple[int, int, int, str]]) -> dict[Link, list[str]]:
-    """The faults of rows of (source, destination, sequence, fault), by link."""
+    """Return the faults of rows of (source, destination, sequence, fault), by link."""
     found: dict[Link, list[str]] = defaultdict(list)
     for source, to, sequence, fault in rows:
         found[source, to, sequence].append(fault)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from worldsim.verdict.common.check import JudgedRun, Readings
 
 SLACK = 1e-6
-"""How deep (m) a body may be in a wall or another body before a check calls it an overlap."""
+"""Depth (m) of a body in a wall or another body from which on a check calls it an overlap."""
 
 
 class BodiesApart(Check):
@@ -60,9 +60,9 @@ class BodiesApart(Check):
 
 
 class MovesAreTrue(Check):
-    """From its start on each body goes where its commands take it, to the bit, and they are within its limits.
+    """Each body goes from its start where its commands take it, to the bit, and they are within its limits.
 
-    A body that nobody drives, or whose move was cancelled, stays exactly where it is; one that was away comes back at
+    A body without a driver, or whose move was cancelled, stays exactly where it is; one that was away comes back at
     its start. A move that was not cancelled touches no wall. For one that was cancelled there is a wall in its way, or
     another body so near that the two could have met; whether they would have met is not recomputed.
     """
@@ -103,7 +103,7 @@ class MovesAreTrue(Check):
         return command_of(self._specs[row.number].model, row.c0, row.c1)
 
     def _problem_of_cancelling(self, row: RobotTick, pose: Pose, command: Command, rows: Sequence[RobotTick]) -> str:
-        """What is wrong with a move that was cancelled without reason, or was not and should have been."""
+        """Describe the error of a move that was cancelled without reason, or wrongly not cancelled."""
         radius, far = self._specs[row.number].radius, length(command, self._step)
         if far <= 0.0:
             return "has a cancelled move although it does not drive" if row.bumped else ""

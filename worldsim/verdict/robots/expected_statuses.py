@@ -1,4 +1,4 @@
-"""Who should be alive, paused, dead or away in each tick, by the scenario's faults and the records alone."""
+"""The robots that should be alive, paused, dead or away in each tick, by faults and records alone."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class ExpectedStatuses(Reading):
                 self.appeared.add(number)
 
     def _has_room(self, number: int, rows: Mapping[int, RobotTick]) -> bool:
-        """Whether nobody stands where the robot is to appear, if it has to."""
+        """Return True if the place where the robot is to appear is free, if it has to appear."""
         if number not in self.away:
             return True
         start, radius = self._starts[number], self._specs[number].radius

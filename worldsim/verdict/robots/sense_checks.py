@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 ROUNDED_M = 0.00501
 ROUNDED_S = 0.000501
 ROUNDED_RAD = 0.001
-"""By how much a frame's place (m, along each axis), time (s) and heading may be off what was rounded."""
+"""Rounding allowed in a frame's place (m, along each axis), time (s) and heading."""
 
 SURE = 8.0
 """Standard deviations within which all noise of a run lies: beyond them is one draw in 10^15."""
@@ -67,7 +67,7 @@ class _Segment:
 
 @dataclass(slots=True)
 class _Reports:
-    """What one robot reported under the same drifts. before: the segment that ended last, if one is known."""
+    """The reports of one robot under the same drifts. before: the segment that ended last, if one is known."""
 
     drifts: tuple[Drift, ...]
     now: _Segment
@@ -80,7 +80,7 @@ class _Reports:
 
     @property
     def size(self) -> float:
-        """How far (m) each jump leads; 0 where nothing jumps."""
+        """The length (m) of each jump; 0 where nothing jumps."""
         return max((drift.jump.size for drift in self.drifts if drift.jump is not None), default=0.0)
 
 
@@ -109,7 +109,7 @@ class SensesAsAsked(Check):
 
     @classmethod
     def applies(cls, run: JudgedRun) -> bool:
-        """Where a fault makes robots wrong about place or time."""
+        """Return True if a fault makes robots wrong about place or time."""
         return any(isinstance(entry.fault, Drift | Clock) for entry in run.timeline.entries)
 
     def _tick(self, record: TickRecord) -> None:
@@ -129,7 +129,7 @@ class SensesAsAsked(Check):
                 self._look_at_place(record.k, rows[source], said, mine)
 
     def result(self) -> CheckResult:
-        """The result, once all ticks are in and the journal has ended."""
+        """Return the result, once all ticks are in and the journal has ended."""
         for number, (_, reports) in self._reports.items():
             self._compare(number, reports)
         self._fail(self._unlikely())
@@ -169,7 +169,7 @@ class SensesAsAsked(Check):
             self._hold(k, row.number, reports, (x, y), (due_x, due_y))
 
     def _reports_of(self, number: int, entries: tuple[Entry, ...], jumps: int) -> _Reports:
-        """What is known of a robot's error since its drifts began and since its last jump."""
+        """Return the known error of a robot since its drifts began and since its last jump."""
         drifts, reports = self._reports.get(number, ((), None))
         if reports is None or drifts != entries:
             if reports is not None:
@@ -208,7 +208,7 @@ class SensesAsAsked(Check):
                 self._hits = [count + hit for count, hit in zip(self._hits, hits, strict=True)]
 
     def _inland(self, at: float, axis: int, margin: float) -> bool:
-        """Whether a place is so far from the terrain's edge that the world does not move it inland."""
+        """Return True if a place is so far from the terrain's edge that the world does not move it inland."""
         away = self._point + margin
         return self._bounds[axis] + away <= at <= self._bounds[axis + 2] - away
 
@@ -227,7 +227,7 @@ class SensesAsAsked(Check):
             self._blame(number, words if jumps else f"reports places off by {apart:.2f} m on average beyond its drift")
 
     def _unlikely(self) -> str:
-        """What chance does not explain of the noise."""
+        """Describe what chance does not explain of the noise."""
         alarm = ALARM / len(_COUNTS)
         for name, hits in zip(_COUNTS, self._hits, strict=True):
             if enough(self._draws, 0.5, alarm) and unexplained(hits, self._draws, 0.5, alarm):

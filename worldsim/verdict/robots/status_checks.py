@@ -37,7 +37,7 @@ class NobodyLost(Check):
                 self._lost[robot.number] = f"{self._names.get(robot.number, robot.number)} at tick {record.k}"
 
     def result(self) -> CheckResult:
-        """The result, once all ticks are in and the journal has ended."""
+        """Return the result, once all ticks are in and the journal has ended."""
         reported = {
             event.robot: f"{self._names[event.robot]} at tick {event.k} ({event.detail})"
             for event in self._run.journal.events
@@ -113,11 +113,11 @@ class PausedStandStill(Check):
 
     @classmethod
     def applies(cls, run: JudgedRun) -> bool:
-        """Where a fault pauses robots."""
+        """Return True if a fault pauses robots."""
         return any(isinstance(entry.fault, Pause) for entry in run.timeline.entries)
 
     def result(self) -> CheckResult:
-        """The result, once all ticks are in and the journal has ended."""
+        """Return the result, once all ticks are in and the journal has ended."""
         names = self._run.names
         if not self._run.processes:
             return self._not_judged("the run had no processes")

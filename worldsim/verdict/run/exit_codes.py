@@ -29,7 +29,7 @@ class ExitCodes(Check):
         self._judged = self._killed = 0
 
     def result(self) -> CheckResult:
-        """The result, once all ticks are in and the journal has ended."""
+        """Return the result, once all ticks are in and the journal has ended."""
         codes, planned = self._run.exit_codes, self._planned()
         self._judged = self._killed = 0
         wrong = []
@@ -55,7 +55,7 @@ class ExitCodes(Check):
         return f"{self._judged - self._killed} processes ended with 0{killed}"
 
     def _planned(self) -> dict[str, int | None]:
-        """The exit codes due by process, None where any will do."""
+        """Return the exit codes due by process, None where any will do."""
         codes: dict[str, int | None] = {}
         for number, name in self._run.names.items():
             there = number not in self._run.timeline.starts_absent

@@ -35,7 +35,7 @@ class FaultsOnTime(Check):
 
     @classmethod
     def applies(cls, run: JudgedRun) -> bool:
-        """Where the scenario has faults."""
+        """Return True if the scenario has faults."""
         return bool(run.timeline.entries)
 
     def _good(self) -> str:
@@ -43,13 +43,13 @@ class FaultsOnTime(Check):
 
 
 def _begins(entry: Entry, step: float) -> bool:
-    """Whether a fault begins in the first tick that is not before its `at`."""
+    """Return True if a fault begins in the first tick that is not before its `at`."""
     at = entry.fault.at / step - _ROUNDING
     return entry.begin >= at and (entry.begin == 0 or entry.begin - 1 < at)
 
 
 def _ends(entry: Entry, step: float) -> bool:
-    """Whether a fault goes on for its `for`, rounded to ticks, half a tick up, and at least one tick."""
+    """Return True if a fault goes on for its `for`, rounded to ticks, half a tick up, and at least one tick."""
     fault = entry.fault
     if not isinstance(fault, Lasting):
         return entry.end == entry.begin

@@ -26,7 +26,7 @@ class FogIsTrue(Check):
 
     @classmethod
     def applies(cls, run: JudgedRun) -> bool:
-        """Where the fog is to be verified."""
+        """Return True if the fog is to be verified."""
         return run.verify_fog
 
     def _tick(self, record: TickRecord) -> None:

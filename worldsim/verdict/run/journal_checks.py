@@ -28,7 +28,7 @@ class Complete(Check):
         self._next = record.k + 1
 
     def result(self) -> CheckResult:
-        """The result, once all ticks are in and the journal has ended."""
+        """Return the result, once all ticks are in and the journal has ended."""
         end = self._run.journal.end
         if self._run.journal.truncated:
             self._fail(f"the journal is damaged after tick {self._next - 1}")
@@ -62,7 +62,7 @@ class TraceAgrees(Check):
         self._trace.tick(record)
 
     def result(self) -> CheckResult:
-        """The result, once all ticks are in and the journal has ended."""
+        """Return the result, once all ticks are in and the journal has ended."""
         found, end = self._trace.hexdigest(), self._run.journal.end
         recorded = end.trace_hash if end else "missing"
         if found != recorded:

@@ -27,7 +27,7 @@ STALE_TOURS = 8.0
 """The fog counts as growing where the stalest point at the end is older than so many times the best tour takes."""
 
 TOURS = 4.0
-"""How often the robots must have been able to drive the best tour found before the fog of a run is judged."""
+"""Number of best tours that the robots could have driven before the fog of a run is judged."""
 
 SHORTEST_S = 2.0 * TRAPPED_S
 """The shortest run whose fog is judged, s: on small ground a tour takes seconds."""
@@ -45,9 +45,9 @@ class Stalest:
     Attributes:
         x: Of the place, m.
         y: Of the place, m.
-        age_s: How long nobody had seen it, s; from the start if nobody ever had.
+        age_s: Time since it was last seen, s; from the start if never.
         at_s: The time, s.
-        seen: Whether anybody had ever seen it.
+        seen: It had been seen at least once.
         nearest: The name of the living robot nearest to it in a straight line; None where none was alive.
         nearest_m: That robot's distance, m.
     """
@@ -93,7 +93,7 @@ class TrappedRobot:
         until_s: When it left, or when all that it could see elsewhere had been seen, s; None where it was trapped to
             the end.
         stale: x and y in m of a stale point outside of the circle that it could have gone to and seen.
-        seen_s: When that point had last been seen, s; None where nobody had seen it.
+        seen_s: When that point had last been seen, s; None if never.
     """
 
     robot: str
@@ -108,7 +108,7 @@ class TrappedRobot:
 
 @dataclass(frozen=True, slots=True)
 class RunProgress:
-    """How a patrol got on.
+    """The progress of a patrol.
 
     Attributes:
         worst: The stalest place over the whole run; None without a tick.
@@ -124,7 +124,7 @@ class RunProgress:
 
 
 class Progress(Check):
-    """Warns of robots that are trapped, of fog that grows to the end, and of ground that nobody has seen.
+    """Warns of robots that are trapped, of fog that grows to the end, and of ground that was never seen.
 
     A patrol without progress is no error of the run: its numbers are right, and they say how bad the policy is. So this
     check fails no run.
@@ -146,7 +146,7 @@ class Progress(Check):
 
     @classmethod
     def applies(cls, run: JudgedRun) -> bool:
-        """Where there is a fog to look at."""
+        """Return True if there is a fog to look at."""
         return run.verify_fog or run.fog is not None
 
     def _tick(self, record: TickRecord) -> None:
@@ -170,7 +170,7 @@ class Progress(Check):
         self._last = record
 
     def facts(self) -> RunProgress:
-        """How the patrol got on, once all ticks are in."""
+        """Return the progress of the patrol, once all ticks are in."""
         last, step = self._last, self._run.step
         if last is None or self._worst is None:
             return RunProgress(None, None, {}, ())
@@ -185,7 +185,7 @@ class Progress(Check):
         return RunProgress(self._stalest(*self._worst), self._stalest(*end), stays, trapped)
 
     def result(self) -> CheckResult:
-        """The result, once all ticks are in."""
+        """Return the result, once all ticks are in."""
         if self._last is None:
             return self._not_judged("not judged: the run has no tick")
         warnings = self._trapped()
@@ -227,7 +227,7 @@ class Progress(Check):
         return (self._end if trap.until is None else trap.until) - trap.since
 
     def _together(self, traps: list[Trap]) -> int:
-        """How many ticks one robot was trapped; stays may overlap, and ticks that lie in two of them count once."""
+        """Count the ticks in which one robot was trapped; a tick that lies in two stays counts once."""
         ticks = known = 0
         for trap in sorted(traps, key=lambda trap: trap.since):
             until = trap.since + self._ticks(trap)
@@ -271,7 +271,7 @@ class Progress(Check):
         return [self._never(never, took_s) if never else self._stale(end)], ""
 
     def _without_tour(self, never: int, took_s: float) -> tuple[list[str], str]:
-        """The same where there is no tour to compare with: only ground that was never seen is judged."""
+        """Return the same where there is no tour to compare with: only ground that was never seen is judged."""
         if not never:
             return [], "all that can be seen was seen; there is no tour to compare the fog's growth with"
         if took_s < SHORTEST_S:

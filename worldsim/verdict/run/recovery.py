@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from worldsim.verdict.common.check import JudgedRun, Readings
 
 WITHIN = 5.0
-"""How many times the fault-free mean MFoW a patrol may take to see every point again."""
+"""Longest time to see every point again, in fault-free mean MFoW."""
 
 
 class Recovers(Check):
@@ -45,7 +45,7 @@ class Recovers(Check):
 
     @classmethod
     def applies(cls, run: JudgedRun) -> bool:
-        """Where the scenario has faults."""
+        """Return True if the scenario has faults."""
         return bool(run.prepared.scenario.faults)
 
     def _tick(self, record: TickRecord) -> None:
@@ -69,7 +69,7 @@ class Recovers(Check):
             self._seen_at = record.k
 
     def result(self) -> CheckResult:
-        """The result, once all ticks are in and the journal has ended."""
+        """Return the result, once all ticks are in and the journal has ended."""
         step = self._run.step
         took_s = None if self._seen_at is None else (self._seen_at - self._whole_at) * step
         took = "not every point was seen again" if took_s is None else f"every point was seen again in {took_s:g} s"
@@ -84,7 +84,7 @@ class Recovers(Check):
         return ""
 
     def _stays_away(self, row: RobotTick) -> bool:
-        """Whether a robot is spare and has not joined."""
+        """Return True if a robot is spare and has not joined."""
         return row.status is Status.ABSENT and row.number in self._spares
 
     def _why_not(self, took: str, took_s: float | None, limit_s: float) -> str:

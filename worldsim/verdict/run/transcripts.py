@@ -1,4 +1,4 @@
-"""The verdict's check that nobody has put in a message between the world and a robot."""
+"""The verdict's check that no message was put in between the world and a robot."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class TranscriptsAgree(Check):
 
     Both have kept the hashes of what they sent and acted on (`patrol.net.security.transcripts`), and the journal's end
     holds those of both. The last ticks of a process that was killed or lost are not compared, because it cannot report
-    them. Where reports are missing although process and router were there, somebody may have crowded them out: a
+    them. Where reports are missing although process and router were there, other traffic may have crowded them out: a
     warning.
     """
 
@@ -34,11 +34,11 @@ class TranscriptsAgree(Check):
 
     @classmethod
     def applies(cls, run: JudgedRun) -> bool:
-        """Where the robots were processes."""
+        """Return True if the robots were processes."""
         return run.processes or _NOTE in _notes(run)
 
     def result(self) -> CheckResult:
-        """The result, once all ticks are in and the journal has ended."""
+        """Return the result, once all ticks are in and the journal has ended."""
         notes = _notes(self._run)
         if _NOTE not in notes:
             return self._not_judged("not judged: the journal holds none, as those of earlier versions")
@@ -53,7 +53,7 @@ class TranscriptsAgree(Check):
         return replace(super().result(), warnings=tuple(self._gone))
 
     def _compare(self, note: Any) -> Iterator[str]:
-        """The differences between the transcripts of one process and the world."""
+        """Give the differences between the transcripts of one process and the world."""
         asked, messages, missed = int(note["asked"]), int(note["messages"]), int(note["missed"])
         name = process_name(self._run.names.get(note["robot"], str(note["robot"])), int(note["incarnation"]))
         self._messages += messages
