@@ -25,9 +25,9 @@ from agent.bodies.giveway import nearest
 from agent.bodies.manoeuvre import Manoeuvres
 from agent.bodies.setup import CLEAR_SHARE, BodyBase, BodySetup, way_of
 from agent.bodies.steering import EASIER, Footing
-from agent.ports import Bearing, Choice, Goal, Intent, Place, PolicyFailed, State, Stay, Steer
+from agent.ports import Bearing, Choice, Goal, Intent, Place, State
 from patrol.ground.swept_path import advance, path_is_free
-from patrol.pose import TAU, Drive, halted, wrap
+from patrol.pose import TAU, Drive, wrap
 from patrol.random import Purpose
 
 if TYPE_CHECKING:
@@ -400,6 +400,8 @@ class Retreat:
 class CarBody(BodyBase):
     """Drives towards the goal ahead, and gets itself out of dead ends (paper, "unstuck")."""
 
+    command = Drive
+
     def __init__(self, setup: BodySetup) -> None:
         super().__init__(setup)
         self._steering = CarSteering(setup.spec, setup.ground.terrain, setup.step)
@@ -428,9 +430,9 @@ class CarBody(BodyBase):
     def obey(self, intent: Intent, view: View) -> Choice:
         """Return the command that best carries out an intent (`agent.ports.Body.obey`)."""
         tick, pose = view.tick, view.pose
-        self.way_back.note(pose.x, pose.y)
         if self._retreat is None:
-            return self._obey(intent, view)
+            return super().obey(intent, view)
+        self.way_back.note(pose.x, pose.y)
         goes_back = self._mode is Mode.RETREATING
         if self._retreat.update(tick, pose, view.bumped, view.peers, goes_back=goes_back):
             self._after(Event.BLOCKED, tick)
@@ -441,7 +443,7 @@ class CarBody(BodyBase):
             back = self._retreat.next(tick, pose)
             if back is None:
                 self._after(Event.OVER, tick)
-        choice = self._obey(intent, view) if back is None else Choice(back, intent.state)
+        choice = self._carry_out(intent, view) if back is None else Choice(back, intent.state)
         assert isinstance(choice.command, Drive)
         self._retreat.remember(choice.command)
         return choice
@@ -456,16 +458,8 @@ class CarBody(BodyBase):
         if event in (Event.BUMPED, Event.BLOCKED) and self._manoeuvres is not None:
             self._manoeuvres.drop()
 
-    def _obey(self, intent: Intent, view: View) -> Choice:
-        match intent:
-            case Bearing():
-                return self._bear(intent, view)
-            case Place():
-                return self._approach(intent, view)
-            case Steer(command, state):
-                return self._steer(command, state, view)
-            case Stay(state):
-                return self._drive(view, None, None, state) if self._mode is Mode.ESCAPING else self._stand(state)
+    def _stay(self, state: str, view: View) -> Choice:
+        return self._drive(view, None, None, state) if self._mode is Mode.ESCAPING else self._stand(state)
 
     def _bear(self, intent: Bearing, view: View) -> Choice:
         bearing, goal = self._ahead(intent, view)
@@ -575,12 +569,5 @@ class CarBody(BodyBase):
         self._after(Event.STUCK, tick)
         self._unstuck.begin(tick, desired)
 
-    def _steer(self, command: object, state: str, view: View) -> Choice:
-        """Return a policy's own command, unless it leads into a wall."""
-        if not isinstance(command, Drive):
-            raise PolicyFailed(f"returned Steer({type(command).__name__}) for a car; give a Drive")
-        wanted = command.limited(self.spec.limits)
-        return Choice(wanted, state) if self._steering.is_free(view.pose, wanted) else self._stand(State.HOLDING)
-
-    def _stand(self, state: str) -> Choice:
-        return Choice(halted(self.spec.model), state)
+    def _allowed(self, pose: Pose, wanted: Drive) -> Drive | None:
+        return wanted if self._steering.is_free(pose, wanted) else None

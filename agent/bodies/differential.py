@@ -18,12 +18,12 @@ from itertools import chain
 from agent.bodies.giveway import nearest
 from agent.bodies.setup import BARELY, BLOCKED_SHARE, CLEAR_SHARE, BodyBase, BodySetup, way_of
 from agent.bodies.steering import EASIER, Footing, HolonomicSteering
-from agent.ports import Bearing, Choice, Goal, Intent, Place, PolicyFailed, State, Stay, Steer
+from agent.ports import Bearing, Choice, Goal, Place, State
 from agent.routes.ground import Ground, Spot
 from agent.view import View
 from patrol.ground.swept_path import advance, line_is_free, path_is_free
 from patrol.ground.terrain import Terrain
-from patrol.pose import TAU, Command, Pose, Twist, halted, wrap
+from patrol.pose import TAU, Pose, Twist, halted, wrap
 from patrol.random import Purpose
 from patrol.scenario import RobotSpec
 
@@ -337,6 +337,8 @@ class DifferentialBody(BodyBase):
     It turns on the spot, so it can stop at every pose and leave every pose that a straight line leads away from.
     """
 
+    command = Twist
+
     def __init__(self, setup: BodySetup) -> None:
         super().__init__(setup)
         self._steering = WheelSteering(setup.spec, setup.ground.terrain, setup.ground, setup.step)
@@ -345,19 +347,9 @@ class DifferentialBody(BodyBase):
         self._near = 2.0 * self.stride
         self._turns_to: float | None = None
 
-    def obey(self, intent: Intent, view: View) -> Choice:
-        """Return the command that best carries out an intent (`agent.ports.Body.obey`)."""
-        self.way_back.note(view.pose.x, view.pose.y)
-        match intent:
-            case Bearing():
-                return self._bear(intent, view)
-            case Place():
-                return self._approach(intent, view)
-            case Steer(command, state):
-                return self._steer(command, state, view.pose)
-            case Stay(state):
-                self._back_off.end()
-                return self._stand(state)
+    def _stay(self, state: str, view: View) -> Choice:
+        self._back_off.end()
+        return super()._stay(state, view)
 
     def _bear(self, intent: Bearing, view: View) -> Choice:
         if (back := self._backing_off(intent.state, view)) is not None:
@@ -472,12 +464,5 @@ class DifferentialBody(BodyBase):
         enough = CLEAR_SHARE * min(self.stride, math.dist((pose.x, pose.y), target))
         return _Option(target, enough, bearing, goal)
 
-    def _steer(self, command: Command, state: str, pose: Pose) -> Choice:
-        """Return a policy's own command, unless it leads into a wall."""
-        if not isinstance(command, Twist):
-            raise PolicyFailed(f"returned Steer({type(command).__name__}) for a differential robot; give a Twist")
-        wanted = command.limited(self.spec.limits)
-        return Choice(wanted, state) if self._steering.is_free(pose, wanted) else self._stand(State.HOLDING)
-
-    def _stand(self, state: str) -> Choice:
-        return Choice(halted(self.spec.model), state)
+    def _allowed(self, pose: Pose, wanted: Twist) -> Twist | None:
+        return wanted if self._steering.is_free(pose, wanted) else None

@@ -6,10 +6,10 @@ import math
 
 from agent.bodies.setup import BARELY, BLOCKED_SHARE, CLEAR_SHARE, BodyBase, BodySetup, way_of
 from agent.bodies.steering import Footing, HolonomicSteering
-from agent.ports import Bearing, Choice, Goal, Intent, Place, PolicyFailed, State, Stay, Steer
+from agent.ports import Bearing, Choice, Goal, Place, State
 from agent.routes.ground import Spot
 from agent.view import View
-from patrol.pose import TAU, Command, Pose, Velocity, halted
+from patrol.pose import TAU, Pose, Velocity
 from patrol.random import Purpose
 
 AFTER_BUMP = 0.5
@@ -19,23 +19,12 @@ AFTER_BUMP = 0.5
 class HolonomicBody(BodyBase):
     """Takes the strongest direction in which it can make at least half a step."""
 
+    command = Velocity
+
     def __init__(self, setup: BodySetup) -> None:
         super().__init__(setup)
         self._steering = HolonomicSteering(setup.spec, setup.ground.terrain, setup.step)
         self._footing = Footing(setup.ground.terrain, setup.ground, setup.spec.radius, wanted=setup.patrol.manoeuvres)
-
-    def obey(self, intent: Intent, view: View) -> Choice:
-        """Return the command that best carries out an intent (`agent.ports.Body.obey`)."""
-        self.way_back.note(view.pose.x, view.pose.y)
-        match intent:
-            case Bearing():
-                return self._bear(intent, view)
-            case Place():
-                return self._approach(intent, view)
-            case Steer(command, state):
-                return self._steer(command, state, view.pose)
-            case Stay(state):
-                return Choice(halted(self.spec.model), state)
 
     def _bear(self, intent: Bearing, view: View) -> Choice:
         pose, start = view.pose, view.start
@@ -113,9 +102,5 @@ class HolonomicBody(BodyBase):
             return Choice(self._steering.heading(pose, bearing)[0], State.DEAD_END, bearing, Goal(spot, spot))
         return Choice(self._steering.towards(pose, spot)[0], State.DEAD_END, bearing, Goal(spot, spot))
 
-    def _steer(self, command: Command, state: str, pose: Pose) -> Choice:
-        """Return a policy's own command, as far as the body is free."""
-        if not isinstance(command, Velocity):
-            raise PolicyFailed(f"returned Steer({type(command).__name__}) for a holonomic robot; give a Velocity")
-        wanted = command.limited(self.spec.limits)
-        return Choice(self._steering.along(pose, wanted), state)
+    def _allowed(self, pose: Pose, wanted: Velocity) -> Velocity:
+        return self._steering.along(pose, wanted)

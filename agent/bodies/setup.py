@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agent.bodies.giveway import GiveWay
 from agent.bodies.goal import GoalFinder
+from agent.ports import Bearing, Choice, Intent, Place, PolicyFailed, State, Stay, Steer
 from agent.routes.ground import Disc, Ground
 from agent.routes.way_back import WayBack
+from patrol.pose import halted
 
 if TYPE_CHECKING:
-    from agent.ports import Place
     from agent.routes.ground import Spot
     from agent.view import Draw, View
-    from patrol.pose import Pose
+    from patrol.pose import Command, Pose
     from patrol.radio.peers import Peer
     from patrol.scenario import BodyLengths, PatrolSpec, RobotSpec
 
@@ -59,8 +61,8 @@ class BodySetup:
     chance: Draw
 
 
-class BodyBase:
-    """The part that all bodies share.
+class BodyBase(ABC):
+    """The part that all bodies share: goals, the way back, giving way, and a policy's own commands.
 
     Attributes:
         spec: The robot's model and limits.
@@ -68,6 +70,9 @@ class BodyBase:
         goals: Finds the goal along a bearing.
         way_back: Finds ways back to the reachable points.
     """
+
+    command: ClassVar[type]
+    """The class of the commands that the body obeys."""
 
     def __init__(self, setup: BodySetup) -> None:
         self.spec = setup.spec
@@ -84,6 +89,47 @@ class BodyBase:
             return ()
         self._give_way.update(tick, pose, bumped, peers, 2.0 * self.stride)
         return self._give_way.discs(tick, pose, peers, self._point)
+
+    def obey(self, intent: Intent, view: View) -> Choice:
+        """Return the command that best carries out an intent (`agent.ports.Body.obey`)."""
+        self.way_back.note(view.pose.x, view.pose.y)
+        return self._carry_out(intent, view)
+
+    def _carry_out(self, intent: Intent, view: View) -> Choice:
+        match intent:
+            case Bearing():
+                return self._bear(intent, view)
+            case Place():
+                return self._approach(intent, view)
+            case Steer(command, state):
+                if not isinstance(command, self.command):
+                    robot = "car" if self.spec.model == "car" else f"{self.spec.model} robot"
+                    given, wanted = type(command).__name__, self.command.__name__
+                    raise PolicyFailed(f"returned Steer({given}) for a {robot}; give a {wanted}")
+                allowed = self._allowed(view.pose, command.limited(self.spec.limits))
+                return self._stand(State.HOLDING) if allowed is None else Choice(allowed, state)
+            case Stay(state):
+                return self._stay(state, view)
+
+    @abstractmethod
+    def _bear(self, intent: Bearing, view: View) -> Choice:
+        """Take the first direction of an intent in which the body can move."""
+
+    @abstractmethod
+    def _approach(self, place: Place, view: View) -> Choice:
+        """Take a step towards a place."""
+
+    @abstractmethod
+    def _allowed(self, pose: Pose, wanted: Any) -> Command | None:
+        """Return a policy's own command, as far as it leads into no wall; None if it does from the start."""
+
+    def _stay(self, state: str, view: View) -> Choice:
+        """Stand still, in a state that the policy gives."""
+        del view
+        return self._stand(state)
+
+    def _stand(self, state: str) -> Choice:
+        return Choice(halted(self.spec.model), state)
 
 
 def way_of(place: Place, view: View) -> tuple[Spot, Spot] | None:
