@@ -10,10 +10,8 @@ from functools import partial
 
 import numpy as np
 
-from agent.policies.potential_field.pull.direction import bearings_by_force, bearings_by_vector
-from agent.policies.potential_field.pull.field import Field, Pull
-from agent.policies.potential_field.pull.fuzzy import FuzzySectors
-from agent.policies.potential_field.pull.repulsion import repel
+from agent.policies.potential_field.direction import FuzzySectors, bearings_by_force, bearings_by_vector, repel
+from agent.policies.potential_field.field import Field, Pull
 from agent.policies.random_steps import RandomSteps
 from agent.policies.separation import Separation
 from agent.ports import Bearing, Intent, PolicySetup, Stay

@@ -10,10 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agent.belief.posts import Posts
-from agent.policies.potential_field.pull.claims import share_table
-from agent.policies.potential_field.pull.field import Field
-from agent.policies.potential_field.pull.fuzzy import FuzzySectors
-from agent.policies.potential_field.pull.repulsion import repel
+from agent.policies.potential_field.direction import FuzzySectors, repel
+from agent.policies.potential_field.field import Field, share_table
 from agent.policies.separation import (
     artificial_obstacles,
     critical_areas,

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from agent.belief.posts import Posts
-from agent.policies.potential_field.pull.direction import bearings_by_force, bearings_by_vector, sector_table
-from agent.policies.potential_field.pull.field import Field, Pull
-from agent.policies.potential_field.pull.force import (
+from agent.policies.potential_field.direction import bearings_by_force, bearings_by_vector, sector_table
+from agent.policies.potential_field.field import Field, Pull
+from agent.policies.potential_field.force import (
     PAPER_AREA,
     ForceLaw,
     distance_force,

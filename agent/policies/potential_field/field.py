@@ -1,22 +1,28 @@
-"""The social potential field of one robot: the forces of all points, summed (paper, steps 4 and 5)."""
+"""The social potential field of one robot: the forces of all points, summed (paper, steps 4 and 5).
+
+The paper leaves open that two robots drift onto the same path, and found repulsion harmful. Positions alone allow
+better: *claims* scale the force of each point by 1 / (1 + exp((d - d') / s)), where d is this robot's way to the point,
+d' the way of the nearest other robot, and s a width. A point that is 2 s farther away counts 0.12, one that is 2 s
+nearer 0.88. Nothing more is sent, and without communication the factor is 1.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agent.belief.posts import Posts
+from agent.policies.potential_field.direction import sector_table
+from agent.policies.potential_field.force import ForceLaw
 from agent.policies.potential_field.kernels.force import gather
-from agent.policies.potential_field.pull.claims import share_table
-from agent.policies.potential_field.pull.direction import sector_table
-from agent.policies.potential_field.pull.force import ForceLaw
-from agent.policies.potential_field.pull.windows import window_of
 from agent.routes.ground import Ground
 from agent.routes.path_window import PathWindow, Place
+from agent.routes.wave import Wave
 from patrol.ground.fields import StaticFields
 from patrol.scenario import BodyLengths, PotentialFieldOptions
 from patrol.scenario.lengths import PAPER_LENGTHS
@@ -34,6 +40,9 @@ CLOSE_ENOUGH = 0.5
 """A place close by is worth a stop when it pulls with at least this share of the strongest force."""
 
 UNCLAIMED = np.zeros(0)
+
+WIDTHS = 40.0
+"""Number of widths beyond which a claim is decided; e^-40 of the force is left, so that there is always some pull."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,3 +246,55 @@ class _Forces(NamedTuple):
     sums: NDArray[np.float64]
     strongest: NDArray[np.float64]
     source: NDArray[np.int64]
+
+
+def share_table(width_m: float, point: float) -> NDArray[np.float64]:
+    """Return the share that is left of a force, by how much farther away the robot is than its nearest rival.
+
+    Args:
+        width_m: s, m.
+        point: Side of the terrain's points, m.
+
+    Returns:
+        float64 (2 m + 1,). The index is the difference of the path lengths, d - d', in hundredths of a point, plus m.
+    """
+    width = 100.0 * width_m / point
+    reach = round(WIDTHS * width)
+    return 1.0 / (1.0 + np.exp(np.arange(-reach, reach + 1) / width))
+
+
+def window_of(
+    paths: str,
+    sizes: tuple[int, int, int],
+    scratch: dict[str, PathWindow],
+    patrolled: NDArray[np.bool_],
+    regions: RegionSplit | None,
+) -> PathWindow:
+    """Return the window of a path method, shared where possible.
+
+    Args:
+        paths: Name of the path method.
+        sizes: The terrain's height and width, and the window's span, in points.
+        scratch: Windows made so far.
+        patrolled: bool (h, w), for straight paths.
+        regions: For paths through regions.
+
+    Raises:
+        ValueError: Paths through regions without regions.
+    """
+    key = f"{paths} {sizes}"
+    make: Callable[[], PathWindow] = partial(Wave, *sizes)
+    # A window holds a reference to the object whose id is in its key, so no other object can get that id.
+    if paths == "regions":
+        if regions is None:
+            raise ValueError("paths through regions need a split")
+        from agent.routes.region_paths import Regions
+
+        key, make = f"{key} {id(regions.parts)}", partial(Regions, *sizes, regions)
+    elif paths == "straight":
+        from agent.routes.straight import Straight
+
+        key, make = f"{key} {id(patrolled)}", partial(Straight, *sizes, patrolled)
+    if key not in scratch:
+        scratch[key] = make()
+    return scratch[key]
