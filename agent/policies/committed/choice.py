@@ -5,8 +5,9 @@ robot has the shorter way (`OTHERS`). So a patrol goes for what is stale, finish
 robot the ground around it, without a word between them.
 
 The search lays one wave of path lengths from the robot and one from all others at once, over a box around the robot.
-No point outside of the box can count more than the greatest age squared per the box's reach. The box doubles until the
-best point inside counts that much; so the choice is the one that the whole terrain would give.
+Outside of the box a point counts at most its age squared per its distance as the crow flies. Where that is enough to
+beat the best point inside, the box grows to the length of the longest way that could still win. So the choice is the
+one that the whole terrain would give.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.policies.committed.kernels.best import best_of
+from agent.policies.committed.kernels.best import best_of, oldest_that_may_win
 from agent.routes.wave import LONGEST, NO_PATHS, Box, BoxPaths, box_around, paths_in
 
 if TYPE_CHECKING:
@@ -34,6 +35,9 @@ OTHERS = 0.1
 
 FIRST_REACH = 1.25
 """Reach of the first box, in sensor ranges."""
+
+ROUNDING = 1e-9
+"""Share by which a bound is lowered, so that no rounding makes it too high."""
 
 NO_POINTS: NDArray[np.int32] = np.zeros((0, 4), dtype=np.int32)
 
@@ -107,15 +111,27 @@ class Choice:
                 # A robot with a shorter way to a point of the box is at most twice as far away as its edge.
                 wide = box if limit == LONGEST else box_around(here, 2 * reach, shape)
                 score, place = self._look(view, own, _paths_of_rivals(view, others, wide, limit), worth, left_out)
-            if limit == LONGEST or score >= worth[-1] / (limit + self._near):
+            enough = self._enough(view, here, worth, score) if score > 0.0 else 2 * reach
+            if limit == LONGEST or reach >= enough:
                 break
-            reach *= 2
+            reach = enough
         if score <= 0.0:
             return None
         # The next search begins with the box that would have done for this one.
-        enough = math.ceil((worth[-1] / score - self._near) / 100.0)
         self._reach = min(max(self._least_reach, enough), max(shape))
         return Best(place[:2], place[2:], own.length_to(*place[2:]) + 200)
+
+    def _enough(self, view: View, here: Point, worth: NDArray[np.float64], score: float) -> int:
+        """Return the reach of a box that holds each way at the end of which a point could have a score, or more."""
+        score *= 1.0 - ROUNDING
+
+        def longest(age: int) -> int:
+            return math.ceil((worth.item(age) / score - self._near) / 100.0)
+
+        fog, gap = view.fog, self._posts.gap
+        around = (*here, longest(-1) + gap, gap)
+        oldest = oldest_that_may_win(fog.patrolled, fog.last_seen, view.tick, *around, worth, self._near, score)
+        return longest(int(oldest))
 
     def _look(
         self, view: View, own: BoxPaths, rival: BoxPaths, worth: NDArray[np.float64], left_out: NDArray[np.int64]
@@ -123,7 +139,7 @@ class Choice:
         """The best score in a box, 0 without any, and row and column of its point and of where to stand for it."""
         score, place, fog = np.zeros(1), np.zeros(4, dtype=np.int64), view.fog
         known = (own.length, own.row0, own.col0, own.limit, rival.length, rival.row0, rival.col0)
-        grids = (*known, fog.last_seen, fog.looked, view.tick)
+        grids = (*known, fog.patrolled, fog.last_seen, fog.looked, view.tick)
         posts = self._posts.between(own.row0 + 1, own.row0 + own.length.shape[0] - 2)
         for points, listed in ((NO_POINTS, False), (posts, True)):
             best_of(points, listed, *grids, worth, self._near, OTHERS, left_out, score, place)

@@ -1,4 +1,4 @@
-"""Kernel of the choice of a target: the point with the greatest worth of its age per way."""
+"""Kernels of the choice of a target: the point with the greatest worth of its age per way."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from numba import njit, types
 
 LENGTHS = types.Array(types.int32, 2, "C", readonly=True)
 POINTS = types.Array(types.int32, 2, "C", readonly=True)
+PATROLLED = types.Array(types.boolean, 2, "C", readonly=True)
 TICKS = types.Array(types.int32, 2, "C", readonly=True)
 WORTH = types.Array(types.float64, 1, "C", readonly=True)
 PLACES = types.Array(types.int64, 2, "C", readonly=True)
@@ -16,15 +17,15 @@ float64 = types.float64
 index = types.uint64
 """Unsigned, so that numba skips the negative-index check."""
 BEST = types.void(
-    POINTS, types.boolean, LENGTHS, int64, int64, int64, LENGTHS, int64, int64, TICKS, TICKS, int64, WORTH, float64,
-    float64, PLACES, SCORE, FOUND,
+    POINTS, types.boolean, LENGTHS, int64, int64, int64, LENGTHS, int64, int64, PATROLLED, TICKS, TICKS, int64, WORTH,
+    float64, float64, PLACES, SCORE, FOUND,
 )  # fmt: skip
 
 
 @njit(BEST, cache=True, nogil=True)
 def best_of(
-    points, listed, own, row0, col0, limit, rival, rival_row0, rival_col0, last_seen, looked, tick, worth, near, others,
-    left_out, score, place,
+    points, listed, own, row0, col0, limit, rival, rival_row0, rival_col0, patrolled, last_seen, looked, tick, worth,
+    near, others, left_out, score, place,
 ):  # fmt: skip
     """Find the best of a box's points, or of points that are listed with where to stand for them.
 
@@ -42,7 +43,8 @@ def best_of(
         rival: int32 (p, q), path lengths from the nearest rival; (0, 0) without any.
         rival_row0: Row of the terrain under row 0 of ``rival``.
         rival_col0: Column of the terrain under column 0 of ``rival``.
-        last_seen: int32 (h, w), when each point was last seen; after ``tick`` for points that are not patrolled.
+        patrolled: bool (h, w), the points that have an age.
+        last_seen: int32 (h, w), when each point was last seen.
         looked: int32 (h, w), when each point was last in view.
         tick: Now.
         worth: float64 (a + 1,), by age in ticks.
@@ -63,7 +65,7 @@ def best_of(
             if length > limit:  # such as the frame of the box, which may lie outside of the terrain
                 continue
             age = tick - max(int64(last_seen[index(row), index(col)]), 0)
-            if age <= 0 or worth[index(age)] <= score[0] * (length + near):
+            if age <= 0 or not patrolled[index(row), index(col)] or worth[index(age)] <= score[0] * (length + near):
                 continue
             if looked[index(row), index(col)] == tick:
                 continue
@@ -79,3 +81,31 @@ def best_of(
             if found > score[0]:
                 score[0] = found
                 place[0], place[1], place[2], place[3] = row, col, up + row0, across + col0
+
+
+@njit(int64(PATROLLED, TICKS, int64, int64, int64, int64, int64, WORTH, float64, float64), cache=True, nogil=True)
+def oldest_that_may_win(patrolled, last_seen, tick, row, col, reach, gap, worth, near, score):
+    """Return the greatest age, in ticks, of the points that could have a score if the way to them were straight.
+
+    Args:
+        patrolled: bool (h, w), the points that have an age.
+        last_seen: int32 (h, w), when each point was last seen.
+        tick: Now.
+        row: Of the robot.
+        col: Of the robot.
+        reach: Rows and columns from the robot to the farthest points that are looked at.
+        gap: Rows and columns by which the place to see a point from may be nearer than the point.
+        worth: float64 (a + 1,), by age in ticks.
+        near: Added to each way, in hundredths of a point.
+        score: To be reached.
+    """
+    oldest = int64(0)
+    for k in range(max(row - reach, 0), min(row + reach + 1, last_seen.shape[0])):
+        line, up = last_seen[k], max(abs(k - row) - gap, 0)
+        for j in range(max(col - reach, 0), min(col + reach + 1, line.size)):
+            age = tick - max(int64(line[index(j)]), 0)
+            if age > oldest and patrolled[index(k), index(j)]:
+                across = max(abs(j - col) - gap, 0)
+                if worth[index(age)] >= score * (100 * max(up, across) + 41 * min(up, across) + near):
+                    oldest = age
+    return oldest

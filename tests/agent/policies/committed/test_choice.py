@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from agent.policies.committed.choice import NEAR_M, OTHERS, Best, Choice
-from agent.policies.committed.kernels.best import best_of
+from agent.policies.committed.kernels.best import best_of, oldest_that_may_win
 from agent.routes.path_window import FAR
 from agent.routes.wave import LONGEST, NO_BENDS, BoxPaths, Wave
 from patrol.pose import Pose
@@ -76,6 +76,7 @@ def test_the_kernel_finds_what_plain_python_finds(seed: int) -> None:
     shape, tick, limit = (12, 14), 50, int(dice.integers(100, 3000))
     last_seen = dice.integers(-1, 52, shape).astype(np.int32)
     looked = np.where(dice.random(shape) < 0.1, tick, last_seen).astype(np.int32)
+    patrolled = dice.random(shape) < 0.8
 
     def lengths(shape: tuple[int, int]) -> NDArray[np.int32]:
         return np.where(dice.random(shape) < 0.8, dice.integers(0, 1000, shape), FAR).astype(np.int32)
@@ -88,7 +89,7 @@ def test_the_kernel_finds_what_plain_python_finds(seed: int) -> None:
     def score_of(row: int, col: int, stand_row: int, stand_col: int) -> float:
         way = own.length_to(stand_row, stand_col)
         age = tick - max(int(last_seen[row, col]), 0)
-        if way > limit or age <= 0 or looked[row, col] == tick:
+        if way > limit or age <= 0 or not patrolled[row, col] or looked[row, col] == tick:
             return 0.0
         if any((stand_row - r) ** 2 + (stand_col - c) ** 2 <= squared for r, c, squared in left_out.tolist()):
             return 0.0
@@ -98,9 +99,42 @@ def test_the_kernel_finds_what_plain_python_finds(seed: int) -> None:
     every = [(row, col, row, col) for row in range(2, 10) for col in range(3, 12)]
     for listed, rows in ((False, every), (True, points.tolist())):
         score, place = np.zeros(1), np.zeros(4, dtype=np.int64)
-        grids = (own.length, own.row0, own.col0, limit, rival.length, rival.row0, rival.col0, last_seen, looked, tick)
+        grids = (
+            own.length,
+            own.row0,
+            own.col0,
+            limit,
+            rival.length,
+            rival.row0,
+            rival.col0,
+            patrolled,
+            last_seen,
+            looked,
+            tick,
+        )
         best_of(points, listed, *grids, worth, near, others, left_out, score, place)
         scores = [score_of(*row) for row in rows]
         assert score[0] == max(scores)
         if score[0] > 0.0:
             assert tuple(place.tolist()) == tuple(rows[scores.index(max(scores))])
+
+
+@settings(max_examples=60)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_the_bound_holds_for_each_point_and_a_patrolled_one_reaches_it(seed: int) -> None:
+    dice = np.random.default_rng(seed)
+    shape, tick, near = (14, 11), 50, 300.0
+    patrolled, last_seen = dice.random(shape) < 0.7, dice.integers(-1, 52, shape).astype(np.int32)
+    row, col, reach, gap = int(dice.integers(0, 14)), int(dice.integers(0, 11)), int(dice.integers(0, 20)), 1
+    worth, score = np.arange(60.0) ** 2, float(dice.uniform(0.01, 6.0))
+
+    found = oldest_that_may_win(patrolled, last_seen, tick, row, col, reach, gap, worth, near, score)
+
+    ages = [0]
+    for there in np.argwhere(patrolled).tolist():
+        up, across = abs(there[0] - row), abs(there[1] - col)
+        away = sorted((max(up - gap, 0), max(across - gap, 0)))
+        age = tick - max(int(last_seen[there[0], there[1]]), 0)
+        if max(up, across) <= reach and age > 0 and worth[age] / (100 * away[1] + 41 * away[0] + near) >= score:
+            ages.append(age)
+    assert found == max(ages)
