@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.routes.ground import Ground
+from agent.routes.kernels.lengths import read, spread
 from agent.routes.kernels.wave import settle
 from agent.routes.path_window import FAR, Lengths, PathWindow, Place
 from patrol.ground.kernels.footprint import cast
@@ -26,7 +27,6 @@ Box = tuple[int, int, int, int]
 """First and end row, first and end column of the terrain; ends are exclusive."""
 
 NO_BENDS: NDArray[np.int32] = np.zeros((0, 0), dtype=np.int32)
-NO_SIGHT: NDArray[np.uint8] = np.zeros((0, 0), dtype=np.uint8)
 
 
 class BoxPaths(NamedTuple):
@@ -107,19 +107,22 @@ def paths_in(ground: Ground, starts: Sequence[Place], box: Box, limit: int, *, b
     shape = rows, cols = bottom - top + 2, right - left + 2
     if rows * cols > MOST_POINTS:
         raise ValueError(f"a box of {rows * cols} points is larger than {MOST_POINTS}")
-    state = np.zeros(shape, dtype=np.uint8)
-    state[1:-1, 1:-1] = ground.state[top + 1 : bottom + 1, left + 1 : right + 1]
-    length = np.empty(shape, dtype=np.int32)
-    places = [(row - top + 1, col - left + 1) for row, col in sorted(set(starts))]
-    sight, bend = NO_SIGHT, NO_BENDS
+    length, bend, room = np.empty(shape, dtype=np.int32), NO_BENDS, ROOM
+    places, window = [(row - top + 1, col - left + 1) for row, col in sorted(set(starts))], (0, rows, 0, cols)
     if bends:
-        sight, bend = np.zeros(shape, dtype=np.uint8), np.empty(shape, dtype=np.int32)
+        state, sight, bend = np.zeros(shape, np.uint8), np.zeros(shape, np.uint8), np.empty(shape, np.int32)
+        state[1:-1, 1:-1] = ground.state[top + 1 : bottom + 1, left + 1 : right + 1]
         # A look reaches as far as the terrain is long.
         cast(state, *places[0], float(max(ground.terrain.shape)), sight, 0, 0)
-    begin = np.array([row * cols + col for row, col in places], dtype=np.int64)
-    room = ROOM
-    while not settle(state, sight, length, bend, np.empty((2, room), dtype=np.uint64), begin, limit, 0, rows, 0, cols):
-        room *= 4
+        grids = (state, sight, length, bend)
+        while not settle(*grids, np.empty((2, room), dtype=np.uint64), *places[0], limit, *window):
+            room *= 4
+    else:
+        cells = np.empty(rows * cols, dtype=np.uint32)
+        begin = np.array([row * cols + col for row, col in places], dtype=np.int64)
+        while not spread(ground.state, top, left, cells, cols, np.empty((2, room), np.uint32), begin, limit, *window):
+            room *= 4
+        read(cells, length, limit)
     return BoxPaths(length, bend, top - 1, left - 1, limit)
 
 
@@ -158,6 +161,5 @@ class Wave(PathWindow):
         # All of the box is in range of this look, its corners too, unless the window's span ends before.
         cast(self.state, self.start_row, self.start_col, float(min(self.span, 2 * reach)), self._sight, 0, 0)
         grids, box = (self.state, self._sight, self.length, self.bend), (top, bottom, left, right)
-        start = np.array([self.start_row * cols + self.start_col], dtype=np.int64)
-        while not settle(*grids, self._queues, start, limit, *box):
+        while not settle(*grids, self._queues, self.start_row, self.start_col, limit, *box):
             self._queues = np.zeros((2, 4 * self._queues.shape[1]), dtype=np.uint64)

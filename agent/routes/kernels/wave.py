@@ -1,4 +1,4 @@
-"""Kernel of the wave: path lengths from the nearest of some points to all others, and first bends (paper, "The wave").
+"""Kernel of the wave: path lengths and first bends from one point to all others (paper, "The wave").
 
 Steps go to the eight neighbours and cost 100 along a row or column and 141 along a diagonal, so that equal lengths are
 equal integers; a diagonal step needs both points beside it. Points are settled nearest first. Two queues hold the steps
@@ -37,7 +37,6 @@ EMPTY = 2**63
 
 GRID = types.Array(types.uint8, 2, "C", readonly=True)
 STATE = types.Array(types.uint8, 2, "C")
-STARTS = types.Array(types.int64, 1, "C", readonly=True)
 NUMBERS = types.Array(types.int32, 2, "C")
 QUEUES = types.Array(types.uint64, 2, "C")
 FLAT = types.Array(types.uint8, 1, "C")
@@ -61,21 +60,22 @@ def _put(status, lengths, queue, end, there, way, away, limit):
 
 # fmt: off
 @njit(
-    types.boolean(STATE, GRID, NUMBERS, NUMBERS, QUEUES, STARTS, int64, int64, int64, int64, int64),
+    types.boolean(STATE, GRID, NUMBERS, NUMBERS, QUEUES, int64, int64, int64, int64, int64, int64, int64),
     cache=True,
     nogil=True,
 )
-def settle(state, sight, length, bend, queues, starts, limit, top, bottom, left, right):
+def settle(state, sight, length, bend, queues, start_row, start_col, limit, top, bottom, left, right):
     """Settle every point whose path is at most ``limit`` long.
 
     Args:
         state: uint8 (m, n), see HEMMED; the outermost points are blocked. SETTLED is set in the box where a path is
             found, and OPEN at all its other open points.
-        sight: uint8 (m, n), 1 where the straight line from the only start is free; size 0 for no bends.
+        sight: uint8 (m, n), 1 where the straight line from the start is free.
         length: int32 (m, n), overwritten in the box: path lengths in hundredths of a point, FAR where none is settled.
-        bend: int32 (m, n), filled in where a path is settled: flat index of its first bend; size 0 likewise.
+        bend: int32 (m, n), filled in where a path is settled: flat index of its first bend.
         queues: uint64 (2, k), overwritten, k a power of two: length * 2^32 + index * 16 + direction of the last step.
-        starts: int64 (s,), flat indices of the starts, which are open and lie within the box.
+        start_row: Row of the start, which is open.
+        start_col: Its column.
         limit: Longest path to settle, in hundredths of a point; at most 2**26.
         top: First row of a box around all that is as near as the limit without obstacles.
         bottom: End row, exclusive.
@@ -95,13 +95,10 @@ def settle(state, sight, length, bend, queues, starts, limit, top, bottom, left,
     status, seen, lengths, bends = state.reshape(-1), sight.reshape(-1), length.reshape(-1), bend.reshape(-1)
     diagonal, straight = queues[0], queues[1]
     turn, room = uint64(queues.shape[1] - 1), queues.shape[1] - 10
-    next_diagonal, end_diagonal, next_straight, end_straight = 0, 0, 0, min(starts.size, room)
-    for k in range(end_straight):
-        lengths[index(starts[k])] = 0
-        straight[index(k)] = starts[k] << 4 | NOWHERE
-    bends_too = seen.size > 0 and starts.size > 0
-    start_row = int64(index(starts[0]) // index(stride)) if bends_too else 0
-    start_col = starts[0] - start_row * stride if bends_too else 0
+    next_diagonal, end_diagonal, next_straight, end_straight = 0, 0, 0, 1
+    start = start_row * stride + start_col
+    lengths[index(start)] = 0
+    straight[0] = start << 4 | NOWHERE
     while end_diagonal - next_diagonal < room and end_straight - next_straight < room:
         diagonal[index(end_diagonal) & turn] = straight[index(end_straight) & turn] = EMPTY
         entry, other = diagonal[index(next_diagonal) & turn], straight[index(next_straight) & turn]
@@ -118,13 +115,12 @@ def settle(state, sight, length, bend, queues, starts, limit, top, bottom, left,
         if known & STATUS == SETTLED:
             continue
         status[index(here)] = known | SETTLED
-        if bends_too:
-            is_bend = came == NOWHERE
-            if not is_bend and seen[index(here)] != 0:
-                row = int64(index(here) // index(stride))
-                up, across = abs(row - start_row), abs(here - row * stride - start_col)
-                is_bend = far == 100 * max(up, across) + 41 * min(up, across)
-            bends[index(here)] = here if is_bend else bends[index(here - step[came])]
+        is_bend = came == NOWHERE
+        if not is_bend and seen[index(here)] != 0:
+            row = int64(index(here) // index(stride))
+            up, across = abs(row - start_row), abs(here - row * stride - start_col)
+            is_bend = far == 100 * max(up, across) + 41 * min(up, across)
+        bends[index(here)] = here if is_bend else bends[index(here - step[came])]
         on, aslant = far + 100, far + 141
         if came == NOWHERE or known & HEMMED != 0:
             for way in range(4):
