@@ -39,6 +39,10 @@ browser: ## install Chromium, for the tests of the page (needs root and apt-get)
 pictures: develop ## make the README's pictures of the page again (needs Chromium)
 	$(BIN)/python docs/pictures/make.py
 
+.PHONY: tables
+tables: develop ## make the tables of docs/run-folder.md again, from the declarations of the metrics
+	PYTHONPATH=. $(BIN)/python docs/tables.py
+
 # Several processes share the tests: one more than there are processors (`tests/conftest.py`), up to four.
 # On a developer's machine nothing is installed unasked: without a Chromium pytest skips the tests of the page and says so.
 # The tests start hundreds of processes, each of which would compile all sources anew where PYTHONDONTWRITEBYTECODE is set.

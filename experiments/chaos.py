@@ -259,7 +259,7 @@ def _ran(outcome: Outcome, limit: TimeLimit) -> WayResult:
     end = outcome.journal.end
     ended = end.reason if end else ""
     limit.check(ended)
-    return WayResult(outcome.summary["trace_hash"], outcome.verdict, ended)
+    return WayResult(outcome.summary.trace_hash or "", outcome.verdict, ended)
 
 
 IN_ONE_PROCESS: Mapping[str, Way] = {"in process": in_process, "replayed": replayed}

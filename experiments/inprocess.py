@@ -8,7 +8,7 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from agent.answers import policy_failure
 from agent.build import Shared, group_of, mind_maker, shared_by
@@ -35,6 +35,7 @@ from worldsim.world import World
 if TYPE_CHECKING:
     from agent.belief.shared import Company
     from patrol.scenario import Scenario
+    from patrol.summary.model import Summary
 
 
 PolicyFailure = Callable[[int, str, BaseException | None], None]
@@ -46,7 +47,7 @@ class Outcome:
     """What a run left: its records, what they add up to (as in summary.json), and whether to believe it."""
 
     journal: RunRecord
-    summary: Mapping[str, Any]
+    summary: Summary
     verdict: Verdict
 
 
@@ -313,7 +314,7 @@ def fault_free_mfow(prepared: Prepared, stop: Callable[[], bool] = lambda: False
     calm = replace(prepared, scenario=prepared.scenario.model_copy(update={"faults": ()}))
     outcome = run_in_process(calm, keep=False, verify_fog=False, stop=stop)
     completed = outcome.journal.end is not None and outcome.journal.end.reason == COMPLETED
-    return float(outcome.summary["mfow_mean_s"]) if completed else None
+    return outcome.summary.mfow_mean_s if completed else None
 
 
 def _run(

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from patrol.journal import Event, TickRecord
     from patrol.prepare import Prepared
     from patrol.process.starting.compiling import Compiled
+    from patrol.summary.model import Summary
     from worldsim.run_record import RunRecord
     from worldsim.verdict.judge import Verdict
     from worldsim.world import World
@@ -362,7 +363,7 @@ def _ended_as_processes(
     except Interrupted:
         options.display.say(f"interrupted before the run was judged; `fogwatch judge {folder.path}` judges it")
         raise
-    summary = {**summary, "exit_codes": dict(exit_codes)}
+    summary = summary.model_copy(update={"exit_codes": dict(exit_codes)})
     # A clerk that has not judged the run does not expect to be asked for the report.
     return _result(folder, operated, journal, verdict, summary, options, clerk if judged is not None else None)
 
@@ -423,7 +424,7 @@ def _result(
     prepared: Prepared,
     journal: RunRecord,
     verdict: Verdict,
-    summary: Mapping[str, Any],
+    summary: Summary,
     options: RunOptions,
     clerk: ClerkChild | None = None,
 ) -> Result:
@@ -439,7 +440,7 @@ def _result(
         options.display.say(f"{folder.summary}: cannot be written ({error.strerror}); the summary is shown only")
     interrupted = journal.end is not None and journal.end.reason == INTERRUPTED
     wanted = Wanted(options.picture, options.recording, options.report)
-    if summary["ticks"]:
+    if summary.ticks:
         interrupted |= not write_files(folder, prepared, journal, summary, wanted, options.display, clerk)
     mfow_s = np.array([record.mfow for record in journal.ticks], dtype=np.float64) * prepared.scenario.step
-    return Result(summary, folder.path, mfow_s, verdict, interrupted)
+    return Result(summary.document(), folder.path, mfow_s, verdict, interrupted)

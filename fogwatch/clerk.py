@@ -13,7 +13,7 @@ import argparse
 import os
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,6 +34,7 @@ from patrol.process.lifeline import Interrupted, heed, run_process
 from patrol.process.starting.readiness import report_ready
 
 if TYPE_CHECKING:
+    from patrol.summary.model import Summary
     from worldsim.verdict.live import LiveJudge
 
 PERIOD_S = 0.5
@@ -138,7 +139,7 @@ def _serve(options: argparse.Namespace, connection: Connection) -> None:
     asked: VerdictAsked = news.question()
     judged = _judged(live, asked, news)
     news.answer(judged, REPORT)
-    summary = {**judged.summary, "exit_codes": dict(asked.exit_codes)}
+    summary = judged.summary.model_copy(update={"exit_codes": dict(asked.exit_codes)})
     news.answer(_report_written(live, summary, news.question(), news), REPORT)
     connection.recv()  # nothing comes but the end
 
@@ -151,7 +152,7 @@ def _judged(live: LiveJudge, asked: VerdictAsked, news: News) -> Judged:
     return Judged(verdict, summarise(live.journal, verdict, live.prepared))
 
 
-def _report_written(live: LiveJudge, summary: Mapping[str, Any], asked: ReportAsked, news: News) -> ReportWritten:
+def _report_written(live: LiveJudge, summary: Summary, asked: ReportAsked, news: News) -> ReportWritten:
     """Write a run's report."""
     from fogwatch.launch.derived import derive
 

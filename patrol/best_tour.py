@@ -23,6 +23,7 @@ from patrol.own_ground import OwnGround, own_grounds
 if TYPE_CHECKING:
     from patrol.ground.terrain import BoolGrid, Terrain
     from patrol.prepare import Prepared
+    from patrol.scenario import Scenario
 
 VERSION = 1
 """Of the search: a change of `patrol.ground.tour` that gives other tours adds 1."""
@@ -81,6 +82,17 @@ class BestTour:
                 return None
             bounds.append(part.length_m / speed)
         return max(bounds, default=None)
+
+    def bound_of_fleet_s(self, scenario: Scenario) -> float | None:
+        """Return the MFoW that all robots that are not spare keep on the tours, as if none were ever down.
+
+        Args:
+            scenario: Names the robots.
+
+        Returns:
+            The MFoW, s; None as for `bound_s`.
+        """
+        return self.bound_s({spec.number: 1.0 for spec in scenario.roster if not spec.spare})
 
 
 def best_tour(prepared: Prepared) -> BestTour:

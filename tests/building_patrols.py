@@ -195,6 +195,6 @@ def patrol(scenario: Scenario) -> Findings:
         tuple(outcome.verdict.warnings),
         watching[0].lines(ROAMS[0]),
         watching[0].lines(HALTS[0]),
-        max(robot["dead_end_share"] for robot in summary["robots"].values()),
-        summary["seen_share"],
+        max(robot.dead_end_share for robot in summary.robots.values()),
+        summary.seen_share,
     )

@@ -234,8 +234,8 @@ def _judge(out: Path, prepared: Prepared) -> int:
     journal = read_journal(out / "journal")
     verdict = judge(journal, {}, prepared)
     summary = summarise(journal, verdict, prepared)
-    write_whole(out / "summary.json", f"{json.dumps(summary, indent=2)}\n")
-    mean = summary["mfow_mean_s"]
+    write_whole(out / "summary.json", f"{json.dumps(summary.document(), indent=2)}\n")
+    mean = summary.mfow_mean_s
     mfow = "no ticks" if mean is None else f"mean MFoW {mean:.1f} s"
     warned = ", with warnings" if verdict.warnings else ""
     tell = _LOG.info if verdict.exit_code == 0 else _LOG.error

@@ -14,15 +14,19 @@ import queue
 import sys
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 from experiments.sweeps.results import FAILED, OK
 from patrol.errors import BadInput
 from patrol.process.memory.garbage import spare_what_is_loaded
+from patrol.summary.metric import metrics_of as declared
+from patrol.summary.model import Messages, RobotFigures, Summary, VerdictFacts
 
 if TYPE_CHECKING:
+    from pydantic import BaseModel
+
     from experiments.inprocess import Outcome
     from patrol.prepare import Prepared
     from patrol.scenario import Scenario
@@ -80,14 +84,14 @@ def run_task(task: Task) -> Answer:
     return answer(task, error, metrics, trace, time.perf_counter() - begun, time.thread_time() - used)
 
 
-def _run(scenario: Mapping[str, Any]) -> tuple[Metrics, str, str | None]:
+def _run(scenario: Mapping[str, Any]) -> tuple[Metrics, str | None, str | None]:
     """A run's metrics, its trace hash, and the failed checks of its verdict, or None if it is valid."""
     from patrol.scenario import load_scenario
 
     outcome, of_belief = run_scenario(load_scenario(scenario))
     doubts = "; ".join(f"{check.name}: {check.detail}" for check in outcome.verdict.failed)
     error = None if outcome.verdict.valid else f"not valid: {doubts}"
-    return {**metrics_of(outcome.summary), **of_belief}, outcome.summary["trace_hash"], error
+    return {**metrics_of(outcome.summary), **of_belief}, outcome.summary.trace_hash, error
 
 
 def run_scenario(scenario: Scenario | Prepared) -> tuple[Outcome, Metrics]:
@@ -143,37 +147,26 @@ def answer(
     }
 
 
-def metrics_of(summary: Mapping[str, Any]) -> dict[str, float | None]:
-    """The numbers of a summary that depend on the scenario alone, not on the machine.
+def metrics_of(summary: Summary) -> Metrics:
+    """Return the metrics that are declared with a column: those that depend on the scenario alone, not on the machine.
 
     Args:
-        summary: The summary, as in summary.json.
+        summary: The summary.
 
     Returns:
-        The metrics by name; those of single robots are summed, except the mean ``dead_end_percent`` and the maximum
-        ``longest_stay_s``.
+        The metrics by the names of their columns; those of single robots are reduced as declared.
     """
-    robots = list(summary["robots"].values())
-    plain = (
-        "mfow_mean_s",
-        "mfow_max_s",
-        "mfow_late_mean_s",
-        "mfow_end_s",
-        "fog_mean_s",
-        "seen_share",
-        "bound_s",
-        "best_tour_s",
-        "patrolled_area_m2",
-    )
-    messages = ("frames", "sent", "delivered", "dropped", "rejected", "bytes_per_robot_s")
+    parts: list[tuple[type[BaseModel], str, Sequence[BaseModel]]] = [
+        (Summary, "", [summary]),
+        (RobotFigures, "", list(summary.robots.values())),
+        (VerdictFacts, "", [summary.verdict] if summary.verdict else []),
+        (Messages, "messages_", [summary.messages]),
+    ]
     return {
-        **{name: summary[name] for name in plain},
-        "dead_end_percent": 100.0 * sum(robot["dead_end_share"] for robot in robots) / len(robots),
-        "collisions": sum(robot["collisions"] for robot in robots),
-        "longest_stay_s": max(robot["longest_stay_s"] or 0.0 for robot in robots),
-        "warnings": len(summary["verdict"]["warnings"]),
-        "distance_m": sum(robot["distance_m"] for robot in robots),
-        **{f"messages_{name}": summary["messages"][name] for name in messages},
+        f"{prefix}{metric.column or key}": metric.reduced([getattr(value, key) for value in values])
+        for model, prefix, values in parts
+        for key, metric in declared(model)
+        if metric.sweep and values
     }
 
 

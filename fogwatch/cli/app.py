@@ -237,6 +237,7 @@ def run(
     from fogwatch.launch.launcher import Failed
     from fogwatch.launch.live_table import make_display
     from fogwatch.launch.summary_text import print_summary
+    from patrol.summary.model import Summary
 
     def begin() -> None:
         ending.patience = 1  # the first ends the run in order, the second at once
@@ -271,7 +272,7 @@ def run(
         if quiet:
             print(printable(str(result.folder)))
         else:
-            print_summary(Console(), result.summary, result.folder)
+            print_summary(Console(), Summary.model_validate(result.summary), result.folder)
     return INTERRUPTED if ending else result.verdict.exit_code
 
 

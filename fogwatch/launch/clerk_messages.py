@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from patrol.summary.model import Summary
     from worldsim.verdict.judge import Verdict
 
 JUDGING, REPORT = "judging the run", "writing report.html"
@@ -59,7 +60,7 @@ class Judged:
     """
 
     verdict: Verdict
-    summary: Mapping[str, Any]
+    summary: Summary
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
 from patrol.journal import Journal
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from patrol.ground.fog import Fog
     from patrol.ground.footprint import View
     from patrol.prepare import Prepared
+    from patrol.summary.model import Summary
 
 
 PICTURE = "drawing fog.png"
@@ -62,7 +63,7 @@ def write_files(
     folder: RunFolder,
     prepared: Prepared,
     journal: Journal,
-    summary: Mapping[str, Any],
+    summary: Summary,
     wanted: Wanted,
     display: RunDisplay,
     clerk: ClerkChild | None,
@@ -73,7 +74,7 @@ def write_files(
         folder: The run folder.
         prepared: The run's scenario with its static fields.
         journal: The run's journal.
-        summary: The summary, as in summary.json.
+        summary: The summary.
         wanted: Which files.
         display: Shows the progress.
         clerk: Writes the report meanwhile, if it can; None for nobody.
@@ -117,7 +118,7 @@ def load() -> None:
 def derive(
     journal: Journal,
     prepared: Prepared,
-    summary: Mapping[str, Any],
+    summary: Summary,
     recording: Path | None,
     report: Path | None,
     say: Callable[[str], None],
@@ -131,7 +132,7 @@ def derive(
     Args:
         journal: The run's journal.
         prepared: The run's scenario with its static fields.
-        summary: The summary, as in summary.json.
+        summary: The summary.
         recording: The recording to write, or None.
         report: The report to write, or None.
         say: Takes lines for the user.
@@ -152,7 +153,7 @@ def derive(
 def _derive(
     journal: Journal,
     prepared: Prepared,
-    summary: Mapping[str, Any],
+    summary: Summary,
     recording: Path | None,
     report: Path | None,
     replayed: _Progress,
@@ -189,7 +190,7 @@ def _derive(
 def _shown(
     journal: Journal,
     prepared: Prepared,
-    summary: Mapping[str, Any],
+    summary: Summary,
     recording: Path | None,
     report: Path | None,
     display: RunDisplay,

@@ -21,12 +21,10 @@ from __future__ import annotations
 import json
 import shutil
 import traceback
-from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Any
 
 from patrol.errors import BadInput
 from patrol.ground.maps import load_terrain
@@ -34,6 +32,7 @@ from patrol.net.security.access import FILE as ACCESS
 from patrol.scenario import Scenario, load_scenario
 from patrol.scenario.copying import FILE as SCENARIO
 from patrol.scenario.copying import MAP, keep_scenario
+from patrol.summary.model import Summary
 from patrol.whole_file import write_whole
 
 RUNS = Path("runs")
@@ -153,13 +152,13 @@ class RunFolder:
         """Read the scenario, as every process of the run does."""
         return load_scenario(self.scenario)
 
-    def write_summary(self, summary: Mapping[str, Any]) -> None:
+    def write_summary(self, summary: Summary) -> None:
         """Write summary.json.
 
         Args:
             summary: The summary.
         """
-        write_whole(self.summary, f"{json.dumps(summary, indent=2)}\n")
+        write_whole(self.summary, f"{json.dumps(summary.document(), indent=2)}\n")
 
     def naming_the_given_map(self, error: str, scenario: Scenario) -> str:
         """An error that names the map that was given, and not its copy in this folder.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 from rich.table import Table
@@ -14,6 +13,8 @@ from fogwatch.launch.live_table import STATUS_STYLES, clock
 from patrol.best_tour import NO_BOUND
 from patrol.journal import Status
 from patrol.printable import printable
+from patrol.summary.metric import metrics_of
+from patrol.summary.model import IntruderFacts, RobotFigures, Summary, VerdictFacts, unsettled
 
 _VERDICTS = {"valid": "bold green", "invalid": "bold red", "unknown": "bold yellow"}
 MOST_ROBOTS = 40
@@ -23,167 +24,154 @@ MOST_WARNINGS = 20
 ABSENT = Status.ABSENT.name.lower()
 
 
-def print_summary(console: Console, summary: Mapping[str, Any], folder: Path) -> None:
+def print_summary(console: Console, summary: Summary, folder: Path) -> None:
     """Print the summary of a run: the measures, the robots, the verdict, and the files of the run folder.
 
     Args:
         console: Where to print.
-        summary: The summary, as in summary.json.
+        summary: The summary.
         folder: The run folder.
     """
     for line in measures(summary):
         console.print(line, markup=False, highlight=False, soft_wrap=True)
-    console.print(_robots(summary["robots"]))
-    if left_out := _left_out(summary["robots"]):
-        console.print(f"and {left_out} more robots, which are in summary.json", highlight=False)
-    print_verdict(console, summary["verdict"])
-    if trace_hash := summary["trace_hash"]:  # a run that was cut off has none
-        console.print(f"trace       {trace_hash}", markup=False, highlight=False, soft_wrap=True)
+    came = {name: robot for name, robot in summary.robots.items() if robot.status != ABSENT}
+    console.print(_robots(came))
+    if len(came) > MOST_ROBOTS:
+        console.print(f"and {len(came) - MOST_ROBOTS} more robots, which are in summary.json", highlight=False)
+    if summary.verdict is not None:
+        print_verdict(console, summary.verdict)
+    if summary.trace_hash:  # a run that was cut off has none
+        console.print(f"trace       {summary.trace_hash}", markup=False, highlight=False, soft_wrap=True)
     files = ", ".join(sorted(path.name for path in folder.iterdir()))
     console.print(printable(f"files       {folder}: {files}"), markup=False, highlight=False, soft_wrap=True)
 
 
-def print_verdict(console: Console, verdict: Mapping[str, Any]) -> None:
+def print_verdict(console: Console, verdict: VerdictFacts) -> None:
     """Print a verdict, its warnings, and the checks that failed or could not be judged.
 
     Args:
         console: Where to print.
-        verdict: As in summary.json.
+        verdict: The verdict.
     """
-    text = Text("verdict     ").append(verdict["outcome"], _VERDICTS[verdict["outcome"]])
-    warnings = verdict.get("warnings", ())
+    text = Text("verdict     ").append(verdict.outcome, _VERDICTS[verdict.outcome])
+    warnings = verdict.warnings
     if warnings:
         text.append(", ").append("with warnings", "bold yellow")
-    if verdict["valid"]:
-        text.append(f": {sum(check['judged'] for check in verdict['checks'])} checks passed")
+    if verdict.valid:
+        text.append(f": {sum(check.judged for check in verdict.checks)} checks passed")
     console.print(text, highlight=False)
     for line in warnings[:MOST_WARNINGS]:
         text = Text(printable(f"  warning: {line}"), "yellow")
         console.print(text, highlight=False, soft_wrap=True)
     if len(warnings) > MOST_WARNINGS:
         console.print(f"  {len(warnings) - MOST_WARNINGS} more warnings are in summary.json", style="yellow")
-    for check in verdict["checks"]:
-        if not check["ok"] or not check["judged"]:
-            text = Text(printable(f"  {check['name']}: {check['detail']}"), "yellow" if check["ok"] else "red")
+    for check in verdict.checks:
+        if not check.ok or not check.judged:
+            text = Text(printable(f"  {check.name}: {check.detail}"), "yellow" if check.ok else "red")
             console.print(text, highlight=False, soft_wrap=True)
 
 
-def measures(summary: Mapping[str, Any]) -> list[str]:
-    """The measures of a run, one per line.
+def measures(summary: Summary) -> list[str]:
+    """List the measures of a run, one per line.
 
     Args:
-        summary: The summary, as in summary.json.
+        summary: The summary.
     """
-    lines = [f"{summary['name']}: {summary['simulated_s']:g} s in {summary['ticks']} ticks"]
-    if summary["ended"] != "completed":
-        lines[0] += f", {summary['ended'] or 'cut off'}"
-    if summary["wall_s"]:
-        lines[0] += f"; {clock(summary['wall_s'])} of wall time, {summary['realtime_factor']:.1f} x real time"
-    if not summary["ticks"]:
+    lines = [f"{summary.name}: {summary.simulated_s:g} s in {summary.ticks} ticks"]
+    if summary.ended != "completed":
+        lines[0] += f", {summary.ended or 'cut off'}"
+    if summary.wall_s:
+        lines[0] += f"; {clock(summary.wall_s)} of wall time, {summary.realtime_factor:.1f} x real time"
+    if not summary.ticks:
         return lines
-    mean, bound = summary["mfow_mean_s"], summary["bound_s"]
-    lines.append(f"MFoW        mean {mean:.1f} s, maximum {summary['mfow_max_s']:.1f} s")
-    lines += _bounds(mean, bound, summary)
+    text = {key: metric.text(getattr(summary, key)) for key, metric in metrics_of(Summary) if metric.title}
+    lines.append(f"MFoW        mean {text.pop('mfow_mean_s')}, maximum {text.pop('mfow_max_s')}")
+    lines.append(_bounds(summary, text.pop("best_tour_s")))
     lines += _stalest(summary)
-    lines.append(f"mean fog    {summary['fog_mean_s']:.1f} s")
-    area = f"{summary['patrolled_area_m2']:.0f} m² to patrol"
-    lines.append(f"coverage    {100.0 * summary['seen_share']:.2f} % of {area}")
+    coverage = f"coverage    {text.pop('seen_share')} of {summary.patrolled_area_m2:.0f} m² to patrol"
+    lines += [f"{metric.title:<12}{text[key]}" for key, metric in metrics_of(Summary) if key in text]
+    lines.append(coverage)
     lines += _radio(summary)
-    if intruders := summary.get("intruders"):
-        lines.append(f"intruders   {_intruders(intruders)}")
-    if deadlines := summary.get("deadlines"):
-        frames, commands = (sum(deadlines[what].values()) for what in ("late_frames", "late_commands"))
-        late = sum(deadlines["too_late"].values())
+    if summary.intruders:
+        lines.append(f"intruders   {_intruders(summary.intruders)}")
+    if deadlines := summary.deadlines:
+        frames, commands = sum(deadlines.late_frames.values()), sum(deadlines.late_commands.values())
+        late = sum(deadlines.too_late.values())
         lines.append(f"deadlines   missed by {commands} commands and {frames} frames; {late} of them came too late")
-        if held_up := deadlines.get("held_up_s"):
-            longest = deadlines["longest_held_up_s"]
+        if deadlines.held_up_s:
+            moved, longest = deadlines.held_up_s, deadlines.longest_held_up_s
             lines.append(
-                f"            moved by {held_up:.2f} s while the world was held up, {longest:.2f} s at most in one tick"
+                f"            moved by {moved:.2f} s while the world was held up, {longest:.2f} s at most in one tick"
             )
     return lines
 
 
-def _radio(summary: Mapping[str, Any]) -> list[str]:
-    """How many messages were sent, and what became of them; one message counts once for each robot that is to get it.
+def _radio(summary: Summary) -> list[str]:
+    """Describe the messages: how many were sent, and how many arrived.
 
-    A robot sends whether or not there is another one to hear it.
+    One message counts once for each robot that is to get it. A robot sends whether or not there is another one to hear
+    it.
     """
-    messages = summary["messages"]
-    lines = [f"messages    {messages['frames']} sent, {messages['bytes_per_robot_s']:.0f} bytes per robot per second"]
-    if not messages["sent"]:
+    messages = summary.messages
+    lines = [f"messages    {messages.frames} sent, {messages.bytes_per_robot_s:.0f} bytes per robot per second"]
+    if not messages.sent:
         lines[0] += "; no other robot was there to receive them"
         return lines
-    received = f"{messages['delivered']} of {messages['sent']}"
-    if direct := summary.get("direct"):
-        share = "" if direct["heard_share"] is None else f" ({100.0 * direct['heard_share']:.1f} %)"
-        return [*lines, f"received    {received}{share} by direct radio, {messages['rejected']} rejected"]
-    late = f", {messages['in_flight']} under way at the end" if messages["in_flight"] else ""
-    return [*lines, f"received    {received}, {messages['dropped']} dropped, {messages['rejected']} rejected{late}"]
+    received = f"{messages.delivered} of {messages.sent}"
+    if "direct" in summary.model_fields_set:
+        share = "" if summary.direct.heard_share is None else f" ({100.0 * summary.direct.heard_share:.1f} %)"
+        return [*lines, f"received    {received}{share} by direct radio, {messages.rejected} rejected"]
+    late = f", {messages.in_flight} under way at the end" if messages.in_flight else ""
+    return [*lines, f"received    {received}, {messages.dropped} dropped, {messages.rejected} rejected{late}"]
 
 
-def _intruders(intruders: Sequence[Mapping[str, Any]]) -> str:
-    """How many intruders were found and how soon, and for how long they were surrounded."""
-    found = [facts for facts in intruders if facts["first_reported_s"] is not None]
-    text = f"{len(found)} of {len(intruders)} found"
-    if not found:
+def _intruders(intruders: Sequence[IntruderFacts]) -> str:
+    """Describe how many intruders were reported and how soon, and for how long they were surrounded."""
+    reported = [(facts.first_reported_s, facts) for facts in intruders if facts.first_reported_s is not None]
+    text = f"{len(reported)} of {len(intruders)} found"
+    if not reported:
         return text
-    first = min(found, key=lambda facts: facts["first_reported_s"])
-    after = first["first_reported_s"] - first["at_s"]
-    text += f", the first at {first['first_reported_s']:g} s, {after:g} s after it came"
-    around = sum(facts["surrounded_s"] for facts in found)
-    most = max(facts["most_robots"] for facts in found)
-    return f"{text}; surrounded for {around:g} s, by at most {most} robots" if around else f"{text}; never surrounded"
+    first_s, first = min(reported, key=lambda pair: pair[0])
+    text += f", the first at {first_s:g} s, {first_s - first.at_s:g} s after it came"
+    surrounded_s = sum(facts.surrounded_s for _, facts in reported)
+    if not surrounded_s:
+        return f"{text}; never surrounded"
+    robots = max(facts.most_robots for _, facts in reported)
+    return f"{text}; surrounded for {surrounded_s:g} s, by at most {robots} robots"
 
 
-def _bounds(mean: float, bound: float, summary: Mapping[str, Any]) -> list[str]:
-    """What the mean MFoW can be compared with; with the ratio, once all is seen and the run long enough for it."""
+def _bounds(summary: Summary, tour: str) -> str:
+    """Describe what the mean MFoW can be compared with; with the ratio, once that says something."""
 
-    def ratio(of: float) -> str:
-        settled = summary["seen_share"] == 1.0 and summary["simulated_s"] >= 4.0 * of > 0.0
-        return f", ratio {mean / of:.2f}" if settled else ""
+    def ratio(yardstick_s: float | None) -> str:
+        if not yardstick_s or summary.mfow_mean_s is None or unsettled(summary, yardstick_s):
+            return ""
+        return f", ratio {summary.mfow_mean_s / yardstick_s:.2f}"
 
+    bound, tour_s = summary.bound_s, summary.best_tour_s
     lower = f"lower bound {bound:.1f} s{ratio(bound)}" if bound else f"lower bound 0: {NO_BOUND}"
-    tour = summary.get("best_tour_s")
-    best = "" if tour is None else f"best tour found {tour:.1f} s{ratio(tour)}; "
-    return [f"bounds      {best}{lower}"]
+    best = "" if tour_s is None else f"best tour found {tour}{ratio(tour_s)}; "
+    return f"bounds      {best}{lower}"
 
 
-def _stalest(summary: Mapping[str, Any]) -> list[str]:
-    """Where the stalest place was over the run and at its end, and who was nearest."""
-    places = summary.get("stalest") or {}
-    told = []
-    for name, head in (("worst", "over the run"), ("end", "at the end")):
-        place = places.get(name)
+def _stalest(summary: Summary) -> list[str]:
+    """Describe the stalest place over the run and at its end, and the robot nearest to it."""
+    sentences = []
+    for head, place in (("over the run", summary.stalest.worst), ("at the end", summary.stalest.end)):
         if place is not None:
-            unseen = "" if place["seen"] else ", never seen until then"
-            near = f", nearest robot {place['nearest']} {place['nearest_m']:.0f} m away" if place["nearest"] else ""
-            where = f"({place['x']:.1f}, {place['y']:.1f}), {place['age_s']:g} s at {place['at_s']:g} s"
-            told.append(f"{head} {where}{unseen}{near}")
-    return [f"stalest     {'; '.join(told)}"] if told else []
+            unseen = "" if place.seen else ", never seen until then"
+            near = f", nearest robot {place.nearest} {place.nearest_m:.0f} m away" if place.nearest else ""
+            age = f"({place.x:.1f}, {place.y:.1f}), {place.age_s:g} s at {place.at_s:g} s"
+            sentences.append(f"{head} {age}{unseen}{near}")
+    return [f"stalest     {'; '.join(sentences)}"] if sentences else []
 
 
-def _robots(robots: Mapping[str, Mapping[str, Any]]) -> Table:
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
-    heads = ("robot", "status", "distance m", "dead end %", "collisions", "decisions", "p50 ms", "p99 ms")
-    for head in heads:
-        table.add_column(head, justify="left" if head in ("robot", "status") else "right")
-    came = {name: facts for name, facts in robots.items() if facts["status"] != ABSENT}
-    for name, facts in list(came.items())[:MOST_ROBOTS]:
-        p50, p99 = (facts[f"decision_ms_p{percent}"] for percent in (50, 99))
-        table.add_row(
-            name,
-            Text(facts["status"], STATUS_STYLES[Status[facts["status"].upper()]]),
-            f"{facts['distance_m']:.0f}",
-            f"{100.0 * facts['dead_end_share']:.1f}",
-            str(facts["collisions"]),
-            str(facts["decisions"]),
-            "-" if p50 is None else f"{p50:.1f}",
-            "-" if p99 is None else f"{p99:.1f}",
-        )
+def _robots(robots: Mapping[str, RobotFigures]) -> Table:
+    shown = [(key, metric) for key, metric in metrics_of(RobotFigures) if metric.title]
+    table = Table("robot", "status", box=None, padding=(0, 2, 0, 0), header_style="bold")
+    for _, metric in shown:
+        table.add_column(f"{metric.title} {metric.unit}".rstrip(), justify="right")
+    for name, robot in list(robots.items())[:MOST_ROBOTS]:
+        status = Text(robot.status, STATUS_STYLES[Status[robot.status.upper()]])
+        table.add_row(name, status, *(metric.number(getattr(robot, key)) for key, metric in shown))
     return table
-
-
-def _left_out(robots: Mapping[str, Mapping[str, Any]]) -> int:
-    """How many robots of a large fleet are not in the table."""
-    came = [name for name, facts in robots.items() if facts["status"] != ABSENT]
-    return max(len(came) - MOST_ROBOTS, 0)

@@ -8,7 +8,8 @@ import numpy as np
 
 from monitor.observation.frames import count_frames
 from monitor.observation.source import LinkCounts
-from patrol.journal.records import FORGED, Status, TickRecord
+from patrol.journal.records import FORGED, TickRecord
+from patrol.summary.totals import is_present
 
 
 class LiveLinks:
@@ -45,6 +46,6 @@ class LiveLinks:
             if source != FORGED:
                 counts.heard[place[source], place[to]] = record.k
                 self.heard[source] = record.k
-        here = sum(row.status not in (Status.ABSENT, Status.LEFT) for row in record.robots)
+        here = sum(is_present(row.status) for row in record.robots)
         if self._direct or here == 1:
             self.heard.update({source: record.k for source, _ in record.frames if source != FORGED})

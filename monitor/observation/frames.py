@@ -13,14 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor.observation.listener import as_sent
-from patrol.journal.records import Status, TickRecord, frame_sequence
+from patrol.journal.records import TickRecord, frame_sequence
 from patrol.pose import Pose
 from patrol.radio.message import Rejected, decode
+from patrol.summary.totals import is_present
 
 MIND_ENDS = frozenset({"dead", "lost", "left"})
 """Events at which a robot's mind ends; a robot that returns starts without knowledge."""
-
-_NO_BODY = (Status.ABSENT, Status.LEFT)
 
 
 def frames_of(record: TickRecord) -> dict[tuple[int, int], bytes]:
@@ -74,7 +73,7 @@ def count_frames(
             dropped in a later tick.
         delivered: Integers (n, n), sender by receiver; changed in place.
     """
-    here = [place[row.number] for row in record.robots if row.status not in _NO_BODY and row.number in place]
+    here = [place[row.number] for row in record.robots if is_present(row.status) and row.number in place]
     for source, frames in Counter(source for source, _ in record.frames).items():
         if source in place:
             origin = place[source]

@@ -54,7 +54,7 @@ def exact_by_construction(run: Run) -> bool:
     return (
         not run.links.dropped
         and run.links.late == 0
-        and run.rejected == 0
+        and run.figures.messages.rejected == 0
         and not run.prepared.scenario.faults
         and run.positions == int(np.count_nonzero(run.status == Status.ALIVE))
         and bool((run.status == Status.ALIVE).all())

@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,12 +20,14 @@ from monitor.replay.summary_file import read_summary
 from patrol.errors import BadInput
 from patrol.ground.maps import load_terrain
 from patrol.journal import Journal, TraceHash
-from patrol.journal.records import DEAD_END, FORGED, Event, RobotFacts, Status, TickRecord, sent_at, standing_after
-from patrol.pose import Pose, command_of
+from patrol.journal.records import FORGED, Event, RobotFacts, Status, TickRecord, sent_at
+from patrol.pose import Pose
 from patrol.prepare import Prepared, prepare
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import load_scenario
 from patrol.scenario.control_words import worded
+from patrol.summary.model import RobotFigures, Summary
+from patrol.summary.totals import RunTotals
 
 CAME = ("alive", "lost")
 """Events by which a robot joins."""
@@ -90,19 +91,17 @@ class Run:
         labels: The states that minds reported.
         goals: float64 (ticks, n, 2), m; NaN without a goal.
         decision_ms: float64 (ticks, n), ms of wall time; NaN without a decision.
-        driven: float64 (n,), m, along the commands that were carried out.
         mfow: int64 (ticks,), ticks.
         fog_mean: float64 (ticks,), ticks.
         seen: int64 (ticks,), points seen so far.
         links: Frames by directed link.
         positions: Number of frames with the sender's own position, over all ticks.
-        rejected: Number of frames that robots report as rejected.
-        final_status: uint8 (n,), status at the end, including events after the last tick.
+        figures: The metrics that the journal's ticks give.
         events: All events, in words.
         trace: The trace hash of the ticks.
         ended: How the run ended; None for a journal without an end.
         truncated: Whether the journal ends within a record.
-        summary: The content of summary.json; None without one.
+        summary: What summary.json states; None without one.
         index: Place of each robot in the arrays, by its number.
         key: The fleet's key, as far as whoever opened the run gave it; None without one. The file that the run's
             scenario names is not opened, because the folder may be a stranger's.
@@ -118,19 +117,17 @@ class Run:
     labels: tuple[str, ...]
     goals: NDArray[np.float64]
     decision_ms: NDArray[np.float64]
-    driven: NDArray[np.float64]
     mfow: NDArray[np.int64]
     fog_mean: NDArray[np.float64]
     seen: NDArray[np.int64]
     links: LinkTotals
     positions: int
-    rejected: int
-    final_status: NDArray[np.uint8]
+    figures: Summary
     events: tuple[Event, ...]
     trace: str
     ended: str | None
     truncated: bool
-    summary: Mapping[str, Any] | None
+    summary: Summary | None
     index: Mapping[int, int] = field(default_factory=dict)
     key: bytes | None = None
 
@@ -165,6 +162,11 @@ class Run:
         return self.prepared.scenario.name
 
     @property
+    def stated(self) -> Summary:
+        """What summary.json states; nothing where there is none."""
+        return self.summary or Summary()
+
+    @property
     def direct(self) -> bool:
         """Whether robots heard each other directly, so that the journal does not have deliveries."""
         return self.prepared.scenario.radio.via == "direct"
@@ -174,13 +176,10 @@ class Run:
         """Whether the fleet tags its messages with a key that is not known here."""
         return self.prepared.scenario.radio.key is not None and self.key is None
 
-    @property
-    def dead_end_share(self) -> NDArray[np.float64]:
-        """float64 (n,), the share of each robot's decisions in which it was leaving a dead end; 0 without any."""
-        decided = ~np.isnan(self.decision_ms)
-        stuck = np.array([label == DEAD_END for label in self.labels])[self.states] & decided
-        share: NDArray[np.float64] = stuck.sum(axis=0) / np.maximum(decided.sum(axis=0), 1)
-        return share
+    @cached_property
+    def robot_figures(self) -> tuple[RobotFigures, ...]:
+        """The metrics of the robots, in the order of their places."""
+        return tuple(self.figures.robots[name] for name in self.names)
 
     @property
     def times(self) -> NDArray[np.float64]:
@@ -244,7 +243,7 @@ def read_run(
     folder: Path,
     journal: Journal,
     prepared: Prepared,
-    summary: Mapping[str, Any] | None = None,
+    summary: Summary | None = None,
     key: bytes | None = None,
 ) -> Run:
     """Read a journal's ticks into arrays.
@@ -253,7 +252,7 @@ def read_run(
         folder: The run's folder.
         journal: Its journal.
         prepared: Its scenario with the terrain.
-        summary: The content of summary.json; None without one.
+        summary: What summary.json states; None without one.
         key: The fleet's key; None if it is not known.
 
     Returns:
@@ -265,14 +264,16 @@ def read_run(
     came = {event.robot for event in journal.events if event.kind in CAME}
     robots = [one for one in journal.header.robots if one.number not in prepared.scenario.spares or one.number in came]
     index = {robot.number: place for place, robot in enumerate(robots)}
-    models = {robot.number: robot.model for robot in journal.header.robots}
     scenario = prepared.scenario
-    rows = _Rows(index, models, scenario.step, MOST_CAUSES + len(scenario.faults))
+    numbers = [robot.number for robot in journal.header.robots]
+    rows = _Rows(index, numbers, MOST_CAUSES + len(scenario.faults))
+    totals = RunTotals(journal.header, scenario.step, int(np.count_nonzero(prepared.patrolled)))
     trace = TraceHash(scenario.spares)
     for record in journal.ticks:
         trace.tick(record)
         try:
             rows.take(record)
+            totals.tick(record)
         except _Unfit as unfit:
             raise BadInput(f"{journal.path}: tick {len(rows.mfow)}: {unfit}; restore the run's own journal") from None
     if any(event.k > scenario.ticks for event in journal.events):
@@ -290,14 +291,12 @@ def read_run(
         labels=tuple(rows.labels),
         goals=np.array(rows.goals, dtype=np.float64),
         decision_ms=np.array(rows.decision_ms, dtype=np.float64),
-        driven=np.array([rows.driven[number] for number in index], dtype=np.float64),
         mfow=np.array(rows.mfow, dtype=np.int64),
         fog_mean=np.array(rows.fog_mean, dtype=np.float64),
         seen=np.array(rows.seen, dtype=np.int64),
         links=rows.links(),
         positions=rows.positions,
-        rejected=rows.rejected,
-        final_status=_final_status(rows.status, index, journal.events),
+        figures=totals.figures(journal.events),
         events=tuple(map(worded, journal.events)),
         trace=trace.hexdigest(),
         ended=None if journal.end is None else journal.end.reason,
@@ -315,13 +314,10 @@ class _Unfit(Exception):
 class _Rows:
     """Collects the values of tick records."""
 
-    def __init__(self, index: Mapping[int, int], models: Mapping[int, str], step: float, most_causes: int) -> None:
+    def __init__(self, index: Mapping[int, int], numbers: Sequence[int], most_causes: int) -> None:
         self._index = index
-        self._numbers = list(models)
+        self._numbers = numbers
         self._most_causes = most_causes
-        self._models = models
-        self._step = step
-        self.driven = dict.fromkeys(index, 0.0)
         self.poses: list[list[tuple[float, float, float]]] = []
         self.status: list[list[int]] = []
         self.bumped: list[list[bool]] = []
@@ -333,8 +329,6 @@ class _Rows:
         self.fog_mean: list[float] = []
         self.seen: list[int] = []
         self.positions = 0
-        self.rejected = 0
-        self._counted: dict[int, int] = {}
         self._delivered_in: list[int] = []
         self._dropped_in: list[int] = []
         self._place = {FORGED: 0, **{number: place + 1 for number, place in index.items()}}
@@ -356,16 +350,6 @@ class _Rows:
         self.states.append([self.labels.setdefault(robot.state, len(self.labels)) for robot in robots])
         self.goals.append([robot.goal or (nan, nan) for robot in robots])
         self.decision_ms.append([nan if robot.decision_ms is None else robot.decision_ms for robot in robots])
-        for robot in robots:
-            if not robot.bumped:
-                speed = command_of(self._models[robot.number], robot.c0, robot.c1).speed_mps
-                self.driven[robot.number] += speed * self._step
-        for robot in robots:
-            if robot.rejected is not None:
-                # A restarted mind counts from 0 again.
-                new = robot.rejected - self._counted.get(robot.number, 0)
-                self.rejected += new if new >= 0 else robot.rejected
-                self._counted[robot.number] = robot.rejected
         if len(self.labels) > MOST_LABELS:
             raise _Unfit(f"robots reported more than {MOST_LABELS} states")
         self.mfow.append(record.mfow)
@@ -395,15 +379,3 @@ class _Rows:
         dropped_in = np.array(self._dropped_in, dtype=np.int64)
         dropped = dict(sorted(self._dropped.items()))
         return LinkTotals(self._sent, self._delivered, dropped, self._late, delivered_in, dropped_in)
-
-
-def _final_status(
-    status: Sequence[Sequence[int]], index: Mapping[int, int], events: Sequence[Event]
-) -> NDArray[np.uint8]:
-    """Each robot's status at the end, including events after the last tick, as in the summary."""
-    final_status = np.array(status[-1], dtype=np.uint8)
-    for event in events:
-        place, left = index.get(event.robot or 0), standing_after(event.kind)
-        if event.k >= len(status) and place is not None and left is not None:
-            final_status[place] = left
-    return final_status

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -17,8 +16,9 @@ from monitor.replay.run_files import SUMMARY
 from monitor.replay.visits import VisitCounter, Visits
 from patrol.best_tour import NO_BOUND, best_tour
 from patrol.errors import quoted
-from patrol.journal.records import Status
 from patrol.prepare import sensor_footprint
+from patrol.summary.metric import Metric, metrics_of
+from patrol.summary.model import RobotFigures, Summary, unsettled
 
 NO_TOUR = "no tour for this ground or sensor"
 """What stands beside the best tour found where there is none."""
@@ -77,102 +77,100 @@ class Measure:
     """One measured value of a run.
 
     Attributes:
-        name: Its name.
-        value: The value; None when unknown.
-        unit: Its unit; empty for none.
+        metric: Its declaration.
+        value: The value as in summary.json; None when unknown.
         note: A remark.
     """
 
-    name: str
+    metric: Metric
     value: float | None
-    unit: str
     note: str = ""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        return self.metric.title
 
     @property
     def text(self) -> str:
         """The value with its unit, as text."""
-        if self.value is None:
-            return "-"
-        if abs(self.value) >= 1000.0:
-            number = f"{self.value:,.0f}".replace(",", "\u202f")
-        else:
-            number = f"{self.value:.4g}" if abs(self.value) >= 100.0 else f"{self.value:.3g}"
-        return f"{number} {self.unit}".strip()
+        return self.metric.text(self.value, "\u202f")
+
+
+BY_TOUR = Metric("mean MFoW over that of the best tour found", title="mean MFoW / best tour", digits=2, better="lower")
+BY_BOUND = Metric("mean MFoW over its lower bound", title="mean MFoW / bound", digits=2, better="lower")
+DELIVERED = Metric("share of frames that arrived", "%", "delivered", better="higher")
+DECISION = Metric("median over all robots", "ms", "median decision time", digits=2, better="lower")
+LIVING = Metric("robots that were alive", title="robots at the end", digits=0, better="higher")
+"""Metrics that only a report has."""
 
 
 def measures(run: Run) -> list[Measure]:
-    """The measured values of a run, from its journal alone, so that a run without a summary has them too.
+    """List the measured values of a run, from its journal alone, so that a run without a summary has them too.
+
+    Every metric that is declared with a title is among them; those of single robots if they can be summed up.
 
     Args:
         run: The run.
     """
-    step, header = run.step, run.journal.header
-    mean, bound = float(run.mfow.mean()) * step, header.bound_s
-    tour_s = best_tour_s(run)
-    area = float(np.count_nonzero(run.prepared.patrolled))
-    lower = f"lower bound {bound:.1f} s" if bound else f"lower bound 0: {NO_BOUND}"
+    figures = run.figures.model_copy(
+        update={"best_tour_s": best_tour(run.prepared).bound_of_fleet_s(run.prepared.scenario)}
+    )
+    notes = {
+        "mfow_mean_s": f"lower bound {figures.bound_s:.1f} s" if figures.bound_s else f"lower bound 0: {NO_BOUND}",
+        "best_tour_s": NO_TOUR if figures.best_tour_s is None else _tour_note(run),
+        "seen_share": f"of {figures.patrolled_area_m2:.0f} m²",
+    }
+    of_run = {
+        key: Measure(metric, getattr(figures, key), notes.get(key, metric.note))
+        for key, metric in metrics_of(Summary)
+        if metric.title
+    }
+    of_robots = [
+        Measure(metric, metric.reduced([getattr(robot, key) for robot in run.robot_figures]), metric.note)
+        for key, metric in metrics_of(RobotFigures)
+        if metric.title and metric.sweep == "sum"
+    ]
     decisions = run.decision_ms[~np.isnan(run.decision_ms)]
+    living = sum(robot.status == "alive" for robot in run.robot_figures)
     return [
-        Measure("mean MFoW", mean, "s", lower),
-        Measure("largest MFoW", float(run.mfow.max()) * step, "s"),
-        Measure("best tour found", tour_s, "s", _tour_note(run) if tour_s is not None else NO_TOUR),
-        _ratio(run, "mean MFoW / best tour", mean, tour_s, area, "no tour"),
-        _ratio(run, "mean MFoW / bound", mean, bound or None, area, "the lower bound is 0"),
-        Measure("mean fog", float(run.fog_mean.mean()) * step, "s"),
-        Measure("seen", 100.0 * float(run.seen[-1]) / area, "%", f"of {header.patrolled_area_m2:.0f} m²"),
-        Measure("delivered", _delivered(run), "%", "as robots report" if run.direct else "of the robots' frames"),
-        Measure("collisions", float(run.bumped.sum()), "", "moves cancelled"),
-        Measure("driven", float(run.driven.sum()), "m", "all robots"),
-        Measure("median decision time", float(np.median(decisions)) if len(decisions) else None, "ms"),
-        Measure(
-            "robots at the end", float(np.count_nonzero(run.final_status == Status.ALIVE)), "", f"of {len(run.names)}"
-        ),
+        *(of_run.pop(key) for key in ("mfow_mean_s", "mfow_max_s", "best_tour_s")),
+        _ratio(BY_TOUR, figures, figures.best_tour_s, "no tour"),
+        _ratio(BY_BOUND, figures, figures.bound_s, "the lower bound is 0"),
+        *of_run.values(),
+        Measure(DELIVERED, _delivered(run), "as robots report" if run.direct else "of the robots' frames"),
+        *of_robots,
+        Measure(DECISION, float(np.median(decisions)) if len(decisions) else None),
+        Measure(LIVING, living, f"of {len(run.names)}"),
     ]
 
 
-def best_tour_s(run: Run) -> float | None:
-    """The MFoW that all robots that are not spare keep on the best tour found, s; None where there is no tour.
-
-    It does not count who was dead, paused or lost in the run.
-
-    Args:
-        run: The run.
-    """
-    shares = {spec.number: 1.0 for spec in run.prepared.scenario.roster if not spec.spare}
-    return best_tour(run.prepared).bound_s(shares)
-
-
 def _tour_note(run: Run) -> str:
-    """Which robots the best tour is for."""
+    """Return which robots the best tour is for."""
     count = sum(not spec.spare for spec in run.prepared.scenario.roster)
     return "for 1 robot that is never down" if count == 1 else f"for all {count} robots, as if none were ever down"
 
 
 def warnings_of(run: Run) -> Sequence[str]:
-    """The warnings of the verdict in summary.json, one line each; none without a verdict."""
-    warnings = (verdict_of(run) or {}).get("warnings")
-    return [str(line) for line in warnings] if isinstance(warnings, list) else []
+    """Return the warnings of the verdict in summary.json, one line each; none without a verdict."""
+    return [] if run.stated.verdict is None else run.stated.verdict.warnings
 
 
 def disagreement(run: Run) -> str:
-    """One line for a run whose summary its journal does not confirm, as far as it is quick to tell; else empty.
+    """Return one line for a run whose summary its journal does not confirm, as far as it is quick to tell; else empty.
 
     Args:
         run: The run.
     """
-    stated, end = run.summary or {}, run.journal.end
-    found = {
-        "trace_hash": None if end is None else run.trace,
-        "ended": None if end is None else end.reason,
-        "ticks": run.ticks,
-        "mfow_mean_s": float(run.mfow.mean()) * run.step,
-        "mfow_max_s": float(run.mfow.max()) * run.step,
-        "mfow_end_s": float(run.mfow[-1]) * run.step,
-    }
+    end = run.journal.end
+    given = run.figures.model_copy(
+        update={"trace_hash": None if end is None else run.trace, "ended": None if end is None else end.reason}
+    ).document()
+    stated = run.stated.document()
     lines = [
-        f"{SUMMARY} states {field} = {quoted(stated[field])}, and the journal gives {quoted(value)}"
-        for field, value in found.items()
-        if field in stated and not _equal(stated[field], value)
+        f"{SUMMARY} states {key} = {quoted(stated[key])}, and the journal gives {quoted(value)}"
+        for key, value in given.items()
+        if key in stated and key not in ("messages", "robots") and not _equal(stated[key], value)
     ]
     if end is not None and end.trace_hash != run.trace:
         lines.append("the journal's ticks do not have the trace hash that its end states")
@@ -180,42 +178,33 @@ def disagreement(run: Run) -> str:
 
 
 def _equal(stated: object, found: object) -> bool:
-    """Whether two values are equal, numbers but for the rounding of another machine."""
+    """Return whether two values are equal, numbers but for the rounding of another machine."""
     if isinstance(stated, int | float) and isinstance(found, int | float):
         return math.isclose(stated, found, rel_tol=1e-9)
     return stated == found
 
 
 def outcome_of(run: Run) -> str:
-    """The verdict in a few words, such as "valid, with warnings"; "not judged" without one."""
-    verdict = verdict_of(run)
-    outcome = "not judged" if verdict is None else str(verdict.get("outcome", "unknown"))
+    """Return the verdict in a few words, such as "valid, with warnings"; "not judged" without one."""
+    outcome = "not judged" if run.stated.verdict is None else run.stated.verdict.outcome
     return f"{outcome}, with warnings" if warnings_of(run) else outcome
 
 
-def _ratio(run: Run, name: str, mean: float, of: float | None, area: float, without: str) -> Measure:
-    """A mean MFoW over what it is compared with (s), once all is seen and the run is long enough for that."""
-    if not of:
-        return Measure(name, None, "", without)
-    why = "" if run.seen[-1] == area else "not all was seen"
-    if not why and run.ticks * run.step < 4.0 * of:
-        why = "run too short"
-    return Measure(name, None if why else mean / of, "", why)
-
-
-def direct_of(run: Run) -> Mapping[str, Any]:
-    """The part of the summary about direct radio (`worldsim.output.direct_radio`); empty without one."""
-    said = (run.summary or {}).get("direct")
-    return said if isinstance(said, dict) else {}
+def _ratio(metric: Metric, figures: Summary, yardstick_s: float | None, without: str) -> Measure:
+    """Return a mean MFoW over what it is compared with, or why it is not compared."""
+    if not yardstick_s:
+        return Measure(metric, None, without)
+    why = unsettled(figures, yardstick_s)
+    return Measure(metric, None if why or figures.mfow_mean_s is None else figures.mfow_mean_s / yardstick_s, why)
 
 
 def _delivered(run: Run) -> float | None:
-    """The delivered share of the robots' frames that were delivered or dropped, in percent."""
+    """Return the delivered share of the robots' frames that were delivered or dropped."""
     if run.direct:
-        share = direct_of(run).get("heard_share")
-        return None if share is None else 100.0 * float(share)
-    delivered, lost = int(run.links.delivered[1:].sum()), int(run.links.lost[1:].sum())
-    return 100.0 * delivered / (delivered + lost) if delivered + lost else None
+        return run.stated.direct.heard_share
+    messages = run.figures.messages
+    settled = messages.delivered + (messages.dropped or 0)
+    return messages.delivered / settled if settled else None
 
 
 def state_of(run: Run, going: bool = False) -> tuple[str, str]:
@@ -240,9 +229,3 @@ def state_of(run: Run, going: bool = False) -> tuple[str, str]:
         )
     torn = " in the middle of a record" if run.truncated else ""
     return "cut off", f"The run was cut off: its journal stops{torn} after {time}. It has no verdict."
-
-
-def verdict_of(run: Run) -> Mapping[str, Any] | None:
-    """The verdict in summary.json; None without one."""
-    verdict = (run.summary or {}).get("verdict")
-    return verdict if isinstance(verdict, dict) and isinstance(verdict.get("checks"), list) else None

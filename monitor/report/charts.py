@@ -46,9 +46,6 @@ STATES: tuple[tuple[str, str], ...] = (
 )
 """The states of a robot in the chart, with their colours."""
 
-STATUS_WORDS = {int(status): status.name.lower() for status in Status}
-"""Names of a robot's status."""
-
 _PATROLLING, _DEAD_END, _SURROUNDING, _HOLDING, _OTHER, _SILENT, _PAUSED, _GONE, _AWAY = range(len(STATES))
 
 
@@ -255,7 +252,12 @@ def troubles_chart(run: Run) -> Figure:
     count = len(run.names)
     made = figure(WIDTH, min(1.0 + 0.26 * count, 8.0))
     left, right = made.subplots(1, 2, sharey=True)
-    left.barh(range(count), 100.0 * run.dead_end_share, height=0.62, color=STATES[_DEAD_END][1])
+    left.barh(
+        range(count),
+        [100.0 * robot.dead_end_share for robot in run.robot_figures],
+        height=0.62,
+        color=STATES[_DEAD_END][1],
+    )
     left.set_xlabel("decisions in dead ends (%)")
     right.barh(range(count), run.bumped.sum(axis=0), height=0.62, color=ACCENT)
     right.set_xlabel("moves cancelled because of a collision")

@@ -8,9 +8,8 @@ and needs no script, and its figures can also be written as PNG and SVG.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 from urllib.parse import quote
 
 import numpy as np
@@ -21,18 +20,19 @@ from monitor.replay.run_files import RECORDING, REPORT, SCENARIO, check_out
 from monitor.report import charts, html, map_charts
 from monitor.report.analysis import (
     Analysis,
-    best_tour_s,
     disagreement,
     measures,
     outcome_of,
     state_of,
-    verdict_of,
     warnings_of,
 )
 from monitor.report.radio_section import links_section
 from monitor.report.style import Drawing, draw
+from patrol.best_tour import best_tour
 from patrol.errors import BadInput
 from patrol.scenario.controls import intruder_name
+from patrol.summary.metric import metrics_of
+from patrol.summary.model import FaultFacts, RobotFigures
 from patrol.whole_file import write_whole
 from patrol.yaml_text import read_text
 
@@ -54,7 +54,7 @@ def drawings(analysis: Analysis) -> list[Drawing]:
     bands = (*analysis.bands, *analysis.intruders)
     terrain, counted, step = run.prepared.terrain, run.prepared.patrolled, run.step
     red = (" Red: faults." if analysis.bands else "") + (" Blue: intruders." if analysis.intruders else "")
-    tour_s = best_tour_s(run)
+    tour_s = best_tour(run.prepared).bound_of_fleet_s(run.prepared.scenario)
     made = [
         draw(
             "mfow",
@@ -211,25 +211,25 @@ def _outcome(run: Run) -> tuple[str, str]:
 
 
 def _verdict(run: Run) -> str:
-    verdict = verdict_of(run)
+    verdict = run.stated.verdict
     if verdict is None:
         return html.text("The run has no verdict: there is no summary.json, or it contains none.", "note")
     heads = ("", "check", "details")
     open_checks: list[tuple[str, str, str]] = []
     passed: list[tuple[str, str, str]] = []
-    for check in verdict["checks"]:
-        facts = (str(check.get("name")), str(check.get("detail", "")))
-        if not check.get("ok"):
+    for check in verdict.checks:
+        facts = (check.name, check.detail)
+        if not check.ok:
             open_checks.append((html.badge("failed", "failed"), *facts))
-        elif check.get("warnings"):
+        elif check.warnings:
             open_checks.append((html.badge("warning", "open"), *facts))
-        elif not check.get("judged", True):
+        elif not check.judged:
             open_checks.append((html.badge("not judged", "open"), *facts))
         else:
             passed.append((html.badge("ok", "ok"), *facts))
-    failed = sum(not check.get("ok") for check in verdict["checks"])
+    failed = sum(not check.ok for check in verdict.checks)
     counts = [f"{len(passed)} checks passed", *([f"{failed} failed"] if failed else [])]
-    warned = sum(bool(check.get("ok") and check.get("warnings")) for check in verdict["checks"])
+    warned = sum(check.ok and bool(check.warnings) for check in verdict.checks)
     if warned:
         counts.append(f"{warned} with warnings")
     if len(open_checks) > failed + warned:
@@ -240,42 +240,26 @@ def _verdict(run: Run) -> str:
 
 def _stalest(run: Run) -> str:
     """Describe the stalest place over the run and at its end, and the robots nearest to it."""
-    places = (run.summary or {}).get("stalest")
     rows = []
-    for name, when in (("worst", "over the run"), ("end", "at the end")):
-        place = places.get(name) if isinstance(places, dict) else None
-        if isinstance(place, dict):
-            near = "-" if place["nearest"] is None else f"{place['nearest']}, {place['nearest_m']:.0f} m away"
-            since = f"{place['at_s'] - place['age_s']:g} s" if place["seen"] else "never"
-            numbers = (f"{place['x']:.1f}, {place['y']:.1f}", f"{place['at_s']:g}", f"{place['age_s']:g}")
-            rows.append((when, *numbers, since, near))
+    for when, place in (("over the run", run.stated.stalest.worst), ("at the end", run.stated.stalest.end)):
+        if place is not None:
+            near = "-" if place.nearest is None else f"{place.nearest}, {place.nearest_m:.0f} m away"
+            since = f"{place.at_s - place.age_s:g} s" if place.seen else "never"
+            rows.append((when, f"{place.x:.1f}, {place.y:.1f}", f"{place.at_s:g}", f"{place.age_s:g}", since, near))
     heads = ("stalest place", "x, y (m)", "at (s)", "age (s)", "last seen before at", "nearest robot then")
     return html.table(heads, rows, numbers=(1, 2, 3)) if rows else ""
 
 
 def _robots(run: Run) -> str:
-    heads = (
-        "robot",
-        "status at the end",
-        "driven (m)",
-        "in dead ends (%)",
-        "collisions",
-        "decision p50 (ms)",
-        "p99 (ms)",
-    )
-    rows = []
-    for place, name in enumerate(run.names[:MOST_ROBOTS]):
-        times = run.decision_ms[:, place]
-        times = times[~np.isnan(times)]
-        p50, p99 = (f"{np.percentile(times, part):.1f}" if len(times) else "-" for part in (50, 99))
-        stuck = 100.0 * float(run.dead_end_share[place])
-        end = charts.STATUS_WORDS[int(run.final_status[place])]
-        rows.append(
-            (name, end, f"{run.driven[place]:.0f}", f"{stuck:.1f}", str(int(run.bumped[:, place].sum())), p50, p99)
-        )
-    shown = html.table(heads, rows, numbers=range(2, 7))
+    shown = [(key, metric) for key, metric in metrics_of(RobotFigures) if metric.title]
+    heads = [f"{metric.title} ({metric.unit})" if metric.unit else metric.title for _, metric in shown]
+    rows = [
+        (name, robot.status, *(metric.number(getattr(robot, key)) for key, metric in shown))
+        for name, robot in zip(run.names[:MOST_ROBOTS], run.robot_figures, strict=False)
+    ]
+    listed = html.table(("robot", "status at the end", *heads), rows, numbers=range(2, 2 + len(heads)))
     more = len(run.names) - MOST_ROBOTS
-    return html.details("numbers", shown, html.text(f"{more} more are not listed" if more > 0 else "", "note"))
+    return html.details("numbers", listed, html.text(f"{more} more are not listed" if more > 0 else "", "note"))
 
 
 def _belief(analysis: Analysis) -> str:
@@ -310,42 +294,38 @@ def _belief(analysis: Analysis) -> str:
 
 
 def _faults(analysis: Analysis) -> str:
-    run = analysis.run
-    counted: Any = (run.summary or {}).get("faults")
     rows = []
     for band in analysis.bands:
         until = f"{band.end:g}" if band.lasts else ""
-        facts = counted.get(band.id) if isinstance(counted, dict) else None
-        numbers = _fault_counts(band.kind, facts) if isinstance(facts, dict) else ""
+        facts = analysis.run.stated.faults.get(band.id)
+        numbers = "" if facts is None else _fault_counts(band.kind, facts)
         rows.append((band.id, band.kind, f"{band.begin:g}", until, band.text, numbers))
     return html.table(("id", "kind", "from (s)", "to (s)", "details", "frames"), rows, numbers=(2, 3)) if rows else ""
 
 
 def _intruders(analysis: Analysis) -> str:
     """Describe each intruder: its place and time, and, from the summary, its report and how it was surrounded."""
-    specs, counted = analysis.run.prepared.scenario.intruders, (analysis.run.summary or {}).get("intruders") or ()
-    facts = dict(zip(map(intruder_name, range(len(specs))), counted, strict=False))
+    facts = {intruder_name(index): counted for index, counted in enumerate(analysis.run.stated.intruders)}
     rows = []
     for band in analysis.intruders:
         numbers = ("-", "-", "-", "-")
-        if found := facts.get(band.id):
-            first = found["first_reported_s"]
+        if counted := facts.get(band.id):
+            first = counted.first_reported_s
             reported = "never" if first is None else f"{first:g}"
-            surrounded = f"{found['surrounded_s']:g}"
-            numbers = (reported, f"{found['reported_s']:g}", surrounded, f"{found['most_robots']}")
+            numbers = (reported, f"{counted.reported_s:g}", f"{counted.surrounded_s:g}", f"{counted.most_robots}")
         rows.append((band.id, band.text, f"{band.begin:g}", f"{band.end:g}", *numbers))
     heads = ("intruder", "place (m)", "from (s)", "to (s)", "first reported at (s)", "reported for (s)")
     more = ("surrounded for (s)", "robots around it at most")
     return html.table((*heads, *more), rows, numbers=range(2, 8)) if rows else ""
 
 
-def _fault_counts(kind: str, facts: Mapping[str, Any]) -> str:
-    """The effect of a radio fault, from the counts in the summary."""
-    if "frames" not in facts:
+def _fault_counts(kind: str, facts: FaultFacts) -> str:
+    """Return the effect of a radio fault, from the counts in the summary."""
+    if facts.frames is None:
         return ""
-    heads = [f"{facts['frames']} {'forged' if kind == 'spoof' else 'on its links'}"]
-    did = [f"{facts[name]} {name}" for name in ("dropped", "delayed", "duplicated") if facts.get(name)]
-    return ", ".join(heads + did)
+    effects = {"dropped": facts.dropped, "delayed": facts.delayed, "duplicated": facts.duplicated}
+    counts = [f"{count} {effect}" for effect, count in effects.items() if count]
+    return ", ".join([f"{facts.frames} {'forged' if kind == 'spoof' else 'on its links'}", *counts])
 
 
 def _events(run: Run) -> str:

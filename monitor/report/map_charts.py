@@ -94,7 +94,7 @@ def paths_chart(run: Run) -> Figure:
         axes.tick_params(labelbottom=False, labelleft=False, length=0)
         _ground(axes, terrain)
         _path(axes, run, place, 0.8)
-        axes.set_title(f"{run.names[place]}: {run.driven[place]:.0f} m", color=INK)
+        axes.set_title(f"{run.names[place]}: {run.robot_figures[place].distance_m:.0f} m", color=INK)
     return made
 
 
@@ -142,8 +142,10 @@ def _path(axes: Axes, run: Run, place: int, width: float) -> None:
     tone = colour(place)
     axes.plot(*track[::every].T, color=tone, linewidth=width, alpha=0.85, rasterized=len(run.names) > MOST_PANELS)
     begin, end = track[there[0]], track[there[-1]]
-    last = run.final_status[place] if there[-1] == run.ticks - 1 else run.status[there[-1], place]
-    gone = last in (Status.DEAD, Status.LOST)
+    last = Status(run.status[there[-1], place]).name.lower()
+    if there[-1] == run.ticks - 1:
+        last = run.robot_figures[place].status
+    gone = last in ("dead", "lost")
     axes.plot(*begin, marker="o", markersize=5, markerfacecolor="none", markeredgecolor=MUTED)
     axes.plot(*end, marker="X" if gone else "o", markersize=7 if gone else 5, color=tone, markeredgecolor=INK)
 

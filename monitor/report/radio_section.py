@@ -8,7 +8,6 @@ import numpy as np
 
 from monitor.replay.run import Run
 from monitor.report import html
-from monitor.report.analysis import direct_of
 
 MOST_LINKS = 400
 
@@ -33,7 +32,7 @@ def links_section(run: Run) -> str:
         says.append(f"{flying} were still in flight at the end.")
     late = f"The largest delay was {run.links.late * run.step:g} s."
     says += [late if run.links.late else "All arrived in the tick in which they were sent."]
-    says.append(f"Robots rejected {run.rejected} frames.")
+    says.append(f"Robots rejected {run.figures.messages.rejected} frames.")
     causes = [(why, *(str(int(of.sum())) for of in (c[1:], c[0]))) for why, c in run.links.dropped.items()]
     parts = [html.text(" ".join(says))]
     if causes:
@@ -60,18 +59,18 @@ def _all_links(heads: Sequence[str], rows: Sequence[Sequence[str]], numbers: Seq
 def _direct_links(run: Run) -> str:
     """What robots reported about a direct radio: how many frames they sent and heard."""
     why = "Robots heard each other directly, so the fate of single frames is unknown"
-    said = direct_of(run)
-    links = said.get("links") or {}
-    if not links:
+    direct = run.stated.direct
+    if not direct.links:
         return html.text(f"{why}. No two robots reported at the end how many frames they sent and heard.", "note")
-    sent, heard = (sum(int(counts[what]) for counts in links.values()) for what in ("sent", "heard"))
-    missing = ", ".join(said.get("unsaid", ()))
+    sent, heard = (sum(getattr(counts, end) for counts in direct.links.values()) for end in ("sent", "heard"))
+    missing = ", ".join(direct.unsaid)
     unsaid = f" The counts of {missing} are missing or incomplete." if missing else ""
     rows = []
-    for link, counts in links.items():
-        share = f"{100.0 * counts['heard'] / counts['sent']:.2f}" if counts["sent"] else "-"
-        rows.append((link, str(counts["sent"]), str(counts["heard"]), share))
+    for link, counts in direct.links.items():
+        share = f"{100.0 * counts.heard / counts.sent:.2f}" if counts.sent else "-"
+        rows.append((link, str(counts.sent), str(counts.heard), share))
+    rejected = run.figures.messages.rejected
     says = html.text(
-        f"{why}. According to their reports they heard {heard} of {sent} frames and rejected {run.rejected}.{unsaid}"
+        f"{why}. According to their reports they heard {heard} of {sent} frames and rejected {rejected}.{unsaid}"
     )
     return says + _all_links(("link", "sent", "heard", "heard (%)"), rows, range(1, 4))

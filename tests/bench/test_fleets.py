@@ -39,7 +39,7 @@ def test_ticks_that_are_skipped_are_run(monkeypatch: pytest.MonkeyPatch) -> None
 
     monkeypatch.setattr(fleets, "run_in_process", kept)
     assert fleet_time(lambda _: SMALL, 3, 4, 2) > 0.0
-    assert [outcome.summary["ticks"] for outcome in outcomes] == [7, 7]
+    assert [outcome.summary.ticks for outcome in outcomes] == [7, 7]
 
 
 def test_neither_the_first_ticks_nor_what_follows_the_last_one_counts(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -72,7 +72,7 @@ def test_the_journal_on_disk_holds_the_same_run(tmp_path: Path) -> None:
     assert trace(in_memory) == trace(on_disk)
     assert read_journal(tmp_path / "journal").header.started == "2000-01-01T00:00:00+00:00"
     for key in ("scenario_hash", "mfow_mean_s", "fog_mean_s", "messages", "seen_share"):
-        assert in_memory.summary[key] == on_disk.summary[key]
+        assert getattr(in_memory.summary, key) == getattr(on_disk.summary, key)
 
 
 def test_the_fog_of_a_run_can_be_recomputed() -> None:
@@ -90,19 +90,19 @@ def test_everyone_patrols_and_hears_everyone() -> None:
     papers = {"commitment": "none", "separation": "none", "random_move": 0.1, "random_move_for": "holonomic"}
     outcome = run_in_process(scenario(patrol=papers), progress=seen.append)
     assert [record.k for record in seen] == list(range(30))
-    assert outcome.summary["messages"]["delivered"] == 30 * 3 * 2
-    assert outcome.summary["messages"]["rejected"] == 0
-    assert outcome.summary["seen_share"] > 0.3
-    for facts in outcome.summary["robots"].values():
-        assert facts["decisions"] == 30
-        assert facts["distance_m"] > 10.0
+    assert outcome.summary.messages.delivered == 30 * 3 * 2
+    assert outcome.summary.messages.rejected == 0
+    assert outcome.summary.seen_share > 0.3
+    for facts in outcome.summary.robots.values():
+        assert facts.decisions == 30
+        assert facts.distance_m > 10.0
 
 
 def test_a_run_can_be_stopped() -> None:
     answers = iter([False, False, True])
     outcome = run_in_process(scenario(), stop=lambda: next(answers))
-    assert outcome.summary["ended"] == INTERRUPTED
-    assert outcome.summary["ticks"] == 2
+    assert outcome.summary.ended == INTERRUPTED
+    assert outcome.summary.ticks == 2
     assert outcome.verdict.valid
 
 
@@ -136,7 +136,7 @@ def test_a_run_that_keeps_no_records_is_summed_up_and_judged_all_the_same() -> N
     assert trace(kept) == trace(let_go)
     assert kept.verdict == let_go.verdict
     for key in ("mfow_mean_s", "mfow_max_s", "fog_mean_s", "messages", "seen_share", "ticks"):
-        assert kept.summary[key] == let_go.summary[key]
+        assert getattr(kept.summary, key) == getattr(let_go.summary, key)
 
 
 def test_direct_radio_needs_processes() -> None:
@@ -159,7 +159,7 @@ def test_process_faults_repeat_whatever_the_threads_and_are_judged_as_they_go(ro
     first = run_in_process(faulty)
     assert trace(first) == trace(run_in_process(faulty, threads=3)) == trace(run_in_process(faulty, keep=False))
     assert trace(first) != trace(run_in_process(scenario(robots=robots)))
-    assert {name: facts["status"] for name, facts in first.summary["robots"].items()} == dict.fromkeys(
+    assert {name: facts.status for name, facts in first.summary.robots.items()} == dict.fromkeys(
         ["r1", "r2", "r3"], "alive"
     )
 
@@ -182,7 +182,7 @@ def test_recovery_is_judged_by_the_run_without_faults() -> None:
     prepared = prepare(load_scenario(mapping))
     calm = run_in_process(load_scenario({**mapping, "faults": []}))
     baseline_s = fault_free_mfow(prepared)
-    assert baseline_s == calm.summary["mfow_mean_s"]
+    assert baseline_s == calm.summary.mfow_mean_s
     for keep in (True, False):
         outcome = run_in_process(prepared, keep=keep, baseline_s=baseline_s)
         (check,) = [check for check in outcome.verdict.checks if check.name == "recovery"]
@@ -249,15 +249,15 @@ def test_a_policy_that_fails_loses_its_robot_and_the_others_go_on(
     events: list[Event] = []
     outcome = run_in_process(failing(tmp_path, how=how), events=events.append)
     assert [(event.robot, event.kind, event.detail) for event in events] == [(2, "lost", says)]
-    assert {name: facts["status"] for name, facts in outcome.summary["robots"].items()} == {
+    assert {name: facts.status for name, facts in outcome.summary.robots.items()} == {
         "r1": "alive",
         "r2": "lost",
         "r3": "alive",
     }
-    assert outcome.summary["ended"] == "completed"
+    assert outcome.summary.ended == "completed"
     assert [check.name for check in outcome.verdict.failed] == ["nobody lost"]
-    assert outcome.summary["robots"]["r1"]["decisions"] == 12
-    assert outcome.summary["robots"]["r2"]["decisions"] == 4
+    assert outcome.summary.robots["r1"].decisions == 12
+    assert outcome.summary.robots["r2"].decisions == 4
 
 
 def test_a_policy_that_cannot_be_made_is_bad_input(tmp_path: Path) -> None:
@@ -277,7 +277,7 @@ def test_a_robot_whose_policy_has_failed_can_be_started_again(tmp_path: Path) ->
     restart = {"kind": "restart", "who": "r2", "at": 4}
     faulty = failing(tmp_path).model_dump(mode="json")
     outcome = run_in_process(load_scenario({**faulty, "faults": [restart]}))
-    assert outcome.summary["robots"]["r2"]["status"] == "alive"
+    assert outcome.summary.robots["r2"].status == "alive"
     assert [check.name for check in outcome.verdict.failed] == ["nobody lost"]
 
 
@@ -288,4 +288,4 @@ def test_a_policy_of_ones_own_repeats_its_trace() -> None:
         runs = [run_in_process(scenario(robots=robots, patrol=patrol), threads=threads) for threads in (1, 3)]
         papers = run_in_process(scenario(robots=robots, patrol={"policy": "potential-field"}))
         assert trace(runs[0]) == trace(runs[1]) != trace(papers)
-        assert runs[0].summary["seen_share"] > 0.3
+        assert runs[0].summary.seen_share > 0.3

@@ -102,7 +102,7 @@ def test_nobody_is_farther_from_where_the_others_expect_it_than_the_error() -> N
     assert outcome.verdict.valid, outcome.verdict.failed
     assert len(apart) == 4 * 3 * 120
     assert max(apart) <= 2.0 + 0.01
-    assert outcome.summary["messages"]["frames"] < 0.6 * 4 * 120
+    assert outcome.summary.messages.frames < 0.6 * 4 * 120
 
 
 def trace(outcome: Outcome) -> str:
@@ -122,5 +122,5 @@ def test_a_budget_that_never_bites_changes_only_the_first_tick() -> None:
     plain = run_in_process(scenario({}))
     rich = run_in_process(scenario({"budget": {"bits_per_s": 100_000}}))
     assert rich.verdict.valid, rich.verdict.failed
-    sent = plain.summary["messages"]["frames"] - rich.summary["messages"]["frames"]
+    sent = plain.summary.messages.frames - rich.summary.messages.frames
     assert sent == 4, "nobody has earned anything before the first tick"

@@ -24,7 +24,7 @@ def run(terrain: str, place: tuple[float, float], seed: int, duration: float, **
     given = {"terrain": {"builtin": terrain}, "point": 0.5, "seed": seed, "duration": duration}
     outcome = run_in_process(load_scenario({**given, "robots": robots, "intruders": [intruder], **more}))
     assert outcome.verdict.valid, outcome.verdict.failed
-    assert outcome.summary["messages"]["rejected"] == 0
+    assert outcome.summary.messages.rejected == 0
     return outcome
 
 
@@ -77,12 +77,12 @@ def test_when_it_is_gone_robots_patrol_on() -> None:
     assert busy[0] >= 20
     assert busy[-1] == 59 + 10  # last seen at tick 59, remembered for 10 more
     assert all(row.state == "patrolling" for row in ticks[-1].robots)
-    assert outcome.summary["seen_share"] > 0.5
+    assert outcome.summary.seen_share > 0.5
 
 
 def test_only_those_who_see_it_report_it_and_the_same_seed_repeats() -> None:
     first, again = (run("open", (50.0, 40.0), 4, 30.0) for _ in range(2))
-    assert first.summary["trace_hash"] == again.summary["trace_hash"]
+    assert first.summary.trace_hash == again.summary.trace_hash
     reports = 0
     for record in records(first):
         poses = {row.number: (row.x, row.y) for row in record.robots}
@@ -103,4 +103,4 @@ def test_without_intruders_nothing_about_them_matters() -> None:
         run_in_process(load_scenario({**given, "patrol": patrol}))
         for patrol in ({}, {"surround_distance": 3.0, "contact_memory": 50.0})
     )
-    assert plain.summary["trace_hash"] == other.summary["trace_hash"]
+    assert plain.summary.trace_hash == other.summary.trace_hash

@@ -84,7 +84,7 @@ def run_of(folder: Path, scenario: Mapping[str, Any]) -> Seen:
 
         recorder.end(run_ticks(world, fleet, on_tick, recorder.event, control=fleet))
     journal = read_journal(folder / "journal")
-    summary = summarise(journal, judge(journal, {}, prepared))
+    summary = summarise(journal, judge(journal, {}, prepared)).document()
     (folder / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
     return seen
 

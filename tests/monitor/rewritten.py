@@ -39,6 +39,6 @@ def rewritten(
             if record is not None:
                 writer.write(record)
     journal = read_journal(folder / "journal")
-    summary = summarise(journal, judge(journal, {}, prepared))
+    summary = summarise(journal, judge(journal, {}, prepared)).document()
     (folder / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
     return folder

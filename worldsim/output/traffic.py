@@ -6,15 +6,12 @@ from collections import Counter, defaultdict
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from patrol.journal.links import drops_of
 from patrol.journal.records import FORGED
 from patrol.scenario import load_scenario
 from patrol.scenario.controls import OPERATOR, operated
 from patrol.scenario.faults.kinds import PROCESS_KINDS, SENSE_KINDS, Spoof
+from patrol.summary.totals import dropped_by_source, is_present
 from worldsim.faults.timeline import Entry, Timeline
-from worldsim.radio.ether import there
 from worldsim.radio.rules import receivers
 
 if TYPE_CHECKING:
@@ -87,7 +84,7 @@ class Traffic:
 
     def tick(self, record: TickRecord) -> None:
         """Take in the next tick."""
-        here = frozenset(row.number for row in record.robots if there(row.status))
+        here = frozenset(row.number for row in record.robots if is_present(row.status))
         sent = Counter(source for source, _ in record.frames)
         if self._links is not None:
             self._count_links(self._links, record, here, sent)
@@ -147,21 +144,3 @@ class Traffic:
             self._faults[fault].delayed += 1
         for *_, fault in record.copies:
             self._faults[fault].duplicated += 1
-
-
-def dropped_by_source(record: TickRecord) -> list[tuple[int, str, int]]:
-    """How many frames of each source were dropped in a tick for each cause.
-
-    Args:
-        record: The tick's record.
-
-    Returns:
-        (source, cause, frames), without zeros.
-    """
-    drops = drops_of(record.dropped)
-    if not len(drops):
-        return []
-    kinds = len(drops.causes)
-    pairs, counts = np.unique(drops.source * kinds + drops.cause, return_counts=True)
-    rows = zip(pairs.tolist(), counts.tolist(), strict=True)
-    return [(pair // kinds, drops.causes[pair % kinds], count) for pair, count in rows]

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -17,6 +17,7 @@ from patrol.printable import printable
 if TYPE_CHECKING:
     from patrol.journal import Journal
     from patrol.prepare import Prepared
+    from patrol.summary.model import Summary
     from worldsim.verdict.agreement import Difference
     from worldsim.verdict.judge import Verdict
 
@@ -53,11 +54,13 @@ def judge(
     stated = read_summary(run / SUMMARY)
     warm(("patrol", "worldsim"), lambda line: typer.echo(line, err=True))
     loaded = _with_key(prepared_in(run, journal), key)
-    codes = (stated or {}).get("exit_codes") or {}
-    verdict, found = _judged(journal, loaded, codes)
-    differing = [] if stated is None else differences(stated, found)
-    unstated = [] if stated is None else missing(stated, found)
-    unrepeated = [] if stated is None else not_repeated(stated, found)
+    codes = {} if stated is None else stated.exit_codes
+    verdict, summary = _judged(journal, loaded, codes)
+    found = json.loads(json.dumps(summary.document()))
+    as_stated = {} if stated is None else stated.document()
+    differing = differences(as_stated, found)
+    unstated = [] if stated is None else missing(as_stated, found)
+    unrepeated = not_repeated(as_stated, found)
     edited = not _same_scenario(loaded, journal)
     trace = trace_hash(journal.ticks, loaded.scenario.spares)
     if as_json:
@@ -74,19 +77,18 @@ def judge(
         }
         typer.echo(json.dumps(facts, indent=2))
     else:
-        _print(found, trace, codes, stated is not None, differing, unstated, unrepeated, edited)
+        _print(summary, trace, codes, stated is not None, differing, unstated, unrepeated, edited)
     return verdict.exit_code or (DISAGREES if differing or edited else 0)
 
 
-def _judged(journal: Journal, loaded: Prepared, codes: Mapping[str, int | None]) -> tuple[Verdict, dict[str, Any]]:
-    """The verdict, and the summary as summary.json would have it."""
+def _judged(journal: Journal, loaded: Prepared, codes: Mapping[str, int | None]) -> tuple[Verdict, Summary]:
+    """Return the verdict and the summary."""
     from worldsim.output.summary import summarise
     from worldsim.verdict.judge import judge as judged
 
     verdict = judged(journal, codes, loaded)
     operated = loaded.as_operated(journal.events)
-    summary: dict[str, Any] = json.loads(json.dumps(summarise(journal, verdict, operated)))
-    return verdict, summary
+    return verdict, summarise(journal, verdict, operated)
 
 
 def _with_key(prepared: Prepared, key: Path | None) -> Prepared:
@@ -107,7 +109,7 @@ def _same_scenario(loaded: Prepared, journal: Journal) -> bool:
 
 
 def _print(
-    found: Mapping[str, Any],
+    summary: Summary,
     trace: str,
     codes: Mapping[str, int | None],
     has_summary: bool,
@@ -120,7 +122,8 @@ def _print(
 
     from fogwatch.launch.summary_text import print_verdict
 
-    print_verdict(Console(), found["verdict"])
+    assert summary.verdict is not None
+    print_verdict(Console(), summary.verdict)
     typer.echo(f"trace       {trace}")
     if codes:
         typer.echo(f"exit codes  of {len(codes)} processes, as summary.json states them: no journal holds any")

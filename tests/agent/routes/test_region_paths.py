@@ -226,20 +226,20 @@ QUICK = ("yards", "car", "mode"), ("clutter", "holonomic", "vector")
 def test_patrols_on_regions_see_everything(terrain: str, model: str, direction: str) -> None:
     outcome = run_in_process(scenario(terrain, model, 800, direction=direction))
     assert outcome.verdict.valid, outcome.verdict.failed
-    assert outcome.summary["seen_share"] == 1.0
+    assert outcome.summary.seen_share == 1.0
 
 
 def test_open_ground_is_one_region_and_patrolled_much_as_on_straight_paths() -> None:
     """The same but for the rim, where no body fits: its points pull from their posts or from where they are."""
     regions = run_in_process(scenario("open", "holonomic", 600)).summary
     straight = run_in_process(scenario("open", "holonomic", 600, paths="straight")).summary
-    assert regions["fog_mean_s"] == pytest.approx(straight["fog_mean_s"], rel=0.15)
+    assert regions.fog_mean_s == pytest.approx(straight.fog_mean_s, rel=0.15)
 
 
 def test_claims_work_over_regions() -> None:
     outcome = run_in_process(scenario("yards", "holonomic", 300, separation="claims"))
     assert outcome.verdict.valid, outcome.verdict.failed
-    assert outcome.summary["seen_share"] > 0.9
+    assert outcome.summary.seen_share > 0.9
 
 
 def test_a_saved_split_gives_the_same_trace(tmp_path: Path) -> None:

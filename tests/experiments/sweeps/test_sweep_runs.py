@@ -103,7 +103,7 @@ def reference() -> dict[str, Any]:
     for run in plan(SIX).runs:
         belief = BeliefError()
         summary = run_in_process(run.scenario, look=belief.look).summary
-        found[run.key] = ("ok", {**metrics_of(summary), **belief.metrics()}, summary["trace_hash"])
+        found[run.key] = ("ok", {**metrics_of(summary), **belief.metrics()}, summary.trace_hash)
     return found
 
 

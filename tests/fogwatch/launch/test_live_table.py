@@ -21,6 +21,7 @@ from fogwatch.launch.live_table import (
 from fogwatch.launch.summary_text import measures, print_summary
 from patrol.journal import Status
 from patrol.net.messages.telemetry import FREE, TRAPPED, Metrics, Notice, RobotView
+from patrol.summary.model import Summary
 
 ROBOTS = (RobotView("anna", 1, "patrolling", 1.0, 2.0, 0.0), RobotView("bert", 4, "", 3.0, 4.0, 0.0))
 METRICS = Metrics(120, 600, 60.0, 20.0, 12.5, 30.0, 0.75, 40.0, ROBOTS)
@@ -168,10 +169,10 @@ def test_the_line_after_a_long_table_widens_no_column(tmp_path: Path) -> None:
     """At 80 columns a row of this length would break the heads of all columns."""
     text = io.StringIO()
     fleet = {f"r{number}": SUMMARY["robots"]["anna"] for number in range(1, 61)}
-    print_summary(Console(file=text, width=80), {**SUMMARY, "robots": fleet}, tmp_path)
+    print_summary(Console(file=text, width=80), Summary.model_validate({**SUMMARY, "robots": fleet}), tmp_path)
     lines = text.getvalue().splitlines()
     head = next(number for number, line in enumerate(lines) if line.startswith("robot"))
-    heads = "robot status distance m dead end % collisions decisions p50 ms p99 ms"
+    heads = "robot status driven m dead ends % collisions decisions p50 ms p99 ms"
     assert " ".join(lines[head].split()) == heads
     assert lines[head + 1].split()[:2] == ["r1", "alive"]
     assert lines[head + 40].split()[0] == "r40"
@@ -181,7 +182,11 @@ def test_the_line_after_a_long_table_widens_no_column(tmp_path: Path) -> None:
 def test_robots_that_never_came_are_not_listed(tmp_path: Path) -> None:
     text = io.StringIO()
     absent = {**SUMMARY["robots"]["bert"], "status": "absent"}
-    print_summary(Console(file=text, width=80), {**SUMMARY, "robots": {**SUMMARY["robots"], "zoe": absent}}, tmp_path)
+    print_summary(
+        Console(file=text, width=80),
+        Summary.model_validate({**SUMMARY, "robots": {**SUMMARY["robots"], "zoe": absent}}),
+        tmp_path,
+    )
     assert "absent" not in text.getvalue()
     views = (*METRICS.robots, RobotView("zoe", Status.ABSENT, "", 0.0, 0.0, 0.0))
     table = LiveTable(Console(file=text, force_terminal=True, width=120))
@@ -193,7 +198,7 @@ def test_robots_that_never_came_are_not_listed(tmp_path: Path) -> None:
 
 def test_who_sends_with_nobody_to_hear_it_sends_all_the_same() -> None:
     alone = {**SUMMARY["messages"], "frames": 600, "sent": 0, "delivered": 0, "dropped": 0, "in_flight": 0}
-    lines = measures({**SUMMARY, "messages": alone})
+    lines = measures(Summary.model_validate({**SUMMARY, "messages": alone}))
     assert "messages    600 sent, 56 bytes per robot per second; no other robot was there to receive them" in lines
     assert not [line for line in lines if line.startswith("received")]
 
@@ -213,7 +218,11 @@ def test_who_sends_with_nobody_to_hear_it_sends_all_the_same() -> None:
 def test_the_summary_says_what_became_of_the_intruders(first: float | None, around: float, words: str) -> None:
     one = {"at_s": 20.0, "first_reported_s": first, "surrounded_s": around, "most_robots": 5}
     other = {"at_s": 0.0, "first_reported_s": None, "surrounded_s": 0.0, "most_robots": 0}
-    (line,) = [line for line in measures({**SUMMARY, "intruders": [one, other]}) if line.startswith("intruders")]
+    (line,) = [
+        line
+        for line in measures(Summary.model_validate({**SUMMARY, "intruders": [one, other]}))
+        if line.startswith("intruders")
+    ]
     assert line == f"intruders   {words}"
 
 
@@ -274,7 +283,7 @@ def test_the_report_says_what_matters(tmp_path: Path) -> None:
     text = io.StringIO()
     for name in ("summary.json", "fog.png"):
         (tmp_path / name).touch()
-    print_summary(Console(file=text, width=100), SUMMARY, tmp_path)
+    print_summary(Console(file=text, width=100), Summary.model_validate(SUMMARY), tmp_path)
     shown = text.getvalue()
     for words in (
         "five: 300 s in 600 ticks; 1 min 40 s of wall time, 3.0 x real time",
@@ -295,25 +304,31 @@ def test_the_report_says_what_matters(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("short", [{"seen_share": 0.995}, {"simulated_s": 100.0}])
 def test_a_run_too_short_to_settle_is_not_held_against_the_bound(short: dict[str, float]) -> None:
-    assert measures({**SUMMARY, **short})[2] == "bounds      best tour found 48.0 s; lower bound 40.0 s"
+    assert (
+        measures(Summary.model_validate({**SUMMARY, **short}))[2]
+        == "bounds      best tour found 48.0 s; lower bound 40.0 s"
+    )
 
 
 def test_a_lower_bound_of_0_is_shown_with_its_reason() -> None:
-    shown = measures({**SUMMARY, "bound_s": 0.0, "best_tour_s": None})[2]
+    shown = measures(Summary.model_validate({**SUMMARY, "bound_s": 0.0, "best_tour_s": None}))[2]
     why = "discs of the sensor's range around the robots have a larger area than the ground"
     assert shown == f"bounds      lower bound 0: {why}"
 
 
 def test_a_summary_of_an_older_version_says_what_it_has() -> None:
     older = {name: value for name, value in SUMMARY.items() if name not in ("best_tour_s", "stalest")}
-    assert measures(older)[2:4] == ["bounds      lower bound 40.0 s, ratio 1.50", "mean fog    20.0 s"]
+    assert measures(Summary.model_validate(older))[2:4] == [
+        "bounds      lower bound 40.0 s, ratio 1.50",
+        "mean fog    20.0 s",
+    ]
 
 
 def test_a_valid_run_with_warnings_says_so_at_once(tmp_path: Path) -> None:
     text = io.StringIO()
     warnings = [f"r{n} was trapped" for n in range(30)]
     verdict = {"outcome": "valid", "valid": True, "warnings": warnings, "checks": []}
-    print_summary(Console(file=text, width=100), {**SUMMARY, "verdict": verdict}, tmp_path)
+    print_summary(Console(file=text, width=100), Summary.model_validate({**SUMMARY, "verdict": verdict}), tmp_path)
     lines = text.getvalue().splitlines()
     at = lines.index("verdict     valid, with warnings: 0 checks passed")
     assert lines[at + 1] == "  warning: r0 was trapped"
@@ -337,4 +352,4 @@ def test_the_headline_says_where_the_stalest_place_is() -> None:
 
 def test_the_report_of_a_run_without_ticks() -> None:
     empty = {**SUMMARY, "ticks": 0, "simulated_s": 0.0, "wall_s": None, "ended": None, "mfow_mean_s": None}
-    assert measures(empty) == ["five: 0 s in 0 ticks, cut off"]
+    assert measures(Summary.model_validate(empty)) == ["five: 0 s in 0 ticks, cut off"]

@@ -221,4 +221,4 @@ def honest_trace(spell: Spell) -> str:
     Args:
         spell: The spell.
     """
-    return str(run_in_process(spell.scenario, keep=False).summary["trace_hash"])
+    return str(run_in_process(spell.scenario, keep=False).summary.trace_hash)

@@ -47,8 +47,7 @@ def at(log: LinkLog, k: int) -> LinkCounts:
 
 
 def of_summary(run: Run, what: str) -> NDArray[np.int64]:
-    assert run.summary is not None
-    links = run.summary["links"]
+    links = run.stated.document()["links"]
     return np.array([[links[a][b][what] if a != b else 0 for b in run.names] for a in run.names], dtype=np.int64)
 
 

@@ -83,8 +83,8 @@ def test_spare_robots_that_never_came_are_not_shown(tmp_path: Path) -> None:
     robots = {**QUIET["robots"], "spare": 2}
     run = run_of(tmp_path, {**QUIET, "duration": 15, "robots": robots, "faults": faults}).open()
     assert run.names == ("r1", "r2", "r3", "r5")
-    assert run.summary is not None
-    assert run.summary["verdict"]["valid"]
+    assert run.stated.verdict is not None
+    assert run.stated.verdict.valid
     assert play(run, []) is None
     moment = Replay(run).at(14)
     assert [(robot.number, robot.status) for robot in moment.robots][-1] == (5, Status.ALIVE)

@@ -22,6 +22,7 @@ from monitor.report.document import drawings, report_html, write_page, write_rep
 from monitor.report.style import draw
 from patrol.best_tour import best_tour
 from patrol.errors import BadInput
+from patrol.summary.model import Summary
 from tests.monitor.conftest import run_of
 
 SECTIONS = ("verdict", "fog", "visits", "robots", "paths", "links", "belief", "decisions", "scenario", "files")
@@ -71,17 +72,17 @@ def test_a_report_tells_the_whole_run(faulty: Any, tmp_path: Path) -> None:
 
 def test_the_numbers_are_those_of_the_summary(faulty: Any) -> None:
     run = faulty.open()
-    summary = run.summary
+    summary = run.stated.document()
     found = {measure.name: measure.value for measure in measures(run)}
     assert found["mean MFoW"] == pytest.approx(summary["mfow_mean_s"])
     assert found["largest MFoW"] == summary["mfow_max_s"]
     assert found["mean fog"] == pytest.approx(summary["fog_mean_s"])
-    assert found["seen"] == pytest.approx(100.0 * summary["seen_share"])
+    assert found["seen"] == pytest.approx(summary["seen_share"])
     assert found["driven"] == pytest.approx(sum(robot["distance_m"] for robot in summary["robots"].values()))
     assert found["collisions"] == sum(robot["collisions"] for robot in summary["robots"].values())
     assert run.links.delivered[1:].sum() == summary["messages"]["delivered"]
     assert run.links.lost[1:].sum() == summary["messages"]["dropped"]
-    assert run.rejected == summary["messages"]["rejected"]
+    assert run.figures.messages.rejected == summary["messages"]["rejected"]
     for (source, to), share in np.ndenumerate(run.links.share()):
         if source != to:
             link = summary["links"][run.names[source]][run.names[to]]
@@ -249,10 +250,9 @@ def test_a_report_shows_intruders_with_their_numbers(tmp_path: Path) -> None:
     assert "Red: faults." not in page
     shown = page.partition('<section id="intruders">')[2].partition("</section>")[0]
     rows = [re.findall(r"<td[^>]*>(.*?)</td>", row) for row in re.findall(r"<tr>(.*?)</tr>", shown)][1:]
-    assert run.summary is not None
-    counted = run.summary["intruders"][0]
-    assert counted["first_reported_s"] == 1.0
-    assert rows[0][:6] == ["intruder1", "at (20, 10)", "1", "7", "1", f"{counted['reported_s']:g}"]
+    counted = run.stated.intruders[0]
+    assert counted.first_reported_s == 1.0
+    assert rows[0][:6] == ["intruder1", "at (20, 10)", "1", "7", "1", f"{counted.reported_s:g}"]
     assert rows[1][4] == "never"
     without = report_html(analyse(replace(run, summary=None)), ())
     assert "<td>intruder1</td><td>at (20, 10)</td>" in without
@@ -295,21 +295,20 @@ def test_a_valid_run_with_warnings_says_so_at_the_top(quiet: Any, copied: Callab
 
 def test_a_report_says_where_the_stalest_place_was_and_what_the_mfow_compares_with(quiet: Any) -> None:
     run = quiet.open()
-    assert run.summary is not None
     page = report_html(analyse(run), ())
-    place = run.summary["stalest"]["end"]
-    assert f'<td>at the end</td><td class="n">{place["x"]:.1f}, {place["y"]:.1f}</td>' in page
+    place = run.stated.stalest.end
+    assert place is not None
+    assert f'<td>at the end</td><td class="n">{place.x:.1f}, {place.y:.1f}</td>' in page
     by_name = {measure.name: measure for measure in measures(run)}
     assert by_name["best tour found"].value == best_tour(run.prepared).bound_s(dict.fromkeys(run.numbers, 1.0))
     assert by_name["best tour found"].note == f"for all {len(run.numbers)} robots, as if none were ever down"
-    older = replace(run, summary={"verdict": run.summary["verdict"]})
+    older = replace(run, summary=Summary(verdict=run.stated.verdict))
     assert "stalest place" not in report_html(analyse(older), ())
 
 
 def test_a_lower_bound_of_0_is_explained(quiet: Any) -> None:
     run = quiet.open()
-    without = replace(run.journal.header, bound_s=0.0)
-    run.journal.header = without
-    by_name = {measure.name: measure for measure in measures(run)}
+    without = replace(run, figures=run.figures.model_copy(update={"bound_s": 0.0}))
+    by_name = {measure.name: measure for measure in measures(without)}
     assert by_name["mean MFoW"].note.startswith("lower bound 0: discs of the sensor's range")
     assert (by_name["mean MFoW / bound"].value, by_name["mean MFoW / bound"].note) == (None, "the lower bound is 0")

@@ -75,8 +75,7 @@ def rows(page: str, section: str, number: int = 0) -> dict[str, list[str]]:
 
 
 def test_every_number_that_a_summary_has_too(run: Run) -> None:
-    summary = run.summary
-    assert summary is not None
+    summary = run.stated.document()
     assert run.ticks == summary["ticks"] == LAST
     page = report_html(analyse(run), ())
     for name, row in rows(page, "robots").items():
@@ -88,6 +87,7 @@ def test_every_number_that_a_summary_has_too(run: Run) -> None:
             f"{facts['distance_m']:.0f}",
             f"{100.0 * facts['dead_end_share']:.1f}",
             str(facts["collisions"]),
+            str(facts["decisions"]),
             *(f"{value:.1f}" for value in ms),
         ]
     assert set(rows(page, "robots")) == {"r1", "r2", "r3", "r4", "r5"}
@@ -119,10 +119,8 @@ def test_every_number_that_a_summary_has_too(run: Run) -> None:
     assert found["mean MFoW"] == pytest.approx(summary["mfow_mean_s"])
     assert found["largest MFoW"] == pytest.approx(summary["mfow_max_s"])
     assert found["mean fog"] == pytest.approx(summary["fog_mean_s"])
-    assert found["seen"] == pytest.approx(100.0 * summary["seen_share"])
-    assert found["delivered"] == pytest.approx(
-        100.0 * messages["delivered"] / (messages["delivered"] + messages["dropped"])
-    )
+    assert found["seen"] == pytest.approx(summary["seen_share"])
+    assert found["delivered"] == pytest.approx(messages["delivered"] / (messages["delivered"] + messages["dropped"]))
 
 
 def test_forged_frames_are_no_part_of_what_was_delivered_over_time(run: Run, tmp_path: Path) -> None:
@@ -160,8 +158,7 @@ def test_dead_ends_are_a_share_of_decisions_as_in_the_summary(quiet: Any, tmp_pa
         return replace(record, robots=tuple(robots))
 
     run = open_run(rewritten(quiet, tmp_path / "missed", missed))
-    assert run.summary is not None
-    assert [facts["dead_end_share"] for facts in run.summary["robots"].values()] == [0.5, 0.5, 0.5]
+    assert [facts.dead_end_share for facts in run.stated.robots.values()] == [0.5, 0.5, 0.5]
     assert [row[3] for row in rows(report_html(analyse(run), ()), "robots").values()] == ["50.0"] * 3
     assert [bar.get_width() for bar in bars(troubles_chart(run))] == [50.0] * 3
 
@@ -207,7 +204,6 @@ def test_of_a_direct_radio_a_report_says_what_robots_said_and_nothing_of_beliefs
     notes = {"direct": {"said": SAID, "missed": {"r1": 0, "r2": 0, "r3": 0}}}
     folder = rewritten(quiet, tmp_path / "direct", direct, scenario, notes)
     run = open_run(folder)
-    assert run.summary is not None
     analysis = analyse(run)
     assert analysis.beliefs is None
     page = report_html(analysis, ())
@@ -221,7 +217,7 @@ def test_of_a_direct_radio_a_report_says_what_robots_said_and_nothing_of_beliefs
         "r1 to r2": ["r1 to r2", "80", "40", "50.00"],
     }
     found = {measure.name: measure.value for measure in measures(run)}
-    assert found["delivered"] == pytest.approx(100.0 * run.summary["direct"]["heard_share"])
+    assert found["delivered"] == pytest.approx(run.stated.direct.heard_share)
 
     (folder / "summary.json").unlink()
     page = report_html(analyse(open_run(folder)), ())

@@ -44,7 +44,7 @@ def standing(journal: MemoryJournal, ticks: range, robots: int, place: tuple[flo
 
 
 def intruders_of(journal: MemoryJournal, world: World) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = summarise(journal, judge(journal, {}, world.prepared))["intruders"]
+    found: list[dict[str, Any]] = summarise(journal, judge(journal, {}, world.prepared)).document()["intruders"]
     return found
 
 
@@ -93,4 +93,4 @@ def test_robots_that_are_dead_far_away_or_patrolling_surround_nobody(lab: Lab) -
 def test_a_run_without_intruders_says_nothing_of_them(lab: Lab) -> None:
     world = lab.patrol(ticks=5)
     journal = lab.run(world)
-    assert "intruders" not in summarise(journal, judge(journal, {}, world.prepared))
+    assert "intruders" not in summarise(journal, judge(journal, {}, world.prepared)).document()

@@ -20,7 +20,7 @@ def summary_of(lab: Lab, *faults: dict[str, Any]) -> dict[str, Any]:
     journal = lab.run(world)
     verdict = judge(journal, {}, world.prepared)
     assert verdict.valid, verdict.failed
-    return summarise(journal, verdict)
+    return summarise(journal, verdict).document()
 
 
 def test_without_faults_every_link_delivers_everything(lab: Lab) -> None:

@@ -17,6 +17,7 @@ from patrol.journal import read_journal
 from patrol.prepare import prepare
 from patrol.process.lifeline import Interrupted
 from patrol.scenario import load_scenario
+from patrol.summary.model import Summary
 from tests.routers import PATIENCE_S, routed, world_seen, write_access
 
 SMALL = {
@@ -222,7 +223,7 @@ def test_an_interruption_leaves_neither_file_nor_parts_of_one(ran: Path, tmp_pat
 
     files = (tmp_path / "a.mcap", tmp_path / "report.html")
     with pytest.raises(Interrupted):
-        derive(read_journal(ran / "journal"), prepare(load_scenario(SMALL)), {}, *files, print, progress)
+        derive(read_journal(ran / "journal"), prepare(load_scenario(SMALL)), Summary(), *files, print, progress)
     assert not list(tmp_path.iterdir())
 
 
@@ -232,7 +233,7 @@ def test_what_cannot_be_written_is_no_reason_to_doubt_the_run(ran: Path, tmp_pat
     derive(
         read_journal(ran / "journal"),
         prepare(load_scenario(SMALL)),
-        {},
+        Summary(),
         *files,
         said.append,
         lambda _: None,

@@ -1,0 +1,325 @@
+"""The summary of a run as typed values: what summary.json holds, from the first key to the last.
+
+A summary is computed (`patrol.summary.totals`, `worldsim.output.summary`) or read from summary.json. Its fields are in
+the order of the file. A field that an older version did not write, or that a run of this kind does not have, is not
+set, and is missing in the document.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict
+
+from patrol.summary.metric import Metric
+
+
+class _Part(BaseModel):
+    """A mapping in summary.json. It may hold more than is declared, because other versions write other keys."""
+
+    model_config = ConfigDict(strict=True, extra="allow", frozen=True)
+
+    def document(self) -> dict[str, Any]:
+        """Return the content as plain mappings, lists, texts and numbers, ready for JSON."""
+        return self.model_dump(exclude_unset=True)
+
+
+class Stalest(_Part):
+    """The stalest place at some time; see `worldsim.verdict.run.progress.Stalest`."""
+
+    x: float
+    y: float
+    age_s: float
+    at_s: float
+    seen: bool
+    nearest: str | None
+    nearest_m: float | None
+
+
+class Stalests(_Part):
+    """The stalest places over the run and at its end; None without a tick."""
+
+    worst: Stalest | None = None
+    end: Stalest | None = None
+
+
+class CheckFacts(_Part):
+    """The result of one check of the verdict."""
+
+    name: str
+    ok: bool
+    detail: str = ""
+    judged: bool = True
+    warnings: list[str] = []
+
+
+class VerdictFacts(_Part):
+    """The verdict on a run; see `worldsim.verdict.judge.Verdict`."""
+
+    valid: bool = False
+    outcome: str = "unknown"
+    warnings: Annotated[list[str], Metric("warnings, one line each", sweep="count")] = []
+    checks: list[CheckFacts]
+
+
+class LinkFacts(_Part):
+    """The frames of one sender to one receiver."""
+
+    sent: int
+    delivered: int
+    dropped: dict[str, int]
+    in_flight: int
+
+
+class FaultFacts(_Part):
+    """The frames on a fault's links while it was active, and its effects on them."""
+
+    kind: str = ""
+    frames: int | None = None
+    dropped: int | None = None
+    delayed: int | None = None
+    duplicated: int | None = None
+
+
+class HeardCounts(_Part):
+    """The frames of a link of a direct radio, as the robots at its ends reported them."""
+
+    sent: int
+    heard: int
+
+
+class DirectFacts(_Part):
+    """Frames as robots with a direct radio reported them; see `worldsim.output.direct_radio`."""
+
+    links: dict[str, HeardCounts] = {}
+    heard_share: float | None = None
+    missed: dict[str, int] = {}
+    unsaid: list[str] = []
+
+
+class IntruderFacts(_Part):
+    """One intruder.
+
+    Attributes:
+        place_m: x and y, m.
+        at_s: When it came.
+        until_s: When it went; None where it stayed to the end.
+        first_reported_s: When a robot first reported it; None for never.
+        reported_s: For how long a robot reported it.
+        surrounded_s: For how long robots stood around it.
+        most_robots: How many at most.
+    """
+
+    place_m: list[float] = []
+    at_s: float = 0.0
+    until_s: float | None = None
+    first_reported_s: float | None
+    reported_s: float = 0.0
+    surrounded_s: float
+    most_robots: int
+
+
+class Deadlines(_Part):
+    """Deadlines that were missed by robots, by their names, and by the world, in wall seconds."""
+
+    late_frames: dict[str, int]
+    too_late: dict[str, int]
+    late_commands: dict[str, int]
+    slipped_s: float = 0.0
+    held_up_s: float = 0.0
+    longest_held_up_s: float = 0.0
+
+
+class Messages(_Part):
+    """The frames of the whole fleet."""
+
+    frames: Annotated[int, Metric("frames that robots sent, each counted once", sweep="once")] = 0
+    bytes: Annotated[int, Metric("size of these frames")] = 0
+    sent: Annotated[int, Metric("frames sent, counted for each receiver", sweep="once")] = 0
+    delivered: Annotated[int, Metric("frames that arrived; with direct radio, frames heard", sweep="once")] = 0
+    dropped: Annotated[int | None, Metric("frames that were lost; unknown (null) with direct radio", sweep="once")] = 0
+    dropped_by_cause: Annotated[dict[str, int], Metric("the same by the kind of cause")] = {}
+    in_flight: Annotated[int | None, Metric("frames that were still under way at the end; null with direct radio")] = 0
+    rejected: Annotated[int, Metric("frames that a receiver refused", sweep="once")] = 0
+    bytes_per_robot_s: Annotated[float, Metric("bytes that a living robot sends per second", sweep="once")] = 0.0
+    forged: Annotated[int, Metric("forged frames, which no other number here counts")] = 0
+
+
+class RobotFigures(_Part):
+    """The metrics of one robot."""
+
+    status: Annotated[str, Metric("alive, paused, dead, lost, absent or left, at the end")] = "absent"
+    distance_m: Annotated[
+        float, Metric("length of its way", "m", "driven", note="all robots", digits=0, sweep="sum")
+    ] = 0.0
+    dead_end_share: Annotated[
+        float,
+        Metric(
+            "share of its decisions that were spent getting unstuck",
+            "%",
+            "dead ends",
+            better="lower",
+            sweep="mean",
+            column="dead_end_percent",
+        ),
+    ] = 0.0
+    collisions: Annotated[
+        int,
+        Metric(
+            "ticks in which its move was cancelled because it would have touched something",
+            title="collisions",
+            note="moves cancelled",
+            digits=0,
+            better="lower",
+            sweep="sum",
+        ),
+    ] = 0
+    longest_stay_s: Annotated[
+        float | None,
+        Metric(
+            "the longest time [in one circle](progress.md#trapped) of four times its radius and stride together; null "
+            "where it took no part",
+            sweep="max",
+        ),
+    ] = None
+    longest_stay: Annotated[dict[str, Any] | None, Metric("that circle, and since when")] = None
+    decisions: Annotated[int, Metric("commands that came in time", title="decisions", digits=0)] = 0
+    missed: Annotated[int, Metric("ticks in which no command came in time")] = 0
+    refused_commands: Annotated[int, Metric("commands that were invalid, and so not obeyed")] = 0
+    decision_ms_p50: Annotated[
+        float | None, Metric("median wall time of a decision; null without one", "ms", "p50", better="lower")
+    ] = None
+    decision_ms_p99: Annotated[
+        float | None, Metric("99th percentile of the wall time of a decision", "ms", "p99", better="lower")
+    ] = None
+    sent: Annotated[int, Metric("its own frames, counted for each receiver")] = 0
+    delivered: Annotated[int, Metric("those of them that arrived")] = 0
+    dropped: Annotated[int | None, Metric("those that were lost; null with direct radio")] = 0
+    in_flight: Annotated[int | None, Metric("those still under way at the end; null with direct radio")] = 0
+    rejected: Annotated[int, Metric("frames of others that it refused")] = 0
+
+
+class Summary(_Part):
+    """The summary of a run. Times are simulated seconds unless the meaning says wall."""
+
+    name: Annotated[str, Metric("name of the scenario")] = ""
+    scenario_hash: Annotated[str, Metric("hash of the scenario; equal hashes are equal scenarios")] = ""
+    trace_hash: Annotated[
+        str | None, Metric("hash of all that happened; equal hashes are equal runs; null for a run that was cut off")
+    ] = None
+    ended: Annotated[
+        str | None, Metric("why the run ended: `completed`, or what stopped it; null for a run that was cut off")
+    ] = None
+    ticks: Annotated[int, Metric("number of ticks")] = 0
+    simulated_s: Annotated[float, Metric("simulated time")] = 0.0
+    wall_s: Annotated[float | None, Metric("wall time")] = None
+    realtime_factor: Annotated[float | None, Metric("simulated time over wall time", better="higher")] = None
+    mfow_mean_s: Annotated[
+        float | None,
+        Metric("mean MFoW over all ticks: the score of a patrol", "s", "mean MFoW", better="lower", sweep="once"),
+    ] = None
+    mfow_late_mean_s: Annotated[
+        float | None,
+        Metric(
+            "the same over the second half, when ground that is still unseen counts less", better="lower", sweep="once"
+        ),
+    ] = None
+    mfow_max_s: Annotated[float | None, Metric("largest MFoW", "s", "largest MFoW", better="lower", sweep="once")] = (
+        None
+    )
+    mfow_end_s: Annotated[float | None, Metric("MFoW at the end", better="lower", sweep="once")] = None
+    fog_mean_s: Annotated[
+        float | None,
+        Metric("mean age of a point, over points and ticks", "s", "mean fog", better="lower", sweep="once"),
+    ] = None
+    seen_share: Annotated[
+        float,
+        Metric(
+            "share of the patrolled ground that was seen at least once",
+            "%",
+            "seen",
+            digits=2,
+            better="higher",
+            sweep="once",
+        ),
+    ] = 0.0
+    bound_s: Annotated[
+        float,
+        Metric(
+            "[what MFoW can be compared with](progress.md#what-can-the-mfow-be-compared-with): a lower bound; 0 where "
+            "discs of the sensor's range around all robots have a larger area than the ground",
+            sweep="once",
+        ),
+    ] = 0.0
+    best_tour_s: Annotated[
+        float | None,
+        Metric(
+            "MFoW of all robots that are not spare on the best tour found, as if none were ever down; null where there "
+            "is no tour",
+            "s",
+            "best tour found",
+            sweep="once",
+        ),
+    ] = None
+    best_tour_m: Annotated[float | None, Metric("length of that tour")] = None
+    trapped: Annotated[
+        list[dict[str, Any]], Metric("every time for which a robot was trapped: which, where and when")
+    ] = []
+    stalest: Annotated[
+        Stalests,
+        Metric(
+            "the stalest place over the run (`worst`) and at its end (`end`), with its age and the robot nearest to it"
+        ),
+    ] = Stalests()
+    patrolled_area_m2: Annotated[float, Metric("the ground that counts", sweep="once")] = 0.0
+    point_m: Annotated[float, Metric("side of a point")] = 0.0
+    sensor_range_m: Annotated[float, Metric("range of the sensor")] = 0.0
+    messages: Annotated[Messages, Metric("[frames](#frames) of the whole fleet")] = Messages()
+    robots: Annotated[dict[str, RobotFigures], Metric("[metrics of each robot](#robots), by name")] = {}
+    links: Annotated[
+        dict[str, dict[str, LinkFacts]],
+        Metric(
+            "frames by sender and receiver, for fleets of at most 64 robots; forged frames have the sender `forger`"
+        ),
+    ] = {}
+    faults: Annotated[
+        dict[str, FaultFacts], Metric("by fault: frames on its links while it was active, and what it did to them")
+    ] = {}
+    intruders: Annotated[
+        list[IntruderFacts],
+        Metric("with intruders only: when each was first reported, and for how long it was reported and surrounded"),
+    ] = []
+    refused: Annotated[
+        dict[str, int], Metric("as processes only: messages that the world dropped unread, by reason")
+    ] = {}
+    deadlines: Annotated[
+        Deadlines | None,
+        Metric(
+            "as processes at a pace only: frames and commands that came too late, by robot; by how much the world fell "
+            "behind (`slipped_s`) and by how much deadlines moved because the machine woke it late (`held_up_s`), in "
+            "wall seconds"
+        ),
+    ] = None
+    verdict: Annotated[
+        VerdictFacts | None,
+        Metric("`outcome` (valid, invalid, unknown), `warnings`, and every check with what it found"),
+    ] = None
+    direct: Annotated[DirectFacts, Metric("with `radio.via: direct` only: what robots say they sent and heard")] = (
+        DirectFacts()
+    )
+    exit_codes: Annotated[
+        dict[str, int | None],
+        Metric("as processes only: how each process ended, as the launcher saw it; no journal holds this"),
+    ] = {}
+
+
+def unsettled(summary: Summary, yardstick_s: float) -> str:
+    """Return why a mean MFoW says nothing yet beside a yardstick; empty once all is seen and the run long enough.
+
+    Args:
+        summary: The summary.
+        yardstick_s: An MFoW to compare with, s, such as the lower bound.
+    """
+    if summary.seen_share < 1.0:
+        return "not all was seen"
+    return "run too short" if summary.simulated_s < 4.0 * yardstick_s else ""
