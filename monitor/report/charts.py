@@ -30,6 +30,9 @@ MOST_POINTS = 3000
 MOST_CELLS = 14
 """Most robots for which the shares are written into the matrix of links."""
 
+MOST_NAMED = 40
+"""Most robots whose rows are all named."""
+
 MOST_BINS = 60
 """Most bars of a histogram."""
 
@@ -137,11 +140,10 @@ def states_chart(run: Run, bands: Sequence[Band]) -> Figure:
         vmax=len(STATES) - 0.5,
     )
     ticks, places = np.nonzero(run.bumped)
-    few = count <= 40
     if len(ticks):
-        axes.plot(ticks * run.step, places, linestyle="none", marker="|", markersize=7 if few else 3, color=INK)
-    axes.set_yticks(range(count) if few else range(0, count, 10))
-    axes.set_yticklabels([run.names[place] for place in (range(count) if few else range(0, count, 10))])
+        size = 7 if count <= MOST_NAMED else 3
+        axes.plot(ticks * run.step, places, linestyle="none", marker="|", markersize=size, color=INK)
+    _name_rows(axes, run.names)
     plain(axes, grid="none")
     used = np.unique(doing)
     keys = [Patch(facecolor=tone, label=name) for code, (name, tone) in enumerate(STATES[:-1]) if code in used]
@@ -234,9 +236,7 @@ def decisions_chart(run: Run) -> Figure:
         axes.plot((quarter, three), (place, place), color=ACCENT, linewidth=7.0, solid_capstyle="butt")
         axes.plot(median, place, marker="|", markersize=11, markeredgewidth=2.0, color=INK)
         axes.plot(times.max(), place, marker="x", markersize=5, color=ALERT)
-    few = count <= 40
-    axes.set_yticks(range(count) if few else range(0, count, 10))
-    axes.set_yticklabels([run.names[place] for place in (range(count) if few else range(0, count, 10))])
+    _name_rows(axes, run.names)
     axes.set_ylim(count - 0.4, -0.6)
     axes.set_xscale("log")
     axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -261,9 +261,7 @@ def troubles_chart(run: Run) -> Figure:
     left.set_xlabel("decisions in dead ends (%)")
     right.barh(range(count), run.bumped.sum(axis=0), height=0.62, color=ACCENT)
     right.set_xlabel("moves cancelled because of a collision")
-    few = count <= 40
-    left.set_yticks(range(count) if few else range(0, count, 10))
-    left.set_yticklabels([run.names[place] for place in (range(count) if few else range(0, count, 10))])
+    _name_rows(left, run.names)
     left.set_ylim(count - 0.4, -0.6)
     for axes in (left, right):
         plain(axes, grid="x")
@@ -288,6 +286,12 @@ def thinned(times: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[ND
     begins = np.arange(0, len(values), width)
     picked = np.array([begin + int(np.argmax(values[begin : begin + width])) for begin in begins])
     return times[picked], values[picked]
+
+
+def _name_rows(axes: Axes, names: Sequence[str]) -> None:
+    """Write the robots' names beside their rows; of a large fleet every tenth."""
+    rows = range(0, len(names), 1 if len(names) <= MOST_NAMED else 10)
+    axes.set_yticks(rows, [names[row] for row in rows])
 
 
 def _with_lanes(run: Run, bands: Sequence[Band], height: float, shade: bool = True) -> tuple[Figure, Axes, int]:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from hashlib import sha256
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from patrol.printable import printable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from numpy.typing import NDArray
 
 
 TRACE_DIGITS = 16
@@ -81,8 +82,18 @@ def drawings(analyses: Sequence[Analysis]) -> list[Drawing]:
     """
     names = names_of([analysis.run for analysis in analyses])
     made = [
-        draw("mfow", "MFoW over time", "Age of the stalest point in each run.", lambda: _mfow(analyses, names)),
-        draw("fog", "Mean fog over time", "Mean age over all points in each run.", lambda: _fog(analyses, names)),
+        draw(
+            "mfow",
+            "MFoW over time",
+            "Age of the stalest point in each run.",
+            lambda: _over_time(analyses, names, 3.4, "MFoW (s)", lambda run: run.mfow),
+        ),
+        draw(
+            "fog",
+            "Mean fog over time",
+            "Mean age over all points in each run.",
+            lambda: _over_time(analyses, names, 2.6, "mean fog (s)", lambda run: run.fog_mean),
+        ),
         draw(
             "gaps",
             "Time between visits",
@@ -170,29 +181,16 @@ def _by_content(leaves: dict[str, object], run: Run) -> dict[str, object]:
     return leaves
 
 
-def _mfow(analyses: Sequence[Analysis], names: Sequence[str]) -> Figure:
-    made = figure(WIDTH, 3.4)
+def _over_time(
+    analyses: Sequence[Analysis], names: Sequence[str], height: float, label: str, ages: Callable[[Run], NDArray[Any]]
+) -> Figure:
+    """Draw ages in ticks, one line per run, over time."""
+    made = figure(WIDTH, height)
     axes = made.add_subplot()
-    for place, (analysis, name) in enumerate(zip(analyses, names, strict=True)):
+    for index, (analysis, name) in enumerate(zip(analyses, names, strict=True)):
         run = analysis.run
-        times, values = thinned(run.times, run.mfow.astype(np.float64) * run.step)
-        axes.plot(times, values, color=colour(place), label=name)
-    axes.set_ylabel("MFoW (s)")
-    return _over_time(made)
-
-
-def _fog(analyses: Sequence[Analysis], names: Sequence[str]) -> Figure:
-    made = figure(WIDTH, 2.6)
-    axes = made.add_subplot()
-    for place, (analysis, name) in enumerate(zip(analyses, names, strict=True)):
-        run = analysis.run
-        axes.plot(*thinned(run.times, run.fog_mean * run.step), color=colour(place), label=name)
-    axes.set_ylabel("mean fog (s)")
-    return _over_time(made)
-
-
-def _over_time(made: Figure) -> Figure:
-    (axes,) = made.axes
+        axes.plot(*thinned(run.times, ages(run).astype(np.float64) * run.step), color=colour(index), label=name)
+    axes.set_ylabel(label)
     axes.set_xlim(left=0.0)
     axes.set_ylim(bottom=0.0)
     axes.set_xlabel("time (s)")

@@ -255,11 +255,10 @@ def _robots(run: Run) -> str:
     heads = [f"{metric.title} ({metric.unit})" if metric.unit else metric.title for _, metric in shown]
     rows = [
         (name, robot.status, *(metric.number(getattr(robot, key)) for key, metric in shown))
-        for name, robot in zip(run.names[:MOST_ROBOTS], run.robot_figures, strict=False)
+        for name, robot in zip(run.names, run.robot_figures, strict=True)
     ]
-    listed = html.table(("robot", "status at the end", *heads), rows, numbers=range(2, 2 + len(heads)))
-    more = len(run.names) - MOST_ROBOTS
-    return html.details("numbers", listed, html.text(f"{more} more are not listed" if more > 0 else "", "note"))
+    numbers = range(2, 2 + len(heads))
+    return html.long_table("numbers", ("robot", "status at the end", *heads), rows, numbers, MOST_ROBOTS)
 
 
 def _belief(analysis: Analysis) -> str:
@@ -331,16 +330,10 @@ def _fault_counts(kind: str, facts: FaultFacts) -> str:
 def _events(run: Run) -> str:
     names = dict(zip(run.numbers, run.names, strict=True))
     rows = [
-        (f"{event.k * run.step:g}", event.kind, names.get(event.robot or 0, ""), event.detail)
-        for event in run.events[:MOST_EVENTS]
+        (f"{event.k * run.step:g}", event.kind, names.get(event.robot or 0, ""), event.detail) for event in run.events
     ]
-    if not rows:
-        return ""
-    listed = html.table(("time (s)", "event", "robot", "details"), rows, numbers=(0,))
-    more = len(run.events) - MOST_EVENTS
-    return html.details(
-        f"{len(run.events)} events", listed, html.text(f"{more} more are not listed" if more > 0 else "", "note")
-    )
+    heads = ("time (s)", "event", "robot", "details")
+    return html.long_table(f"{len(rows)} events", heads, rows, (0,), MOST_EVENTS) if rows else ""
 
 
 def _scenario(run: Run) -> str:

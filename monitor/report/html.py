@@ -120,6 +120,22 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]], numbers: Sequence
     return f'<div class="scroll"><table>\n<thead>{head}</thead>\n<tbody>\n{body}\n</tbody>\n</table></div>'
 
 
+def long_table(
+    summary: str, heads: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int], most: int
+) -> str:
+    """A table that is hidden until the summary is clicked, with the number of the rows that are left out.
+
+    Args:
+        summary: The text to click.
+        heads: As for `table`.
+        rows: As for `table`.
+        numbers: As for `table`.
+        most: Rows shown at most.
+    """
+    left_out = f"{len(rows) - most} more are not listed" if len(rows) > most else ""
+    return details(summary, table(heads, rows[:most], numbers), text(left_out, "note"))
+
+
 def details(summary: str, *content: str) -> str:
     """Content that is hidden until the summary is clicked."""
     inside = "\n".join(content)

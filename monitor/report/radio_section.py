@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from monitor.replay.run import Run
@@ -47,13 +45,7 @@ def links_section(run: Run) -> str:
         counts = (number, delivered, number - settled)
         rows.append((names[row], names[column], *map(str, counts), share, why))
     heads = ("from", "to", "sent", "delivered", "in flight", "delivered (%)", "cause of loss")
-    return "".join([*parts, _all_links(heads, rows, range(2, 6))])
-
-
-def _all_links(heads: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int]) -> str:
-    listed = html.table(heads, rows[:MOST_LINKS], numbers)
-    more = f"{len(rows) - MOST_LINKS} more links are not listed" if len(rows) > MOST_LINKS else ""
-    return html.details("all links", listed, html.text(more, "note"))
+    return "".join([*parts, html.long_table("all links", heads, rows, range(2, 6), MOST_LINKS)])
 
 
 def _direct_links(run: Run) -> str:
@@ -73,4 +65,4 @@ def _direct_links(run: Run) -> str:
     says = html.text(
         f"{why}. According to their reports they heard {heard} of {sent} frames and rejected {rejected}.{unsaid}"
     )
-    return says + _all_links(("link", "sent", "heard", "heard (%)"), rows, range(1, 4))
+    return says + html.long_table("all links", ("link", "sent", "heard", "heard (%)"), rows, range(1, 4), MOST_LINKS)
