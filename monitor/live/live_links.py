@@ -6,10 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from monitor.observation.frames import count_frames
 from monitor.observation.source import LinkCounts
 from patrol.journal.records import FORGED, TickRecord
-from patrol.summary.totals import is_present
+from patrol.summary.links import count_frames, is_present
 
 
 class LiveLinks:

@@ -1,22 +1,14 @@
-"""A tick's radio frames as the journal records them: which were sent, and how many by directed link.
-
-A frame counts once for each receiver and each copy, contacts included, as in a run's summary.
-"""
+"""The frames that were sent in a tick, and the poses in them."""
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Mapping
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from monitor.observation.listener import as_sent
 from patrol.journal.records import TickRecord, frame_sequence
 from patrol.pose import Pose
 from patrol.radio.message import Rejected, decode
-from patrol.summary.totals import is_present
 
 MIND_ENDS = frozenset({"dead", "lost", "left"})
 """Events at which a robot's mind ends; a robot that returns starts without knowledge."""
@@ -58,29 +50,3 @@ def own_pose(k: int, number: int, frames: Mapping[tuple[int, int], bytes], true:
     except Rejected:
         pass
     return as_sent(number, true)
-
-
-def count_frames(
-    record: TickRecord, place: Mapping[int, int], sent: NDArray[np.integer[Any]], delivered: NDArray[np.integer[Any]]
-) -> None:
-    """Add one tick to the counts of sent and delivered frames.
-
-    Args:
-        record: The tick.
-        place: Row and column of each robot in the counts, by robot number. Robots without a place are not counted;
-            `patrol.journal.records.FORGED` is counted as a sender if it has a place.
-        sent: Integers (n, n), sender by receiver; changed in place. Counts every frame sent, also those delivered or
-            dropped in a later tick.
-        delivered: Integers (n, n), sender by receiver; changed in place.
-    """
-    here = [place[row.number] for row in record.robots if is_present(row.status) and row.number in place]
-    for source, frames in Counter(source for source, _ in record.frames).items():
-        if source in place:
-            origin = place[source]
-            sent[origin, [to for to in here if to != origin]] += frames
-    for source, to, _, _ in record.copies:
-        if source in place and to in place:
-            sent[place[source], place[to]] += 1
-    for source, to, _ in record.deliveries:
-        if source in place and to in place:
-            delivered[place[source], place[to]] += 1

@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.observation.frames import count_frames
 from monitor.replay.run_files import SCENARIO, SUMMARY, journal_in
 from monitor.replay.summary_file import read_summary
 from patrol.errors import BadInput
@@ -26,6 +25,7 @@ from patrol.prepare import Prepared, prepare
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import load_scenario
 from patrol.scenario.control_words import worded
+from patrol.summary.links import count_frames
 from patrol.summary.model import RobotFigures, Summary
 from patrol.summary.totals import RunTotals
 
@@ -43,7 +43,7 @@ MOST_CAUSES = 64
 
 @dataclass(frozen=True, eq=False)
 class LinkTotals:
-    """Frames by directed link, over the whole run; see `monitor.observation.frames`.
+    """Frames by directed link, over the whole run; see `patrol.summary.links`.
 
     Rows are senders and columns receivers: first the forger, then the roster. With a direct radio `sent` is what the
     world overheard, and all other counts are 0.

@@ -16,6 +16,7 @@ import numpy as np
 from patrol.journal.links import drops_of, links_of
 from patrol.journal.records import DEAD_END, FORGED, Status, standing_after
 from patrol.pose import command_of
+from patrol.summary.links import is_present
 from patrol.summary.model import Messages, RobotFigures, Summary
 
 if TYPE_CHECKING:
@@ -175,11 +176,6 @@ class RunTotals:
             bytes_per_robot_s=size / living_s if living_s else 0.0,
             forged=self._forged,
         )
-
-
-def is_present(status: Status) -> bool:
-    """Return whether frames are sent to a robot of this status at all."""
-    return status is not Status.ABSENT and status is not Status.LEFT
 
 
 def dropped_by_source(record: TickRecord) -> list[tuple[int, str, int]]:

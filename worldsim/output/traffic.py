@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter, defaultdict
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from patrol.journal.records import FORGED
 from patrol.scenario import load_scenario
 from patrol.scenario.controls import OPERATOR, operated
 from patrol.scenario.faults.kinds import PROCESS_KINDS, SENSE_KINDS, Spoof
-from patrol.summary.totals import dropped_by_source, is_present
+from patrol.summary.links import count_frames, is_present
+from patrol.summary.totals import dropped_by_source
 from worldsim.faults.timeline import Entry, Timeline
 from worldsim.radio.rules import receivers
 
@@ -24,21 +28,6 @@ MOST_ROBOTS = 64
 
 FORGER = "forger"
 """The sender of forged frames."""
-
-
-@dataclass(slots=True)
-class _Link:
-    sent: int = 0
-    delivered: int = 0
-    dropped: Counter[str] = field(default_factory=Counter)
-
-    def facts(self) -> dict[str, Any]:
-        return {
-            "sent": self.sent,
-            "delivered": self.delivered,
-            "dropped": dict(sorted(self.dropped.items())),
-            "in_flight": self.sent - self.delivered - self.dropped.total(),
-        }
 
 
 @dataclass(slots=True)
@@ -71,9 +60,11 @@ class Traffic:
             events: Those of the whole run, among which operators may have added faults.
         """
         self._names = {FORGED: FORGER, **{robot.number: robot.name for robot in header.robots}}
-        self._links: dict[tuple[int, int], _Link] | None = None
-        if len(header.robots) <= MOST_ROBOTS:
-            self._links = defaultdict(_Link)
+        self._counted = len(header.robots) <= MOST_ROBOTS
+        self._place = {number: place for place, number in enumerate(self._names)} if self._counted else {}
+        side = len(self._place)
+        self._sent, self._delivered = np.zeros((2, side, side), dtype=np.int64)
+        self._dropped: dict[tuple[int, int], Counter[str]] = defaultdict(Counter)
         self._timeline: Timeline | None = None
         self._faults: dict[str, _Fault] = {}
         self._here: frozenset[int] = frozenset()
@@ -86,35 +77,29 @@ class Traffic:
         """Take in the next tick."""
         here = frozenset(row.number for row in record.robots if is_present(row.status))
         sent = Counter(source for source, _ in record.frames)
-        if self._links is not None:
-            self._count_links(self._links, record, here, sent)
+        if self._counted:
+            count_frames(record, self._place, self._sent, self._delivered)
+            for source, to, _, cause in record.dropped:
+                self._dropped[source, to][cause.partition(":")[0]] += 1
         if self._timeline is not None:
             self._count_faults(self._timeline, record, here, sent)
 
     def links(self) -> dict[str, Any]:
         """The counts by the names of sender and receiver; empty for a fleet above `MOST_ROBOTS`."""
-        found: dict[str, dict[str, Any]] = {}
-        for (source, to), link in sorted((self._links or {}).items()):
-            found.setdefault(self._names[source], {})[self._names[to]] = link.facts()
-        return found
+        links: dict[str, dict[str, Any]] = {}
+        for source, to in itertools.product(self._place, repeat=2):
+            link = self._place[source], self._place[to]
+            sent, delivered = int(self._sent[link]), int(self._delivered[link])
+            dropped = dict(sorted(self._dropped[source, to].items()))
+            if sent or delivered or dropped:
+                facts = {"sent": sent, "delivered": delivered, "dropped": dropped}
+                facts["in_flight"] = sent - delivered - sum(dropped.values())
+                links.setdefault(self._names[source], {})[self._names[to]] = facts
+        return links
 
     def faults(self) -> dict[str, Any]:
         """The counts by the ids of faults."""
         return {name: fault.facts() for name, fault in self._faults.items()}
-
-    def _count_links(
-        self, links: dict[tuple[int, int], _Link], record: TickRecord, here: frozenset[int], sent: Counter[int]
-    ) -> None:
-        for source, frames in sent.items():
-            for to in here:
-                if to != source:
-                    links[source, to].sent += frames
-        for source, to, _, _ in record.copies:
-            links[source, to].sent += 1
-        for source, to, _ in record.deliveries:
-            links[source, to].delivered += 1
-        for source, to, _, cause in record.dropped:
-            links[source, to].dropped[cause.partition(":")[0]] += 1
 
     def _reached(self, entry: Entry, origin: int, here: frozenset[int]) -> int:
         """How many others a sender's frames reach over the links that a fault acts on."""

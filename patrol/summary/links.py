@@ -1,0 +1,46 @@
+"""Frames by directed link; a frame counts once for each receiver, and so does each copy that a fault makes."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from patrol.journal.records import Status
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from patrol.journal.records import TickRecord
+
+
+def is_present(status: Status) -> bool:
+    """Return whether frames are sent to a robot of this status at all."""
+    return status is not Status.ABSENT and status is not Status.LEFT
+
+
+def count_frames(
+    record: TickRecord, place: Mapping[int, int], sent: NDArray[np.integer[Any]], delivered: NDArray[np.integer[Any]]
+) -> None:
+    """Add one tick to the counts of sent and delivered frames.
+
+    Args:
+        record: The tick.
+        place: Row and column of each robot in the counts, by robot number. Robots without a place are not counted;
+            `patrol.journal.records.FORGED` is counted as a sender if it has a place.
+        sent: Integers (n, n), sender by receiver; changed in place. Counts every frame sent, also those delivered or
+            dropped in a later tick.
+        delivered: Integers (n, n), sender by receiver; changed in place.
+    """
+    here = [place[row.number] for row in record.robots if is_present(row.status) and row.number in place]
+    for source, frames in Counter(source for source, _ in record.frames).items():
+        if source in place:
+            origin = place[source]
+            sent[origin, [to for to in here if to != origin]] += frames
+    for source, to, _, _ in record.copies:
+        if source in place and to in place:
+            sent[place[source], place[to]] += 1
+    for source, to, _ in record.deliveries:
+        if source in place and to in place:
+            delivered[place[source], place[to]] += 1
