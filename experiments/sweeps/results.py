@@ -9,14 +9,16 @@ from __future__ import annotations
 
 import fcntl
 import json
-import math
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, field
 from io import BufferedReader, FileIO
 from pathlib import Path
-from typing import Any
+from typing import Literal
+
+from pydantic import ConfigDict
+from pydantic.dataclasses import dataclass
 
 from patrol.errors import BadInput
 from patrol.printable import printable
@@ -26,11 +28,11 @@ FILE = "results.jsonl"
 LONGEST_LINE = 1 << 20
 """Bytes of one line at most."""
 
-OK = "ok"
-FAILED = "failed"
+OK: Literal["ok"] = "ok"
+FAILED: Literal["failed"] = "failed"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, config=ConfigDict(strict=True, extra="forbid", allow_inf_nan=False))
 class RunResult:
     """The result of one run.
 
@@ -51,9 +53,9 @@ class RunResult:
     key: str
     case: str
     seed: int
-    outcome: str
+    outcome: Literal["ok", "failed"]
     error: str | None
-    metrics: Mapping[str, float | None]
+    metrics: Mapping[str, int | float | None]
     trace_hash: str | None
     wall_s: float
     software: str
@@ -192,34 +194,11 @@ def _line(result: RunResult) -> bytes:
 
 
 def _parse(line: bytes) -> RunResult | None:
-    """The result in a line, or None if the line holds none."""
+    """Return the result in a line, or None if the line holds none."""
     try:
-        fields: dict[str, Any] = json.loads(line.decode())
-        result = RunResult(**fields)
+        return RunResult(**json.loads(line.decode()))
     except (ValueError, TypeError, RecursionError):
         return None
-    whole = (
-        isinstance(result.key, str)
-        and isinstance(result.case, str)
-        and type(result.seed) is int
-        and result.outcome in (OK, FAILED)
-        and (result.error is None or isinstance(result.error, str))
-        and isinstance(result.metrics, dict)
-        and all(isinstance(name, str) and _is_number(value) for name, value in result.metrics.items())
-        and (result.trace_hash is None or isinstance(result.trace_hash, str))
-        and result.wall_s is not None
-        and _is_number(result.wall_s)
-        and _is_number(result.processor_s)
-        and isinstance(result.software, str)
-        and isinstance(result.settings, dict)
-    )
-    return result if whole else None
-
-
-def _is_number(value: object) -> bool:
-    if value is None:
-        return True
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def _excerpt(line: bytes) -> str:

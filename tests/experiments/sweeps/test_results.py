@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import pytest
 from hypothesis import given
@@ -14,7 +15,7 @@ from experiments.sweeps.results import FILE, RunResult, open_results
 from patrol.errors import BadInput
 
 
-def result(name: str, value: float = 1.5, outcome: str = "ok") -> RunResult:
+def result(name: str, value: float = 1.5, outcome: Literal["ok", "failed"] = "ok") -> RunResult:
     error = None if outcome == "ok" else "it broke"
     return RunResult(
         name, f"case {name}", 1, outcome, error, {"mfow_mean_s": value, "n": 3, "x": None}, "ab", 0.5, "1.0"
