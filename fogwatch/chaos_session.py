@@ -26,8 +26,9 @@ from experiments.chaos import (
     random_scenario,
 )
 from fogwatch.api import PACKAGES, RunOptions, execute
+from fogwatch.launch.live_table import duration_text
 from fogwatch.launch.runfolder import RunFolder
-from fogwatch.progress import bar_on, duration
+from fogwatch.progress import bar_on
 from patrol.errors import BadInput
 from patrol.process.exit_codes import UNKNOWN
 from patrol.process.starting.seldom import SELDOM
@@ -125,7 +126,7 @@ class ChaosSession:
         if not self._console.is_terminal and now >= self._printed + PLAIN_S:
             self._printed = now
             left = (now - self._begun) / self._done * (runs - self._done)
-            self._say(f"{self._done}/{runs}: {len(self._broken)} broke; {duration(left)} left")
+            self._say(f"{self._done}/{runs}: {len(self._broken)} broke; {duration_text(left)} left")
 
     def tidy(self) -> None:
         """Remove the folder again if this session made it and nothing broke."""
@@ -142,7 +143,7 @@ class ChaosSession:
         Returns:
             The exit code.
         """
-        spent = duration(time.monotonic() - self._begun)
+        spent = duration_text(time.monotonic() - self._begun)
         of = _scenarios(runs) if self._done == runs else f"{self._done} of {_scenarios(runs)}"
         counts = []
         if self._broken:

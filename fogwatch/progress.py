@@ -17,6 +17,7 @@ from experiments.sweeps.plan import Run
 from experiments.sweeps.probe import seconds_per_run
 from experiments.sweeps.results import RunResult
 from experiments.sweeps.runner import SweepOutcome
+from fogwatch.launch.live_table import duration_text
 
 RESULT_OPTIONS = ("--out", "--workers", "--cluster", "--json", "--markdown")
 """Options that say where results are made and written, and change none."""
@@ -131,24 +132,14 @@ class SweepProgress:
     def _forecast(self, todo: list[Run], workers: int) -> str:
         each = seconds_per_run(todo) if self._estimate_time else None
         return (
-            "" if each is None else f", about {duration(each)} per run, {duration(each * len(todo) / workers)} in all"
+            ""
+            if each is None
+            else f", about {duration_text(each)} per run, {duration_text(each * len(todo) / workers)} in all"
         )
 
     def _left(self) -> str:
         spent = self._clock() - self._begun
-        return f"{duration(spent / self._made * (self._todo - self._made))} left"
-
-
-def duration(seconds: float) -> str:
-    """A duration for people, such as "42 s", "7 min" or "2 h 05 min".
-
-    Args:
-        seconds: The duration in s.
-    """
-    if seconds < 90.0:
-        return f"{seconds:.0f} s"
-    minutes = round(seconds / 60.0)
-    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60:02d} min"
+        return f"{duration_text(spent / self._made * (self._todo - self._made))} left"
 
 
 def print_failures(console: Console, outcome: SweepOutcome) -> None:

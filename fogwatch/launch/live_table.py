@@ -204,7 +204,7 @@ class _StepBars:
         now = time.monotonic()
         for step, (begun, share) in self._steps.items():
             bar = ProgressBar(total=1.0, completed=share or 0.0, width=30, pulse=share is None, animation_time=now)
-            rows.add_row(Text(step), bar, clock(now - begun))
+            rows.add_row(Text(step), bar, duration_text(now - begun))
         return rows
 
 
@@ -295,12 +295,12 @@ def headline(metrics: Metrics) -> str:
     ]
     left = metrics.ticks - metrics.k
     if left and left <= rate * LONGEST_S:
-        parts.append(f"{clock(left / rate)} to go")
+        parts.append(f"{duration_text(left / rate)} to go")
     return "; ".join(parts)
 
 
-def clock(seconds: float) -> str:
-    """A duration for people, such as "42 s", "7 min 05 s" or "2 h 05 min".
+def duration_text(seconds: float) -> str:
+    """Format a duration, for example "42 s", "7 min 05 s" or "2 h 05 min".
 
     Args:
         seconds: The duration in s.

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from fogwatch.launch.live_table import STATUS_STYLES, clock
+from fogwatch.launch.live_table import STATUS_STYLES, duration_text
 from patrol.best_tour import NO_BOUND
 from patrol.journal import Status
 from patrol.printable import printable
@@ -81,7 +81,7 @@ def measures(summary: Summary) -> list[str]:
     if summary.ended != "completed":
         lines[0] += f", {summary.ended or 'cut off'}"
     if summary.wall_s:
-        lines[0] += f"; {clock(summary.wall_s)} of wall time, {summary.realtime_factor:.1f} x real time"
+        lines[0] += f"; {duration_text(summary.wall_s)} of wall time, {summary.realtime_factor:.1f} x real time"
     if not summary.ticks:
         return lines
     text = {key: metric.text(getattr(summary, key)) for key, metric in metrics_of(Summary) if metric.title}

@@ -34,9 +34,9 @@ from fogwatch.cli.experiments.sweep import (
     with_interval,
     workers_of,
 )
+from fogwatch.launch.live_table import duration_text
 from fogwatch.pictures.fault_costs import costs_picture, curves_picture
 from fogwatch.progress import command_line, print_failures
-from fogwatch.progress import duration as time_text
 from patrol.errors import BadInput
 from patrol.radio.fleet_key import new_key
 from patrol.scenario import parse_overrides
@@ -119,7 +119,7 @@ def faults(
     text = page(setup, found, compared, command=made_by, computing_s=spent, failed=failed, pictures=shown)
     write_text(folder / "faults.md", text)
     print_failures(console, outcome)
-    made = f"{outcome.made} runs made in {time_text(outcome.wall_s)}"
+    made = f"{outcome.made} runs made in {duration_text(outcome.wall_s)}"
     console.print(f"{made}; {folder}: faults.md has all results", highlight=False, soft_wrap=True)
     return FAILED if outcome.failed else 0
 

@@ -31,9 +31,9 @@ from fogwatch.cli.experiments.sweep import (
     with_interval,
     workers_of,
 )
+from fogwatch.launch.live_table import duration_text
 from fogwatch.pictures.paper_tables import table_picture, terrain_picture
 from fogwatch.progress import command_line, print_failures
-from fogwatch.progress import duration as time_text
 from patrol.errors import BadInput
 from patrol.ground.builtins import builtin_terrain
 from patrol.scenario import parse_overrides
@@ -168,7 +168,7 @@ def _reproduce(
     write_text(folder / "paper.md", _page(comparisons, judged, setup, outcome.computing_s, pictures))
     print_failures(console, outcome)
     files = ", ".join(f"table_{table.number}" for table in tables)
-    made = f"{outcome.made} runs made in {time_text(outcome.wall_s)}"
+    made = f"{outcome.made} runs made in {duration_text(outcome.wall_s)}"
     _say(console, f"{made}; {folder}: {files} as json, csv, png, svg, and paper.md with all results")
     return FAILED if outcome.failed else 0
 

@@ -17,7 +17,8 @@ from experiments.sweeps.plan import Plan, read_plan
 from experiments.sweeps.pool import LocalWorkers, WorkerPool
 from experiments.sweeps.runner import SweepOutcome, run_sweep
 from experiments.sweeps.stats import Estimate
-from fogwatch.progress import SweepProgress, duration, print_failures
+from fogwatch.launch.live_table import duration_text
+from fogwatch.progress import SweepProgress, print_failures
 from patrol.errors import BadInput
 from patrol.scenario.policy_file import BUILT_IN
 
@@ -78,7 +79,7 @@ def sweep(
     as_csv, as_json = write_tables(outcome, folder)
     print_cases(console, case_rows(outcome))
     print_failures(console, outcome)
-    here = f"{len(outcome.plan.runs)} runs, {outcome.made} made now in {duration(outcome.wall_s)}"
+    here = f"{len(outcome.plan.runs)} runs, {outcome.made} made now in {duration_text(outcome.wall_s)}"
     console.print(f"{here}: {as_csv}, {as_json}", highlight=False, soft_wrap=True)
     return FAILED if outcome.failed else 0
 

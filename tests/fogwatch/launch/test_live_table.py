@@ -14,7 +14,7 @@ from fogwatch.launch.live_table import (
     LiveTable,
     PlainDisplay,
     SilentDisplay,
-    clock,
+    duration_text,
     headline,
     make_display,
 )
@@ -96,7 +96,7 @@ def test_one_line_says_how_far_and_how_fast() -> None:
 
 @pytest.mark.parametrize(("seconds", "words"), [(0.4, "0 s"), (75, "1 min 15 s"), (3700, "1 h 01 min")])
 def test_durations_as_people_say_them(seconds: float, words: str) -> None:
-    assert clock(seconds) == words
+    assert duration_text(seconds) == words
 
 
 def test_plain_lines_come_now_and_then() -> None:

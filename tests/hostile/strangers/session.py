@@ -18,7 +18,7 @@ from typing import Self
 from rich.console import Console
 
 from fogwatch.chaos_session import BROKEN
-from fogwatch.progress import duration
+from fogwatch.launch.live_table import duration_text
 from patrol.errors import BadInput
 from patrol.values.types import MAX_SEED
 from tests.hostile.strangers.judge import BEGUN, Seen, problems
@@ -92,7 +92,7 @@ class HostileSession:
         self._attacks += attacks
         found = problems(spell, seen)
         manner = "in lockstep" if spell.lockstep else f"at {spell.scenario.pace:g} times real time"
-        took = duration(time.monotonic() - begun)
+        took = duration_text(time.monotonic() - begun)
         how = f"{seen.ticks} ticks {manner}, in {took}, the longest tick {seen.longest_s:.1f} s"
         self._say(f"seed {spell.seed}: {spell.who}; {how}: {'broke' if found else 'held'}")
         self._say(f"  tried: {_listed(attacks) or 'nothing'}")
@@ -119,7 +119,7 @@ class HostileSession:
     def _sum_up(self) -> None:
         spells = "1 spell" if self._done == 1 else f"{self._done} spells"
         attacks = "1 attack" if self._attacks.total() == 1 else f"{self._attacks.total()} attacks"
-        took = duration(time.monotonic() - self._begun)
+        took = duration_text(time.monotonic() - self._begun)
         if self._broken:
             how = f"{len(self._broken)} broke (seeds {', '.join(map(str, self._broken))})"
         else:

@@ -25,7 +25,7 @@ from experiments.sweeps.stats import Estimate
 from fogwatch.cli.app import main
 from fogwatch.cli.ending import guarded
 from fogwatch.cli.experiments.sweep import SHOWN, print_cases, told_apart
-from fogwatch.progress import SweepProgress, duration
+from fogwatch.progress import SweepProgress
 from patrol.errors import BadInput
 
 TWENTY_FOUR: dict[str, Any] = {
@@ -227,13 +227,6 @@ def test_the_progress_tells_what_is_left(tmp_path: Path) -> None:
         "two seed 2 failed: too bad",
     ]
     assert (progress.done, progress.total) == (2, 3)
-
-
-@pytest.mark.parametrize(
-    ("seconds", "text"), [(0.4, "0 s"), (89.0, "89 s"), (95.0, "2 min"), (5300.0, "88 min"), (7500.0, "2 h 05 min")]
-)
-def test_durations_are_for_people(seconds: float, text: str) -> None:
-    assert duration(seconds) == text
 
 
 def test_an_interruption_is_130_and_bad_input_2(capsys: pytest.CaptureFixture[str]) -> None:
