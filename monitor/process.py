@@ -51,14 +51,14 @@ READY = "page: "
 
 MAX_PORT = 65535
 SHUTDOWN_S = 1
-"""How long open connections may take to close, s."""
+"""Longest wait for open connections to close, s."""
 
 _M_MMAP_THRESHOLD = -3
 MMAP_THRESHOLD = 1 << 20
 """Allocations of at least this many bytes return to the system as soon as they are freed."""
 
 NICENESS = 10
-"""How much lower the priority of a page is than that of the fleet that it shows."""
+"""Difference by which a page's priority is below that of the fleet that it shows."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -119,7 +119,7 @@ def serve(
         announced: Whether the caller knows the key, so that the address is printed without it.
         key_name: The option or environment variable that holds the key, for error messages.
         opened: Called with the address once the page is served.
-        vitals: Gets the page's figures, if anybody wants them.
+        vitals: Gets the page's figures; None if they are not wanted.
 
     Raises:
         BadInput: The address or the key cannot be used, or the source cannot be opened.
@@ -209,7 +209,7 @@ def _run_server(
 
 
 def source_opener(options: argparse.Namespace, ending: Ending) -> Callable[[], Source | None]:
-    """A function that opens the source that the options name.
+    """Return a function that opens the source that the options name.
 
     Args:
         options: Parsed command line options.
@@ -255,7 +255,7 @@ def _free_early() -> None:
 
 
 def _listen(host: str, port: int) -> socket.socket:
-    """A listening socket; raises BadInput if there can be none."""
+    """Return a listening socket; raises BadInput if there can be none."""
     if not 0 <= port <= MAX_PORT:
         raise BadInput(f"--page-port {port}: ports go from 1 to {MAX_PORT}; choose one of them, or 0 for a free one")
     try:

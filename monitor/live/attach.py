@@ -26,20 +26,20 @@ if TYPE_CHECKING:
     from patrol.scenario import Scenario
 
 SCENARIO = "scenario.yaml"
-"""What a run's folder calls its scenario."""
+"""Name of the scenario's file in a run's folder."""
 
 _LOG = Log("monitor")
 
 POLL_S = 0.2
 ANSWER_S = 2.0
-"""How long to wait for the router of a run that may be over, s."""
+"""Longest wait for the router of a run that may be over, s."""
 
 
 def is_running(folder: Path) -> bool:
-    """Whether the world of a run is running.
+    """Return whether the world of a run is running.
 
     A control file alone does not prove it, because a killed launcher leaves one behind. Only a router on
-    this machine is contacted, where launchers start theirs, because a folder may come from anybody.
+    this machine is contacted, where launchers start theirs, because a folder may be a stranger's.
 
     Args:
         folder: The run's folder.
@@ -115,7 +115,7 @@ def open_fleet(
 
 @dataclass(frozen=True, slots=True)
 class _Named:
-    """What names a fleet, as `patrol.process.options.meeting` takes it."""
+    """Return the arguments that name a fleet, as `patrol.process.options.meeting` takes them."""
 
     credentials: Path | None
     router: str | None
@@ -123,9 +123,9 @@ class _Named:
 
 
 def _own_scenario(access: Path) -> Scenario | None:
-    """The scenario beside a control file, which whoever started the fleet has put there; None without one.
+    """Return the scenario beside a control file, which the fleet's launcher has put there; None without one.
 
-    No file that the scenario names is opened: the folder may come from anybody.
+    No file that the scenario names is opened: the folder may be a stranger's.
     """
     from patrol.scenario import load_scenario
 

@@ -23,14 +23,14 @@ ROOM_BYTES = 1 << 26
 """Bytes of the batches that wait: more than two of the longest."""
 FOG_S = 20.0
 CONTROL_S = 15.0
-"""How long a world may take to answer, s of wall time: with the fog so far, and to a control."""
+"""Longest wait for a world's answer, s of wall time: for the fog so far, and for a control."""
 
 
 class FeedClient(Protocol):
     """The connection of a viewer with a world."""
 
     def batch(self, timeout_s: float) -> Batch | None:
-        """The next batch; None after `timeout_s` of wall time without one."""
+        """Return the next batch; None after `timeout_s` of wall time without one."""
         ...
 
     def so_far(self) -> Iterable[bytes]:
@@ -43,12 +43,12 @@ class FeedClient(Protocol):
 
     @property
     def may_control(self) -> bool:
-        """Whether this viewer has the right to control the fleet."""
+        """True if this viewer has the right to control the fleet."""
         ...
 
     @property
     def present(self) -> bool:
-        """Whether the world is connected."""
+        """True if the world is connected."""
         ...
 
     def close(self) -> None:
@@ -78,16 +78,16 @@ class ZenohFeedClient:
 
     @property
     def may_control(self) -> bool:
-        """Whether there is a token for the fleet."""
+        """Return whether there is a token for the fleet."""
         return self._token is not None
 
     @property
     def present(self) -> bool:
-        """Whether the world is connected."""
+        """True if the world is connected."""
         return self._present
 
     def batch(self, timeout_s: float) -> Batch | None:
-        """The next batch; None after `timeout_s` of wall time without one."""
+        """Return the next batch; None after `timeout_s` of wall time without one."""
         arrived = self._mailbox.get(timeout_s)
         while arrived is not None and isinstance(arrived[1], Presence):
             self._present = arrived[1].present

@@ -47,7 +47,7 @@ SLOW_S = 3.0
 AGAIN_S = 5.0
 """Least wall time between two requests for the fog so far, s."""
 LATE_S, LATE_TICKS = 5.0, 20
-"""How far a belief may lag and still be shown: in simulated time (s) or in ticks, whichever is more."""
+"""Largest lag of a belief that is still shown: in simulated time (s) or in ticks, whichever is more."""
 REMEMBERED = 48 << 20
 """Bytes of the ticks that are kept for beliefs."""
 PATHS = 256
@@ -57,7 +57,7 @@ BATCHES = 4096
 MOST_EVENTS = 1 << 18
 """Events that are kept."""
 REFUSED_S = 10.0
-"""How long a page says that records of the feed were refused, s."""
+"""Time for which a page says that records of the feed were refused, s."""
 
 
 class FeedSource:
@@ -360,7 +360,7 @@ class FeedSource:
 
     @property
     def _ended(self) -> str | None:
-        """Why the run has ended; None as long as its world is there, since anybody may send an end."""
+        """The reason why the run has ended; None as long as its world is there, since any sender may claim an end."""
         return None if self._end is None or self._client.present else self._end.reason
 
     def _state(self) -> State:

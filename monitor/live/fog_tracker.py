@@ -25,13 +25,13 @@ if TYPE_CHECKING:
     from patrol.scenario import Scenario
 
 HEARD: Final = "heard"
-"""The layer of an ideal listener, who hears every position that is sent."""
+"""The layer of an ideal listener, which hears every position that is sent."""
 
 PAST = 256
 """Ticks whose frames are kept for late deliveries."""
 
 KEPT_S = 10.0
-"""How long a fog is kept up to date that no page shows, s of wall time."""
+"""Time for which a fog that no page shows is kept up to date, s of wall time."""
 
 Log = deque[tuple[int, bytes]]
 
@@ -58,7 +58,7 @@ class FogTracker:
         """Start without knowledge.
 
         Args:
-            number: The robot whose belief it is; None for a listener who hears every frame that is sent.
+            number: The robot whose belief it is; None for a listener that hears every frame that is sent.
             scenario: The scenario.
             terrain: The terrain.
             footprint: The sensor's footprint on it.
@@ -83,7 +83,7 @@ class FogTracker:
 
     @property
     def behind(self) -> bool:
-        """Whether the log has ticks that are not processed yet."""
+        """True if the log has ticks that are not processed yet."""
         return bool(self._log) and self._next <= self._log[-1][0]
 
     @property
@@ -93,7 +93,7 @@ class FogTracker:
 
     @property
     def late(self) -> int | None:
-        """How many ticks it is behind; None before the first."""
+        """The number of ticks by which it is behind; None before the first."""
         if not self.behind:
             return 0
         return self._log[-1][0] - self.tick if self._past else None
@@ -138,7 +138,7 @@ class FogTracker:
             self._listener.hear(record.k, self._heard(record))
 
     def _heard(self, record: TickRecord) -> list[bytes]:
-        """The frames that reach the robot in this tick, in the order of arrival."""
+        """Return the frames that reach the robot in this tick, in the order of arrival."""
         past = defaultdict(dict, self._past)
         found = (
             past[sent_at(sequence)].get((source, sequence))
@@ -171,11 +171,11 @@ class FogTrackers:
 
     @property
     def behind(self) -> bool:
-        """Whether some tracker has unprocessed ticks."""
+        """True if some tracker has unprocessed ticks."""
         return any(tracker.behind for tracker in self._by_layer.values())
 
     def track(self, layer: Layer, now_s: float) -> FogTracker:
-        """The tracker of a fog; made when there is none.
+        """Return the tracker of a fog; made when there is none.
 
         Args:
             layer: Which fog.
@@ -220,7 +220,7 @@ class FogTrackers:
         self._by_layer = {layer: self._make(layer) for layer in self._by_layer}
 
     def catch_up(self, over: Callable[[], bool]) -> None:
-        """Process ticks. Who is served first now is served last next time.
+        """Process ticks. The tracker that is served first now is served last next time.
 
         Args:
             over: Whether to stop before all ticks are processed.

@@ -1,4 +1,4 @@
-"""The links of a running fleet, counted tick by tick from the time at which somebody began to watch."""
+"""The links of a running fleet, counted tick by tick from the time at which the viewer began to watch."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 MAX_TELEMETRY = 1 << 16
 ROBOTS_S = 5.0
-"""How long robots may take to answer an order, s."""
+"""Longest wait for robots to answer an order, s."""
 CONNECTED, DISCONNECTED = "connected", "disconnected"
 """Kinds of events: a robot's process has connected, or has disconnected."""
 
@@ -63,7 +63,7 @@ class PositionsSource:
             link: The Zenoh session for telemetry and presence.
             air: The link on which robots send positions; may be the same.
             now: Wall clock, s.
-            may_stop: Whether this viewer may tell robots to stop: as an operator, or where no router asks who it is.
+            may_stop: Whether this viewer may tell robots to stop: as an operator, or where no router asks for its role.
         """
         self._keys, self._may_stop = keys, may_stop
         scenario = self._scenario = prepared.scenario
@@ -210,7 +210,7 @@ class PositionsSource:
         self._events += self._traps.tick(self._heard(k), lambda: fog.last_seen)
 
     def _heard(self, k: int) -> TickRecord:
-        """Where the robots are, as heard."""
+        """Return the robots' poses, as heard."""
         robots = map(self._robot, self._names.values())
         rows = tuple(_row(robot, robot.pose) for robot in robots if robot.pose is not None)
         return TickRecord(k, rows, (), (), (), 0, 0.0, 0)
@@ -251,7 +251,7 @@ class PositionsSource:
 
 
 def _row(robot: RobotState, pose: Pose) -> RobotTick:
-    """A robot as in a tick of the journal, without what nobody reports."""
+    """Return a robot as in a tick of the journal, without what no robot reports."""
     return RobotTick(
         number=robot.number,
         status=robot.status,

@@ -1,7 +1,7 @@
-"""Whether records of a feed can be of its run: types, ranges, robots and the order of ticks.
+"""Checks that records of a feed can be of its run: types, ranges, robots and the order of ticks.
 
-Anybody who may publish on the feed's key can send records. What passes these checks breaks no viewer; that it is true,
-only the router can ensure, which lets nobody but the world publish there.
+Any member that may publish on the feed's key can send records. Records that pass these checks break no viewer. Only the
+router can ensure that they are true: it lets only the world publish there.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _AWAY = (Status.ABSENT, Status.LEFT)
 
 
 def record_of(packed: bytes, longest: int = MAX_HEADER) -> Record | None:
-    """The record that is packed in a feed's bytes; None for anything else.
+    """Return the record that is packed in a feed's bytes; None for anything else.
 
     Args:
         packed: Any bytes.
@@ -45,7 +45,7 @@ def record_of(packed: bytes, longest: int = MAX_HEADER) -> Record | None:
 
 
 def scenario_of(header: Header, height: int, width: int) -> Scenario | None:
-    """The scenario in a header; None where the header cannot be that of a run on a terrain of this size.
+    """Return the scenario in a header; None where the header cannot be that of a run on a terrain of this size.
 
     Args:
         header: Of the feed.
@@ -67,7 +67,7 @@ def scenario_of(header: Header, height: int, width: int) -> Scenario | None:
 
 
 def is_run_of(own: Scenario | None, packed: bytes, height: int, width: int) -> bool:
-    """Whether a feed's header is that of a scenario's run, on a terrain of this size.
+    """Return whether a feed's header is that of a scenario's run, on a terrain of this size.
 
     Args:
         own: The scenario; None where the viewer does not know it.
@@ -98,7 +98,7 @@ class RunChecks:
 
     @classmethod
     def of(cls, scenario: Scenario, bounds: tuple[float, float, float, float]) -> RunChecks:
-        """The checks of a scenario's run.
+        """Return the checks of a scenario's run.
 
         Args:
             scenario: The scenario.
@@ -108,7 +108,7 @@ class RunChecks:
         return cls(numbers, min(scenario.ticks, MAX_TICKS), bounds, longest_record(len(numbers)))
 
     def record(self, packed: bytes, k: int) -> TickRecord | Event | End | None:
-        """The record in a feed's bytes, if it can follow on what came before; otherwise None.
+        """Return the record in a feed's bytes, if it can follow on what came before; otherwise None.
 
         Args:
             packed: Any bytes.
@@ -127,7 +127,7 @@ class RunChecks:
         return record if fits else None
 
     def tick(self, record: TickRecord) -> bool:
-        """Whether a tick can be of this run.
+        """Return whether a tick can be of this run.
 
         Args:
             record: Unpacked; of its fields any can be of any type.
@@ -153,7 +153,7 @@ class RunChecks:
         )
 
     def event(self, event: Event) -> bool:
-        """Whether an event can be of this run.
+        """Return whether an event can be of this run.
 
         Args:
             event: Unpacked; of its fields any can be of any type.
@@ -166,7 +166,7 @@ class RunChecks:
         )
 
     def events(self, packed: Sequence[bytes]) -> list[Event]:
-        """The events in an answer's bytes, without what is none.
+        """Return the events in an answer's bytes, without what is none.
 
         Args:
             packed: Any bytes.

@@ -1,4 +1,4 @@
-"""How many ticks of a run come per second of wall time."""
+"""Ticks of a run per second of wall time."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class TickRate:
             self._samples.append((now_s, k))
 
     def at(self, now_s: float, k: int) -> float:
-        """Ticks per second of wall time; 0 without ticks.
+        """Return the ticks per second of wall time; 0 without ticks.
 
         Args:
             now_s: The present, s.

@@ -1,1 +1,1 @@
-"""What every view of a patrol shares: the interface of a source, the fog from heard positions, frame counts, faults."""
+"""Shared by all views of a patrol: the interface of a source, the fog from heard positions, frames, faults."""

@@ -40,7 +40,7 @@ class Band:
 
     @property
     def lasts(self) -> bool:
-        """Whether it has a duration."""
+        """True if it has a duration."""
         return self.end > self.begin
 
 
@@ -79,7 +79,7 @@ def bands_of(events: Iterable[Event], step: float, end_s: float) -> tuple[Band, 
 
 
 def intruder_bands(scenario: Scenario, end_s: float) -> tuple[Band, ...]:
-    """The intruders of a run that came, as bands with their names and places.
+    """Return the intruders of a run that came, as bands with their names and places.
 
     Args:
         scenario: With what operators have added.

@@ -15,7 +15,7 @@ MIND_ENDS = frozenset({"dead", "lost", "left"})
 
 
 def frames_of(record: TickRecord) -> dict[tuple[int, int], bytes]:
-    """The frames sent in a tick.
+    """Return the frames sent in a tick.
 
     Args:
         record: The tick.
@@ -32,7 +32,7 @@ def frames_of(record: TickRecord) -> dict[tuple[int, int], bytes]:
 
 
 def own_pose(k: int, number: int, frames: Mapping[tuple[int, int], bytes], true: Pose) -> Pose:
-    """Where a robot believes itself to be, from the position that it sent.
+    """Return the pose that a robot believes to be its own, from the position that it sent.
 
     Args:
         k: The tick.

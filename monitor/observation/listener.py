@@ -1,4 +1,4 @@
-"""The fog as known to somebody who only listens.
+"""The fog as known to a member that only listens.
 
 The listener rebuilds the fog from the positions that it hears, with the same checks, footprints and fog as any robot.
 So no map is ever sent, and watching changes nothing on a real fleet.
@@ -27,7 +27,7 @@ NO_ROBOT = -1
 
 
 def as_sent(number: int, pose: Pose) -> Pose:
-    """A pose as other robots receive it; every footprint is computed from it.
+    """Return a pose as other robots receive it; every footprint is computed from it.
 
     Args:
         number: The robot's number.

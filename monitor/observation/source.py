@@ -66,7 +66,7 @@ class Static:
         layers: The fogs that `Source.last_seen` knows, the default one first.
         controls: The controls that `Source.control` accepts, by the value of "do"; empty when it accepts none.
         note: What the viewer should know in addition, such as what is missing.
-        direct: Whether robots hear each other directly (`radio.via`). Then nobody else knows which frames each robot
+        direct: Whether robots hear each other directly (`radio.via`). Then only the robots know which frames each robot
             has received, so there are no links and no beliefs.
         late: How many ticks a fog may be older than the state and still be shown, as of its own tick.
     """
@@ -90,7 +90,7 @@ class Static:
 
     @property
     def has_truth(self) -> bool:
-        """Whether the true fog and the true poses are known."""
+        """True if the true fog and the true poses are known."""
         return "truth" in self.layers
 
 
@@ -218,10 +218,10 @@ class Answer:
 
 
 class Source(Protocol):
-    """Where a page reads what it shows."""
+    """Source of all that a page shows."""
 
     def static(self) -> Static:
-        """The constant properties; available from the beginning."""
+        """Return the constant properties; available from the beginning."""
         ...
 
     def wait(self, timeout_s: float) -> State | None:
@@ -236,7 +236,7 @@ class Source(Protocol):
         ...
 
     def last_seen(self, layer: Layer) -> NDArray[np.int32] | None:
-        """The tick in which each point was last seen, as of `tick`.
+        """Return the tick in which each point was last seen, as of `tick`.
 
         Args:
             layer: Which fog.
@@ -260,11 +260,11 @@ class Source(Protocol):
         ...
 
     def since(self, layer: Layer) -> int:
-        """The tick from which on a fog is known. Points last seen before it may have been seen later."""
+        """Return the tick from which on a fog is known. Points last seen before it may have been seen later."""
         ...
 
     def trail(self, first: int, last: int) -> NDArray[np.float64] | None:
-        """Where the robots were.
+        """Return the robots' poses at some ticks.
 
         Args:
             first: The first tick.
@@ -277,7 +277,7 @@ class Source(Protocol):
         ...
 
     def series(self, after: int) -> Series:
-        """MFoW and mean fog of the first layer.
+        """Return MFoW and mean fog of the first layer.
 
         Args:
             after: The last tick that is already known.
@@ -288,7 +288,7 @@ class Source(Protocol):
         ...
 
     def events(self, since: int) -> Sequence[Event]:
-        """Events in the order in which they became known. One that is found later may have happened earlier.
+        """Return the events in the order in which they became known. One that is found later may have happened earlier.
 
         Args:
             since: Number of the first event; 0 for all.

@@ -1,4 +1,4 @@
-"""Which robots are trapped, as a page shows it: a mark with the time since when, and events.
+"""The trapped robots, as a page shows them: a mark with the time since when, and events.
 
 `patrol.progress` decides. It is given each tick's positions and, when it asks, the fog.
 """
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class TrapWatch:
-    """Follows a patrol tick by tick and says who is trapped.
+    """Follows a patrol tick by tick and finds the trapped robots.
 
     Ticks may be missing, such as those before a page was opened. A robot that is within the circle of its stay before
     and after a gap counts as having stayed.
@@ -47,7 +47,7 @@ class TrapWatch:
         return {number: self._trapped(trap) for number, trap in self._traps.open.items()}
 
     def trapped(self, number: int) -> Trapped | None:
-        """Since when a robot has been trapped; None for one that is not.
+        """Return since when a robot has been trapped; None for one that is not.
 
         Args:
             number: Its number.
@@ -70,7 +70,7 @@ class TrapWatch:
         return [self._event(record.k, trap) for trap in self._traps.tick(record, last_seen)]
 
     def needs_fog(self, k: int) -> bool:
-        """Whether `tick` may ask for the fog of tick k: a robot is trapped, or has stayed for long.
+        """Return whether `tick` may ask for the fog of tick k: a robot is trapped, or has stayed for long.
 
         Args:
             k: The tick.

@@ -1,4 +1,4 @@
-"""Who may view a page, and who may control what it shows.
+"""The right to view a page, and the right to control the fleet that it shows.
 
 On loopback everybody on this machine may view the page; controlling takes the key in the printed address. On any other
 address both take the token. The key arrives once, in the address, and stays in a cookie that no script can read.
@@ -50,11 +50,11 @@ class Authorisation:
         return f"{self.address_without_key}?key={self.key}"
 
     def is_key(self, key: str | None) -> bool:
-        """Whether this is the key; compared in constant time."""
+        """Return whether this is the key; compares in constant time."""
         return key is not None and hmac.compare_digest(key.encode(), self.key.encode())
 
     def allows_host(self, headers: Mapping[str, str]) -> bool:
-        """Whether a request is addressed to a host name of this machine.
+        """Return whether a request is addressed to a host name of this machine.
 
         Args:
             headers: The request's headers, names in lower case.
@@ -62,7 +62,7 @@ class Authorisation:
         return not self.view_without_key or is_loopback(_name(headers.get("host", "")))
 
     def same_origin(self, headers: Mapping[str, str]) -> bool:
-        """Whether a request comes from this page.
+        """Return whether a request comes from this page.
 
         Args:
             headers: The request's headers, names in lower case.
@@ -72,7 +72,7 @@ class Authorisation:
 
 
 def _name(host: str) -> str:
-    """A Host header without its port."""
+    """Return a Host header without its port."""
     if host.startswith("["):
         return host.partition("]")[0].lstrip("[")
     return host.partition(":")[0]

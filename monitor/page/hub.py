@@ -82,7 +82,7 @@ class Viewer:
 
     @property
     def ready(self) -> bool:
-        """Whether it may receive another frame."""
+        """True if it may receive another frame."""
         return self.drawn and self.written == self.posted
 
     def post(self, messages: list[Message] | None) -> None:
@@ -219,7 +219,7 @@ class Hub:
         return not self._ahead
 
     def _viewers_and_ready(self) -> tuple[list[Viewer], list[Viewer]]:
-        """The open pages, and those of them that are ready. Maps that no page shows are dropped.
+        """Return the open pages, and those of them that are ready. Maps that no page shows are dropped.
 
         A page in the background, whose browser draws nothing, counts as open.
         """
@@ -255,7 +255,7 @@ class Hub:
                 viewer.sent.pop(layer, None)
 
     def _new_messages(self, viewer: Viewer, state: State) -> list[Message]:
-        """The messages that a viewer lacks; empty when it is up to date."""
+        """Return the messages that a viewer lacks; empty when it is up to date."""
         messages: list[Message] = []
         for layer in viewer.layers:
             tiled = self._maps.get(layer)
@@ -281,7 +281,7 @@ class Hub:
         return messages
 
     def _packed(self, state: State) -> str:
-        """A state's message, with what the first layer's fog says about the ground."""
+        """Return a state's message, with what the first layer's fog says about the ground."""
         fog, layer = None, self.static.layers[0]
         if state.mfow_s is not None:
             fog = self.source.last_seen(layer)
@@ -317,5 +317,5 @@ class Hub:
             messages.append(links_message(state.links, state.k))
 
     def _end_s(self, state: State) -> float:
-        """The time up to which a fault in force is drawn: the end of the run or, if unknown, now, s."""
+        """Return the time up to which a fault in force is drawn: the end of the run or, if unknown, now, s."""
         return (state.k if self.static.ticks is None else self.static.ticks) * self.static.step

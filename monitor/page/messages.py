@@ -18,7 +18,7 @@ from patrol.journal.records import Event
 
 
 def static_message(static: Static, may_control: bool) -> str:
-    """The constant properties of the source, the first message of a connection.
+    """Return the constant properties of the source, the first message of a connection.
 
     Args:
         static: The properties.
@@ -66,7 +66,7 @@ def static_message(static: Static, may_control: bool) -> str:
 
 
 def state_message(state: State, survey: Survey | None, static: Static) -> str:
-    """A state without its links.
+    """Return a state without its links.
 
     Args:
         state: The state.
@@ -76,7 +76,7 @@ def state_message(state: State, survey: Survey | None, static: Static) -> str:
     Returns:
         JSON. A robot is a list of status, state, pose, goal, decision_ms, heard_s, rejected and, for one that is
         trapped, since when (s) and whether that is exact. The stalest point is a list of x and y (m), age (s) and
-        whether anybody has ever seen it.
+        whether it was ever seen.
     """
     return _json(
         {
@@ -115,7 +115,7 @@ def state_message(state: State, survey: Survey | None, static: Static) -> str:
 
 
 def trail_message(first: int, trail: NDArray[np.float64]) -> str:
-    """Where robots were.
+    """Encode the robots' poses.
 
     Args:
         first: The tick of the first row.
@@ -129,7 +129,7 @@ def trail_message(first: int, trail: NDArray[np.float64]) -> str:
 
 
 def links_message(links: LinkCounts, k: int) -> str:
-    """Frame counts by link.
+    """Encode the frame counts by link.
 
     Args:
         links: The counts.
@@ -151,7 +151,7 @@ def links_message(links: LinkCounts, k: int) -> str:
 
 
 def series_message(series: Series) -> str:
-    """New ticks of the chart of MFoW and mean fog."""
+    """Encode new ticks of the chart of MFoW and mean fog."""
     return _json(
         {
             "type": "series",
@@ -163,7 +163,7 @@ def series_message(series: Series) -> str:
 
 
 def events_message(events: Sequence[Event], first: int) -> str:
-    """Events.
+    """Encode events.
 
     Args:
         events: The events, in order.
@@ -177,13 +177,13 @@ def events_message(events: Sequence[Event], first: int) -> str:
 
 
 def bands_message(bands: Sequence[Band]) -> str:
-    """All faults so far; a fault is a list of id, kind, begin and end in s, and text."""
+    """Return all faults so far; a fault is a list of id, kind, begin and end in s, and text."""
     rows = [[band.id, band.kind, band.begin, band.end, band.text] for band in bands]
     return _json({"type": "bands", "bands": rows})
 
 
 def answer_message(number: object, answer: Answer) -> str:
-    """The result of a control.
+    """Return the result of a control.
 
     Args:
         number: The number that the page gave to the control.
@@ -206,7 +206,7 @@ def _flat(values: NDArray[np.int64]) -> list[int]:
 
 
 def _short(value: float | None) -> float | None:
-    """A number rounded to four decimals; None for infinity and NaN, which JSON does not have."""
+    """Return a number rounded to four decimals; None for infinity and NaN, which JSON does not have."""
     return None if value is None or not math.isfinite(value) else round(value, 4)
 
 

@@ -45,7 +45,7 @@ HEADERS = {
 }
 
 MAX_VIEWERS = 32
-"""Pages with the key that are open at a time, and as many without it, so that these keep nobody out who has it."""
+"""Pages with the key that are open at a time, and as many without it, which so keep no other viewer out."""
 MAX_MESSAGE = 4096
 """Characters of the longest message that a page may send."""
 FULL = 4001
@@ -72,7 +72,7 @@ class Server:
 
         Args:
             hub: The hub; started and closed by the caller.
-            authorisation: Who may view and control.
+            authorisation: The rights to view and to control.
 
         Raises:
             BadInput: plotly is not installed.
@@ -184,7 +184,7 @@ async def _write(socket: WebSocket, viewer: Viewer) -> None:
 
 
 def _parsed(text: str | None) -> object:
-    """A message of a page; None for anything but JSON text of a sensible length."""
+    """Return a message of a page; None for anything but JSON text of a sensible length."""
     if text is None or len(text) > MAX_MESSAGE:
         return None
     try:
@@ -199,7 +199,7 @@ def _refused(why: str) -> Response:
 
 
 def plotly_file() -> Path:
-    """The path of plotly's script in its Python package.
+    """Return the path of plotly's script in its Python package.
 
     Raises:
         BadInput: plotly is not installed.

@@ -1,4 +1,4 @@
-"""What a fog says about the ground as a whole: its stalest point, and the share that has been seen."""
+"""Figures of a whole fog: its stalest point, and the share of the ground that has been seen."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ class Survey:
     Attributes:
         row: Row of the stalest patrolled point; of several, the one nearest to their centre.
         col: Its column.
-        age: Its age, ticks; a point that nobody has seen counts from tick 0.
-        ever_seen: Whether anybody has seen it.
-        seen_share: The share of patrolled points that somebody has seen, from 0 to 1.
+        age: Its age, ticks; a point that was never seen counts from tick 0.
+        ever_seen: Whether it was ever seen.
+        seen_share: The share of patrolled points that were seen, from 0 to 1.
     """
 
     row: int

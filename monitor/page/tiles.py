@@ -25,7 +25,7 @@ PASSABLE, COUNTED = 1, 2
 
 
 def layer_number(layer: Layer) -> int:
-    """The number of a fog in packets."""
+    """Return the number of a fog in packets."""
     if isinstance(layer, int):
         return layer
     return TRUTH if layer == "truth" else HEARD
@@ -74,7 +74,7 @@ class TiledMap:
             }
 
     def packet(self, version: int, since: int = 0) -> bytes:
-        """The packet that updates a page.
+        """Return the packet that updates a page.
 
         Args:
             version: The version that the page has; 0 for none.
@@ -93,21 +93,21 @@ class TiledMap:
 
 
 def _buffers(points: int) -> tuple[NDArray[np.int32], NDArray[np.uint16]]:
-    """Buffers for the values and lengths of as many runs as there can be; unused memory costs nothing."""
+    """Make buffers for the values and lengths of as many runs as there can be; unused memory costs nothing."""
     return np.empty(points, dtype=np.int32), np.empty(points, dtype=np.uint16)
 
 
 def _packed(
     tiles: NDArray[np.int32], counts: NDArray[np.int32], values: NDArray[np.int32], lengths: NDArray[np.uint16]
 ) -> bytes:
-    """A packet without its first three numbers."""
+    """Return a packet without its first three numbers."""
     head = np.array([tiles.size, values.size], dtype=np.int32)
     parts = (head, tiles, counts, values, lengths)
     return b"".join(part.astype(part.dtype.newbyteorder("<"), copy=False).tobytes() for part in parts)
 
 
 def terrain_packet(passable: NDArray[np.bool_], patrolled: NDArray[np.bool_]) -> bytes:
-    """The packet with the terrain, which a page receives once.
+    """Return the packet with the terrain, which a page receives once.
 
     Args:
         passable: bool (h, w).

@@ -30,7 +30,7 @@ CHUNK = 4096
 LEAST_SCALE_S = 10.0
 WAIT_S = 0.2
 GONE_S = 10.0
-"""How long to wait for a world that has disconnected, s of wall time; enough for a restart of its router."""
+"""Longest wait for a world that has disconnected, s of wall time; enough for a restart of its router."""
 
 
 class LiveRecorder:

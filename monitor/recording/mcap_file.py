@@ -107,7 +107,7 @@ def _read(path: Path, contents: Contents, write: Callable[[Any], None] | None) -
 
 
 def _records(path: Path, contents: Contents) -> Iterator[Any]:
-    """All records up to the first incomplete or damaged one."""
+    """Yield all records up to the first incomplete or damaged one."""
     begun = False
     try:
         with open_untrusted(path, RECORDING) as file:
@@ -127,7 +127,7 @@ def _records(path: Path, contents: Contents) -> Iterator[Any]:
 
 
 def _reader(file: BinaryIO) -> StreamReader:
-    """A reader that never reads on behind the end of a record, whatever lengths and counts the record holds.
+    """Return a reader that never reads on behind the end of a record, whatever lengths and counts the record holds.
 
     mcap's own reader believes them. A message that is shorter than its head then stands for the rest of the file, and
     the index of a chunk for 268 million entries.
@@ -153,7 +153,7 @@ def _reader(file: BinaryIO) -> StreamReader:
 
 
 def _unpacked(record: Any) -> Iterator[Any]:
-    """A record, or those in a chunk, one at a time; nothing is decompressed that is larger than a record may be.
+    """Yield a record, or those in a chunk, one at a time; nothing is decompressed that is larger than a record may be.
 
     Raises:
         ValueError: For a chunk that is larger, and for a compression that fogwatch does not use.

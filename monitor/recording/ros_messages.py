@@ -37,7 +37,7 @@ UNKNOWN = -1
 
 
 def offered(topic: str) -> str:
-    """The quality of service with which rosbag2 should publish a topic.
+    """Return the quality of service with which rosbag2 should publish a topic.
 
     The values are rmw's numbers, which rosbag2 expects in files without a version: keep last, reliable, and transient
     local for latched topics, else volatile. A duration of 0 means none.
@@ -73,7 +73,7 @@ class Encoder:
         self._types = self._store.types
 
     def definition(self, kind: str) -> bytes:
-        """The definition of a message type and of all types in it.
+        """Return the definition of a message type and of all types in it.
 
         Args:
             kind: Name of the type.
@@ -85,11 +85,11 @@ class Encoder:
         return text.encode()
 
     def number(self, value: float) -> bytes:
-        """A std_msgs/Float64."""
+        """Return a std_msgs/Float64."""
         return self._bytes(NUMBER, data=float(value))
 
     def log(self, at: int, level: int, name: str, text: str) -> bytes:
-        """An rcl_interfaces/Log.
+        """Return an rcl_interfaces/Log.
 
         Args:
             at: Time, ns.
@@ -101,7 +101,7 @@ class Encoder:
         return self._bytes(LOG, stamp=self._time(at), **said)
 
     def pose(self, at: int, x: float, y: float, heading: float) -> bytes:
-        """A geometry_msgs/PoseStamped in the map's frame.
+        """Return a geometry_msgs/PoseStamped in the map's frame.
 
         Args:
             at: Time, ns.
@@ -113,7 +113,7 @@ class Encoder:
         return self._bytes(POSE, header=self._header(at), pose=pose)
 
     def transforms(self, at: int, bodies: Sequence[tuple[str, float, float, float]]) -> bytes:
-        """A tf2_msgs/TFMessage.
+        """Return a tf2_msgs/TFMessage.
 
         Args:
             at: Time, ns.
@@ -129,7 +129,7 @@ class Encoder:
         return self._bytes(TRANSFORMS, transforms=stamped)
 
     def grid(self, at: int, point: float, origin: tuple[float, float], values: NDArray[np.int8]) -> bytes:
-        """A nav_msgs/OccupancyGrid.
+        """Return a nav_msgs/OccupancyGrid.
 
         Args:
             at: Time, ns.

@@ -179,19 +179,19 @@ class Recorder:
 
 
 def scale_of(run: Run) -> float:
-    """The age that /fog shows as 100: the run's largest MFoW, s."""
+    """Return the age that /fog shows as 100: the run's largest MFoW, s."""
     return max(float(run.mfow.max()), 1.0) * run.step
 
 
 def key_frame_ticks(run: Run) -> int:
-    """Number of ticks between two grids of a run."""
+    """Return the number of ticks between two grids of a run."""
     wanted = max(1, round(KEY_FRAME_S / run.step))
     affordable = max(2, GRID_MEMORY // run.prepared.patrolled.size)
     return max(wanted, -(-run.ticks // affordable))
 
 
 def wall_values(passable: NDArray[np.bool_]) -> NDArray[np.int8]:
-    """The values of /map.
+    """Return the values of /map.
 
     Args:
         passable: bool (h, w).
@@ -203,7 +203,7 @@ def wall_values(passable: NDArray[np.bool_]) -> NDArray[np.int8]:
 
 
 def grid_values(fog: Fog, k: int, scale: float) -> NDArray[np.int8]:
-    """The values of /fog.
+    """Return the values of /fog.
 
     Args:
         fog: The fog.

@@ -50,7 +50,7 @@ class BeliefErrors:
 
 
 def exact_by_construction(run: Run) -> bool:
-    """Whether every living robot's position reached every other robot unchanged in its own tick."""
+    """Return whether every living robot's position reached every other robot unchanged in its own tick."""
     return (
         not run.links.dropped
         and run.links.late == 0
@@ -141,11 +141,11 @@ class BeliefWatcher:
         return True
 
     def believed(self, number: int) -> Fog:
-        """The fog that a selected robot believes now, by its number."""
+        """Return the fog that a selected robot believes now, by its number."""
         return self._listeners[number].fog
 
     def result(self) -> BeliefErrors:
-        """The comparison so far."""
+        """Return the comparison so far."""
         shape = (len(self._ticks), len(self._robots))
         ticks = np.array(self._ticks, dtype=np.int64)
         mean, mfow = (np.array(rows, dtype=np.float64).reshape(shape) for rows in (self._mean, self._mfow))
@@ -170,7 +170,7 @@ class BeliefWatcher:
         return own_pose(k, number, self._past[-1], true)
 
     def _deliveries(self, record: TickRecord) -> dict[int, list[bytes]]:
-        """By receiver, the frames that reach it in this tick, in the order of arrival."""
+        """Return the frames that reach each receiver in this tick, in the order of arrival."""
         heard: dict[int, list[bytes]] = defaultdict(list)
         wanted = set(self._wanted)
         for source, destination, sequence in record.deliveries:

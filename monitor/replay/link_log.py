@@ -49,7 +49,7 @@ class LinkLog:
         self._counts: list[_Counts] = [(zeros, zeros, zeros - 1)]
 
     def at(self, k: int) -> LinkCounts | None:
-        """Counts up to tick k; None while the journal is not read that far (`reach`)."""
+        """Return the counts up to tick k; None while the journal is not read that far (`reach`)."""
         return LinkCounts(*self._after(k)) if self.reach(k) else None
 
     def reach(self, k: int) -> bool:
@@ -61,7 +61,7 @@ class LinkLog:
         return self._ticks > k
 
     def _after(self, k: int) -> _Counts:
-        """Sent, delivered and last heard after tick k."""
+        """Return the frames sent and delivered, and when each link was last heard, after tick k."""
         number = k // _APART
         sent, delivered, heard = self._counts[number]
         first = number * _APART

@@ -1,4 +1,4 @@
-"""What a robot believed at any tick of a run, computed in slices while a page shows the run."""
+"""A robot's belief at any tick of a run, computed in slices while a page shows the run."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ MOST = 4
 """Robots that may be shown at once; others wait until one is no longer shown."""
 
 KEPT_S = 10.0
-"""How long the results for a robot that no page shows are kept, s of wall time."""
+"""Time for which the results for a robot that no page shows are kept, s of wall time."""
 
 SNAPSHOTS = 40
 """Snapshots of one robot, evenly over the run; fewer when memory is short."""
@@ -59,7 +59,7 @@ class PastBeliefs:
         return sum(robot.held for robot in self._robots.values())
 
     def last_seen(self, number: int, k: int) -> NDArray[np.int32] | None:
-        """The fog that a robot believed after tick k.
+        """Return the fog that a robot believed after tick k.
 
         Args:
             number: The robot's number.
@@ -163,7 +163,7 @@ class _Robot:
         return self._fog.last_seen
 
     def _before(self, k: int) -> int:
-        """The tick of the last snapshot up to tick k; -1 for none."""
+        """Return the tick of the last snapshot up to tick k; -1 for none."""
         return max((tick for tick in self._kept if tick <= k), default=-1)
 
     def _walk(self) -> None:
@@ -213,7 +213,7 @@ class _LookLog(BeliefWatcher):
         return sum(len(one) * one.itemsize for one in (self._at, self._poses, self._ends))
 
     def looks(self, k: int) -> Iterator[tuple[int, Pose]]:
-        """The looks learnt of in tick k, in order: tick and pose of each."""
+        """Yield the looks learnt of in tick k, in order: tick and pose of each."""
         for place in range(self._ends[k - 1] if k else 0, self._ends[k]):
             yield self._at[place], Pose(*self._poses[3 * place : 3 * place + 3])
 

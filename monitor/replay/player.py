@@ -66,9 +66,9 @@ class Player:
         self._pace = _pace_for(run.ticks * run.step) if autoplay else 1.0
         self._returned: tuple[int, bool, float] | None = None
         self._lacks_links = False
-        """Whether the last state had no links because the journal was not read that far."""
+        """True if the last state had no links because the journal was not read that far."""
         self._lacks_traps = False
-        """The same of who is trapped."""
+        """The same of the trapped robots."""
         self._at = 0
         self._shown: deque[tuple[float, int]] = deque()
 
@@ -215,7 +215,7 @@ class Player:
         self._k = int(self._place)
 
     def _rate(self, now: float) -> float:
-        """Ticks per second of wall time, over the last `_RATE_S`."""
+        """Return the ticks per second of wall time, over the last `_RATE_S`."""
         while self._shown and self._shown[0][0] < now - _RATE_S:
             self._shown.popleft()
         since, before = self._shown[0] if self._shown else (now, self._k)

@@ -59,7 +59,7 @@ def play(run: Run, watchers: Sequence[Watcher], footprint: Footprint | None = No
 
     Args:
         run: The run.
-        watchers: Who receives each tick.
+        watchers: They receive each tick.
         footprint: The sensor's footprint on the terrain; None to compute it.
 
     Returns:
@@ -87,7 +87,7 @@ def _as_measured(run: Run, k: int, fog: Fog) -> bool:
 
 
 def views_at(run: Run, k: int, footprint: Footprint) -> list[View]:
-    """The true footprints in a tick.
+    """Return the true footprints in a tick.
 
     Args:
         run: The run.
@@ -189,7 +189,7 @@ class Replay:
         return self.run.ticks
 
     def fog(self, k: int) -> Fog:
-        """The true fog after the observations of a tick.
+        """Return the true fog after the observations of a tick.
 
         Args:
             k: The tick.
@@ -207,7 +207,7 @@ class Replay:
         return self._fog
 
     def at(self, k: int) -> Moment:
-        """The whole state after the observations of a tick.
+        """Return the whole state after the observations of a tick.
 
         Args:
             k: The tick.

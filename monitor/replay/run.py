@@ -103,7 +103,7 @@ class Run:
         truncated: Whether the journal ends within a record.
         summary: What summary.json states; None without one.
         index: Place of each robot in the arrays, by its number.
-        key: The fleet's key, as far as whoever opened the run gave it; None without one. The file that the run's
+        key: The fleet's key that was given when the run was opened; None without one. The file that the run's
             scenario names is not opened, because the folder may be a stranger's.
     """
 
@@ -163,17 +163,17 @@ class Run:
 
     @property
     def stated(self) -> Summary:
-        """What summary.json states; nothing where there is none."""
+        """The content of summary.json; nothing is set where there is none."""
         return self.summary or Summary()
 
     @property
     def direct(self) -> bool:
-        """Whether robots heard each other directly, so that the journal does not have deliveries."""
+        """True if robots heard each other directly, so that the journal does not have deliveries."""
         return self.prepared.scenario.radio.via == "direct"
 
     @property
     def keyless(self) -> bool:
-        """Whether the fleet tags its messages with a key that is not known here."""
+        """True if the fleet tags its messages with a key that is not known here."""
         return self.prepared.scenario.radio.key is not None and self.key is None
 
     @cached_property

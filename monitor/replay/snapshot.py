@@ -39,6 +39,6 @@ class Snapshot:
         return self.begins.nbytes + self.values.nbytes
 
     def map(self) -> NDArray[np.int32]:
-        """The map as a new int32 (h, w) array."""
+        """Return the map as a new int32 (h, w) array."""
         points = int(np.prod(self.shape))
         return np.repeat(self.values, np.diff(self.begins, append=points)).reshape(self.shape)

@@ -1,4 +1,4 @@
-"""Who was trapped at any tick of a run. The journal is read once, in slices."""
+"""The trapped robots at any tick of a run. The journal is read once, in slices."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _STRIDE = 32
 
 
 class TrapLog:
-    """Who was trapped, by tick, and the events that say so."""
+    """The trapped robots by tick, and the events that say so."""
 
     def __init__(self, run: Run, now: Callable[[], float] = time.monotonic) -> None:
         """Start with nothing read.
@@ -47,7 +47,7 @@ class TrapLog:
 
     @property
     def done(self) -> bool:
-        """Whether the whole journal is read."""
+        """True if the whole journal is read."""
         return self._next is None
 
     @property
@@ -56,7 +56,7 @@ class TrapLog:
         return self._events
 
     def at(self, k: int) -> dict[int, Trapped] | None:
-        """The robots that were trapped at tick k, by number; None while the journal is not read that far."""
+        """Return the robots that were trapped at tick k, by number; None while the journal is not read that far."""
         if self._ticks <= k and not self.done:
             return None
         return next(trapped for first, trapped in reversed(self._changes) if first <= k)

@@ -62,7 +62,7 @@ class VisitCounter:
         self._last_seen = fog.last_seen
 
     def result(self) -> Visits:
-        """The statistics up to the last tick."""
+        """Return the statistics up to the last tick."""
         settle(self._last_seen, self._tracked, self._upto, self._sums, self._worst, self._ticks - 1)
         never = self._tracked.view(np.bool_) & (self._looked < 0)
         return Visits(self._sums / max(self._ticks, 1), self._worst, self._gaps, never)

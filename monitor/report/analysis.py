@@ -21,7 +21,7 @@ from patrol.summary.metric import Metric, metrics_of
 from patrol.summary.model import RobotFigures, Summary, unsettled
 
 NO_TOUR = "no tour for this ground or sensor"
-"""What stands beside the best tour found where there is none."""
+"""Note beside the best tour found where there is none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,7 +199,7 @@ def _ratio(metric: Metric, figures: Summary, yardstick_s: float | None, without:
 
 
 def _delivered(run: Run) -> float | None:
-    """Return the delivered share of the robots' frames that were delivered or dropped."""
+    """Draw the delivered share of the robots' frames that were delivered or dropped."""
     if run.direct:
         return run.stated.direct.heard_share
     messages = run.figures.messages
@@ -208,7 +208,7 @@ def _delivered(run: Run) -> float | None:
 
 
 def state_of(run: Run, going: bool = False) -> tuple[str, str]:
-    """How a run ended.
+    """Return how a run ended.
 
     Args:
         run: The run.

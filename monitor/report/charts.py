@@ -53,7 +53,7 @@ _PATROLLING, _DEAD_END, _SURROUNDING, _HOLDING, _OTHER, _SILENT, _PAUSED, _GONE,
 
 
 def mfow_chart(run: Run, bands: Sequence[Band], tour_s: float | None = None) -> Figure:
-    """MFoW and mean fog over time, below the faults.
+    """Draw MFoW and mean fog over time, below the faults.
 
     Args:
         run: The run.
@@ -77,7 +77,7 @@ def mfow_chart(run: Run, bands: Sequence[Band], tour_s: float | None = None) -> 
 
 
 def belief_chart(run: Run, errors: BeliefErrors, bands: Sequence[Band]) -> Figure:
-    """Mean difference between each robot's believed fog and the true one over time, below the faults.
+    """Draw the mean difference between each robot's believed fog and the true one over time, below the faults.
 
     Args:
         run: The run.
@@ -96,7 +96,7 @@ def belief_chart(run: Run, errors: BeliefErrors, bands: Sequence[Band]) -> Figur
 
 
 def radio_chart(run: Run, bands: Sequence[Band]) -> Figure:
-    """The delivered share of the robots' frames over time, below the faults.
+    """Draw the delivered share of the robots' frames over time, below the faults.
 
     Args:
         run: The run.
@@ -114,7 +114,7 @@ def radio_chart(run: Run, bands: Sequence[Band]) -> Figure:
 
 
 def states_chart(run: Run, bands: Sequence[Band]) -> Figure:
-    """The state of each robot in each tick, and its cancelled moves.
+    """Return the state of each robot in each tick, and its cancelled moves.
 
     Args:
         run: The run.
@@ -165,7 +165,7 @@ def state_codes(run: Run) -> NDArray[np.uint8]:
 
 
 def gaps_chart(gaps: NDArray[np.int64], step: float) -> Figure:
-    """Histogram of the times between two visits to a point.
+    """Draw a histogram of the times between two visits to a point.
 
     Args:
         gaps: int64 (n,), number of gaps by length in ticks, from `monitor.replay.visits`.
@@ -196,7 +196,7 @@ def gaps_chart(gaps: NDArray[np.int64], step: float) -> Figure:
 
 
 def links_chart(run: Run) -> Figure:
-    """The delivered share of each directed link."""
+    """Draw the delivered share of each directed link."""
     share, count = 100.0 * run.links.share(), len(run.names)
     side = min(1.6 + 0.5 * count, 6.4)
     made = figure(side + 1.2, side)
@@ -220,7 +220,7 @@ def links_chart(run: Run) -> Figure:
 
 
 def decisions_chart(run: Run) -> Figure:
-    """Decision times of each robot: 25th to 75th and 1st to 99th percentile, median and maximum."""
+    """Draw the decision times of each robot: 25th to 75th and 1st to 99th percentile, median and maximum."""
     from matplotlib.ticker import LogLocator, NullLocator
 
     count = len(run.names)
@@ -248,7 +248,7 @@ def decisions_chart(run: Run) -> Figure:
 
 
 def troubles_chart(run: Run) -> Figure:
-    """The share of each robot's decisions in dead ends, and the number of its cancelled moves."""
+    """Draw the share of each robot's decisions in dead ends, and the number of its cancelled moves."""
     count = len(run.names)
     made = figure(WIDTH, min(1.0 + 0.26 * count, 8.0))
     left, right = made.subplots(1, 2, sharey=True)
@@ -295,7 +295,7 @@ def _name_rows(axes: Axes, names: Sequence[str]) -> None:
 
 
 def _with_lanes(run: Run, bands: Sequence[Band], height: float, shade: bool = True) -> tuple[Figure, Axes, int]:
-    """A chart over the run's time, with the faults in rows above it and shaded in it; and the number of rows."""
+    """Draw a chart over the run's time, with the faults in rows above it and shaded in it; and the number of rows."""
     end = run.ticks * run.step
     rows = lanes(bands, MOST_LANES)
     if not rows:
@@ -334,7 +334,7 @@ def _mark(axes: Axes, band: Band, row: int, end: float) -> None:
 
 
 def _tone(band: Band) -> str:
-    """The colour of a band: intruders are no faults."""
+    """Return the colour of a band: intruders are no faults."""
     return ACCENT if band.kind == INTRUDER else ALERT
 
 
@@ -355,5 +355,5 @@ def _summed(counts: NDArray[np.int64], width: int) -> NDArray[np.int64]:
 
 
 def _percent(value: float) -> str:
-    """A share in percent; one below 100 never reads as 100."""
+    """Return a share in percent; one below 100 never reads as 100."""
     return f"{min(value, 99.9):.1f}" if 99.0 < value < 100.0 else f"{value:.0f}"

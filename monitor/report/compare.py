@@ -26,7 +26,7 @@ TRACE_DIGITS = 16
 
 
 def names_of(runs: Sequence[Run]) -> list[str]:
-    """A unique name for each run: its folder's name, with a number if needed."""
+    """Return a unique name for each run: its folder's name, with a number if needed."""
     names: list[str] = []
     for run in runs:
         plain_name = printable(run.folder.resolve().name)
@@ -39,7 +39,7 @@ def names_of(runs: Sequence[Run]) -> list[str]:
 
 
 def rows_of(runs: Sequence[Run]) -> list[tuple[str, ...]]:
-    """The rows of the table of measures: the measure's name, and its value in each run."""
+    """Return the rows of the table of measures: the measure's name, and its value in each run."""
     outcomes = [printable(outcome_of(run)) for run in runs]
     ended = [printable(state_of(run)[0]) for run in runs]
     lengths = [f"{run.ticks * run.step:g} s" for run in runs]
@@ -57,7 +57,7 @@ def rows_of(runs: Sequence[Run]) -> list[tuple[str, ...]]:
 
 
 def differences(runs: Sequence[Run]) -> list[tuple[str, ...]]:
-    """The fields in which the scenarios differ, except the name: the dotted field, and its value in each run.
+    """Return the fields in which the scenarios differ, except the name: the dotted field, and its value in each run.
 
     Files count by what is in them, not by where they lie: two copies of a policy or of a map are no difference.
     """
@@ -115,7 +115,7 @@ def drawings(analyses: Sequence[Analysis]) -> list[Drawing]:
 
 
 def compare_html(analyses: Sequence[Analysis], figures: Sequence[Drawing]) -> str:
-    """The comparison as an HTML document.
+    """Return the comparison as an HTML document.
 
     Args:
         analyses: The analysed runs.
@@ -159,14 +159,14 @@ def compare_html(analyses: Sequence[Analysis], figures: Sequence[Drawing]) -> st
 
 
 def _leaves(node: object, above: str = "") -> list[tuple[str, object]]:
-    """Dotted names and values. A list is one value, because entries of two lists rarely correspond."""
+    """Return dotted names and values. A list is one value, because entries of two lists rarely correspond."""
     if isinstance(node, dict):
         return [leaf for key, value in node.items() for leaf in _leaves(value, f"{above}.{key}" if above else str(key))]
     return [(above, node)]
 
 
 def _by_content(leaves: dict[str, object], run: Run) -> dict[str, object]:
-    """The fields of a run's scenario with what a file holds in place of its path.
+    """Return the fields of a run's scenario with what a file holds in place of its path.
 
     For example "Greedy (sha256 5f2a9c81d3b0)" in place of "elsewhere/my_policy.py:Greedy".
     """

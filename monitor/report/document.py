@@ -114,7 +114,7 @@ def drawings(analysis: Analysis) -> list[Drawing]:
 
 
 def report_html(analysis: Analysis, figures: Sequence[Drawing], going: bool = False, beside: Path | None = None) -> str:
-    """The report as an HTML document.
+    """Return the report as an HTML document.
 
     Args:
         analysis: The analysed run.
@@ -368,7 +368,7 @@ def _contents(sections: Sequence[str]) -> list[tuple[str, str]]:
 
 
 def _files(folder: Path, beside: Path) -> list[tuple[str, str]]:
-    """Links to the run's files from a page in the folder `beside`."""
+    """Return links to the run's files from a page in the folder `beside`."""
     wanted = (RECORDING, "journal", "ticks.csv", "summary.json", SCENARIO, "fog.png")
     way = Path(os.path.relpath(folder.resolve(), beside.resolve()))
     return [(quote((way / name).as_posix()), name) for name in wanted if (folder / name).is_file()]

@@ -21,7 +21,7 @@ POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 
 
 def page(title: str, body: Iterable[str]) -> str:
-    """A complete document with its style.
+    """Return a complete document with its style.
 
     Args:
         title: Title of the document.
@@ -39,7 +39,7 @@ def page(title: str, body: Iterable[str]) -> str:
 
 
 def section(name: str, heading: str, *content: str) -> str:
-    """A section; empty without content.
+    """Return a section; empty without content.
 
     Args:
         name: Its id, the target of links.
@@ -51,7 +51,7 @@ def section(name: str, heading: str, *content: str) -> str:
 
 
 def main_heading(title: str, mark: Markup | None = None) -> str:
-    """The heading of the document.
+    """Return the heading of the document.
 
     Args:
         title: Its text.
@@ -61,7 +61,7 @@ def main_heading(title: str, mark: Markup | None = None) -> str:
 
 
 def text(says: str, kind: str = "") -> str:
-    """A paragraph; nothing without text.
+    """Return a paragraph; nothing without text.
 
     Args:
         says: The text.
@@ -71,7 +71,7 @@ def text(says: str, kind: str = "") -> str:
 
 
 def banner(says: str, bad: bool = False) -> str:
-    """A highlighted message; nothing without text.
+    """Return a highlighted message; nothing without text.
 
     Args:
         says: The text.
@@ -81,7 +81,7 @@ def banner(says: str, bad: bool = False) -> str:
 
 
 def badge(word: str, kind: str) -> Markup:
-    """A word in a frame.
+    """Return a word in a frame.
 
     Args:
         word: The word.
@@ -91,7 +91,7 @@ def badge(word: str, kind: str) -> Markup:
 
 
 def boxes(items: Iterable[tuple[str, str, str]]) -> str:
-    """Boxes with (value, name, note) each."""
+    """Return boxes with (value, name, note) each."""
     inside = "".join(
         f'<div class="tile"><b>{escape(value)}</b>{escape(name)}<span>{escape(note)}</span></div>'
         for value, name, note in items
@@ -100,7 +100,7 @@ def boxes(items: Iterable[tuple[str, str, str]]) -> str:
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[str]], numbers: Sequence[int] = ()) -> str:
-    """A table.
+    """Return a table.
 
     Args:
         heads: Column headings.
@@ -123,7 +123,7 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]], numbers: Sequence
 def long_table(
     summary: str, heads: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int], most: int
 ) -> str:
-    """A table that is hidden until the summary is clicked, with the number of the rows that are left out.
+    """Return a table that is hidden until the summary is clicked, with the number of the rows that are left out.
 
     Args:
         summary: The text to click.
@@ -137,18 +137,18 @@ def long_table(
 
 
 def details(summary: str, *content: str) -> str:
-    """Content that is hidden until the summary is clicked."""
+    """Return content that is hidden until the summary is clicked."""
     inside = "\n".join(content)
     return f"<details><summary>{escape(summary)}</summary>\n{inside}\n</details>"
 
 
 def preformatted(says: str) -> str:
-    """Preformatted text."""
+    """Return preformatted text."""
     return f"<pre>{escape(says)}</pre>"
 
 
 def figure(drawing: Drawing | None, heading: bool = False) -> str:
-    """A figure with its caption; nothing without a drawing.
+    """Draw a figure with its caption; nothing without a drawing.
 
     Args:
         drawing: The figure.
@@ -161,13 +161,13 @@ def figure(drawing: Drawing | None, heading: bool = False) -> str:
 
 
 def side_by_side(*content: str) -> str:
-    """Elements next to each other if there is enough room."""
+    """Put elements next to each other if there is enough room."""
     inside = "".join(content)
     return f'<div class="pair">{inside}</div>' if inside else ""
 
 
 def navigation(items: Iterable[tuple[str, str]]) -> str:
-    """Links: (target, text), with places on the page or files as targets."""
+    """Return links: (target, text), with places on the page or files as targets."""
     return f"<nav>{' '.join(f'<a href={chr(34)}{escape(to)}{chr(34)}>{escape(says)}</a>' for to, says in items)}</nav>"
 
 

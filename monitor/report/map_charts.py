@@ -29,7 +29,7 @@ _LONGEST = 1600
 """Pixels along the longer side of a map; larger maps are thinned."""
 
 MAP_EDGE, PANEL_EDGE = 3, 5
-"""Of these pixels, those by which a wall's edge surrounds it, on a map and on the smaller panels of paths."""
+"""Width of a wall's edge in these pixels, on a map and on the smaller panels of paths."""
 
 
 def fog_chart(
@@ -40,7 +40,7 @@ def fog_chart(
     label: str,
     most: float | None = None,
 ) -> Figure:
-    """A map of the fog.
+    """Return a map of the fog.
 
     Args:
         terrain: The terrain.
@@ -72,7 +72,7 @@ def never_seen_note(never: BoolGrid) -> str:
 
 
 def paths_chart(run: Run) -> Figure:
-    """The robots' paths: one panel for each robot, or one map for all robots of a large fleet."""
+    """Draw the robots' paths: one panel for each robot, or one map for all robots of a large fleet."""
     terrain, count = run.prepared.terrain, len(run.names)
     if count > MOST_PANELS:
         made, axes = _map(terrain)
@@ -151,5 +151,5 @@ def _path(axes: Axes, run: Run, place: int, width: float) -> None:
 
 
 def _thinned(grid: NDArray[_Scalar], every: int) -> NDArray[_Scalar]:
-    """Every n-th row and column."""
+    """Return every n-th row and column."""
     return grid[::every, ::every]

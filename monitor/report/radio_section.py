@@ -11,7 +11,7 @@ MOST_LINKS = 400
 
 
 def links_section(run: Run) -> str:
-    """What happened to the frames: counts, causes of loss, and a table of links; a direct radio has its own.
+    """Describe what happened to the frames: counts, causes of loss, and a table of links; a direct radio has its own.
 
     Args:
         run: The run.
@@ -49,7 +49,7 @@ def links_section(run: Run) -> str:
 
 
 def _direct_links(run: Run) -> str:
-    """What robots reported about a direct radio: how many frames they sent and heard."""
+    """Describe a direct radio as robots reported it: how many frames they sent and heard."""
     why = "Robots heard each other directly, so the fate of single frames is unknown"
     direct = run.stated.direct
     if not direct.links:

@@ -56,7 +56,7 @@ class Drawing:
     figure: Figure
 
     def page_svg(self) -> str:
-        """The figure as an <svg> element without a fixed size, whose colours follow the page's theme."""
+        """Return the figure as an <svg> element without a fixed size, whose colours follow the page's theme."""
         text = _svg(self.figure, transparent=True)
         text = text[text.index("<svg") :]
         for colour, variable in _VARIABLES.items():
@@ -141,14 +141,14 @@ def drawn() -> Iterator[None]:
 
 
 def figure(width: float, height: float) -> Figure:
-    """An empty figure; width and height in inches."""
+    """Return an empty figure; width and height in inches."""
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), layout="constrained")
 
 
 def colour(place: int) -> str:
-    """The colour of a robot or a run, by its place."""
+    """Return the colour of a robot or a run, by its place."""
     return ROBOTS[place % len(ROBOTS)]
 
 
@@ -184,7 +184,7 @@ def draw(name: str, heading: str, caption: str, make: Callable[[], Figure]) -> D
 
 
 def _size(points: float) -> str:
-    """CSS limits for the width of a figure, given in points; on a phone it scrolls instead of becoming unreadable."""
+    """Return CSS limits for the width of a figure, given in points; on a phone it scrolls instead."""
     return f"min-width:{min(600.0, points):.0f}px;max-width:{points * 1.45:.0f}px"
 
 
