@@ -40,7 +40,7 @@ SPARE = 0.3
 """Share of the fleets that have a spare robot, which joins."""
 
 DIFFERENT = "traces differ"
-"""What went wrong where the ways of running a scenario do not give the same trace."""
+"""Problem where the ways of running a scenario do not give the same trace."""
 
 T = TypeVar("T")
 
@@ -62,7 +62,7 @@ class WayResult:
 
 @dataclass(frozen=True, slots=True)
 class Breakage:
-    """What did not hold in a scenario.
+    """A promise that did not hold in a scenario.
 
     Attributes:
         what: What went wrong, in words that are the same for breakages of the same sort.
@@ -96,7 +96,7 @@ class TimeLimit:
         self._end = time.monotonic() + LIMIT_S
 
     def exceeded(self) -> bool:
-        """Whether the time is over, so that the run must stop; runs call this again and again."""
+        """Return whether the time is over, so that the run must stop; runs call this again and again."""
         self._lost = self._lost or time.monotonic() > self._end
         return self._lost
 
@@ -120,7 +120,7 @@ Way = Callable[[Scenario], WayResult]
 
 
 def random_scenario(seed: int, key: Path) -> Scenario:
-    """A short random scenario with its faults written out.
+    """Return a short random scenario with its faults written out.
 
     Args:
         seed: Decides the scenario.
@@ -303,7 +303,7 @@ def examine(scenario: Scenario, ways: Mapping[str, Way]) -> Breakage | None:
 
 
 def _raised_at(error: Exception) -> str:
-    """The innermost place in our own code, as module:line."""
+    """Return the innermost place in our own code, as module:line."""
     places = [
         f"{module}:{line}"
         for frame, line in traceback.walk_tb(error.__traceback__)
@@ -344,7 +344,7 @@ class Narrowed:
 
 
 def with_faults(scenario: Scenario, faults: Sequence[Any]) -> Scenario:
-    """A scenario with some of its faults, under the same ids and with the same random draws.
+    """Return a scenario with some of its faults, under the same ids and with the same random draws.
 
     A fault's place in the list enters its draws. A fault left out before another is therefore replaced by one without
     an effect: a clock fault with no offset.

@@ -44,7 +44,7 @@ PolicyFailure = Callable[[int, str, BaseException | None], None]
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What a run left: its records, what they add up to (as in summary.json), and whether to believe it."""
+    """The result of a run: its records, their summary, and the verdict on it."""
 
     journal: RunRecord
     summary: Summary
@@ -97,13 +97,13 @@ class InProcessFleet:
         return self._minds
 
     def phase_a(self, k: int, reports: Mapping[int, Sensed]) -> Mapping[int, Sequence[bytes]]:
-        """What every mind sends."""
+        """Return the frames that every mind sends."""
         del k
         self._sensed = reports
         return {number: self._minds[number].frames(sensed) for number, sensed in reports.items()}
 
     def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply]:
-        """Every mind's command."""
+        """Return every mind's command."""
         numbers = list(heard)
         if self._company is not None:
             own = {number: as_received(self._sensed[number].pose) for number in numbers}
@@ -121,7 +121,7 @@ class InProcessFleet:
         return {number: reply for number in numbers if (reply := replies[number]) is not None}
 
     def lost(self) -> Sequence[tuple[int, Status, str]]:
-        """Whose policy has failed in this tick; what else a mind raises fails the run."""
+        """Return the robots whose policy has failed in this tick; any other error of a mind fails the run."""
         lost = [(number, Status.LOST, reason) for number, reason in sorted(self._failed.items())]
         self._failed.clear()
         for number, _, _ in lost:
@@ -137,12 +137,12 @@ class InProcessFleet:
         self._drop(number)
 
     def pause(self, number: int) -> str:
-        """Nothing: a mind that is not called stands still, and has no process to look at."""
+        """Do nothing: a mind that is not called stands still, and has no process to look at."""
         del number
         return ""
 
     def resume(self, number: int) -> str:
-        """Nothing: it is called again."""
+        """Do nothing: the mind is called again."""
         del number
         return ""
 
@@ -157,13 +157,13 @@ class InProcessFleet:
             self._failure(number, str(failed), failed.__cause__)
 
     def arrived(self, number: int) -> bool:
-        """At once; a mind whose policy cannot be made raises NotStarted."""
+        """Return True at once; a mind whose policy cannot be made raises NotStarted."""
         if (reason := self._unmade.pop(number, None)) is not None:
             raise NotStarted(reason)
         return number in self._minds
 
     def release(self, paused: Iterable[int]) -> None:
-        """Nothing: nobody is held."""
+        """Do nothing: no mind is held."""
 
     def finish(self, k: int) -> None:
         """Let the threads go."""
@@ -200,7 +200,7 @@ class InProcessFleet:
 
 
 def make_minds(prepared: Prepared, shared: Shared | None = None) -> dict[int, Mind]:
-    """The first minds of a scenario's whole roster.
+    """Return the first minds of a scenario's whole roster.
 
     Args:
         prepared: The scenario.
@@ -302,7 +302,7 @@ def run_in_process(
 
 
 def fault_free_mfow(prepared: Prepared, stop: Callable[[], bool] = lambda: False) -> float | None:
-    """The mean MFoW of a scenario without its faults.
+    """Return the mean MFoW of a scenario without its faults.
 
     Args:
         prepared: The scenario.

@@ -27,7 +27,7 @@ FINAL: Mapping[str, object] = {
     "patrol.policy": "potential-field",
     "patrol.options.random_move_for": "all",
 }
-"""What the paper's final algorithm has in place of our defaults."""
+"""Settings of the paper's final algorithm that differ from our defaults."""
 
 VARIANTS: Mapping[str, Mapping[str, object]] = {
     "final algorithm": {**FINAL, "patrol.options.separation": "none"},
@@ -68,7 +68,7 @@ class Condition:
 
 @dataclass(frozen=True, slots=True)
 class FaultSetup:
-    """What all runs share.
+    """The settings that all runs share.
 
     Attributes:
         terrain: Name of a built-in terrain.
@@ -117,19 +117,19 @@ GROUPS: Mapping[str, str] = {
 
 
 def conditions(setup: FaultSetup) -> list[Condition]:
-    """All conditions.
+    """Return all conditions.
 
     Args:
-        setup: What all runs share.
+        setup: The settings that all runs share.
     """
     return [Condition("quiet", QUIET, []), *_losses(), *_radio(setup), *_robots(setup), *_forgeries(setup)]
 
 
 def chosen(setup: FaultSetup, names: Sequence[str]) -> list[Condition]:
-    """Some of the conditions, always including the one without faults, which the others are compared with.
+    """Return some of the conditions, always including the one without faults, which the others are compared with.
 
     Args:
-        setup: What all runs share.
+        setup: The settings that all runs share.
         names: Names of groups, or of conditions as GROUP: NAME; all conditions where there are none.
 
     Returns:
@@ -148,10 +148,10 @@ def chosen(setup: FaultSetup, names: Sequence[str]) -> list[Condition]:
 
 
 def plan_of(setup: FaultSetup, tried: Sequence[Condition]) -> Plan:
-    """The plan of all runs.
+    """Return the plan of all runs.
 
     Args:
-        setup: What all runs share.
+        setup: The settings that all runs share.
         tried: The conditions.
 
     Raises:
@@ -166,7 +166,7 @@ def plan_of(setup: FaultSetup, tried: Sequence[Condition]) -> Plan:
 
 
 def case_name(condition: Condition, variant: str) -> str:
-    """The name of the case of a condition and a variant.
+    """Return the name of the case of a condition and a variant.
 
     Args:
         condition: The condition.
@@ -262,7 +262,7 @@ class Finding:
 
 
 def findings(outcome: SweepOutcome, tried: Sequence[Condition]) -> list[Finding]:
-    """The results of the runs, variant by variant.
+    """Return the results of the runs, variant by variant.
 
     Args:
         outcome: The results of the plan.
@@ -327,7 +327,7 @@ AGAINST: Mapping[str, str] = {
 
 
 def comparisons(outcome: SweepOutcome, tried: Sequence[Condition]) -> list[FaultComparison]:
-    """All comparisons that the tried conditions allow, over the seeds that both sides have.
+    """Return all comparisons that the tried conditions allow, over the seeds that both sides have.
 
     Args:
         outcome: The results of the plan.
@@ -343,7 +343,7 @@ def comparisons(outcome: SweepOutcome, tried: Sequence[Condition]) -> list[Fault
 
 
 def _pairs(tried: Sequence[Condition]) -> Iterator[tuple[str, str, str, ConditionVariant, ConditionVariant]]:
-    """The comparisons: group, what is compared, the measure, and the two sides."""
+    """Yield the comparisons: group, what is compared, the measure, and the two sides."""
     plain, claims = VARIANTS
     by_name = {(condition.group, condition.name): condition for condition in tried}
     for (group, name), condition in by_name.items():
@@ -361,10 +361,10 @@ def _pairs(tried: Sequence[Condition]) -> Iterator[tuple[str, str, str, Conditio
 
 
 def as_json(setup: FaultSetup, found: Sequence[Finding], compared: Sequence[FaultComparison]) -> dict[str, Any]:
-    """The content of faults.json: each mean with its 95 % interval.
+    """Return the content of faults.json: each mean with its 95 % interval.
 
     Args:
-        setup: What all runs share.
+        setup: The settings that all runs share.
         found: The results.
         compared: The comparisons.
     """

@@ -29,7 +29,7 @@ def page(
     failed: int,
     pictures: Sequence[str],
 ) -> str:
-    """The page as Markdown.
+    """Return the page as Markdown.
 
     Args:
         setup: What all runs share.

@@ -21,7 +21,7 @@ from patrol.errors import BadInput
 
 @dataclass(frozen=True, slots=True)
 class RadiusFit:
-    """How well a sensor range fits.
+    """The fit of a sensor range.
 
     Attributes:
         radius: The sensor range, m.
@@ -35,14 +35,14 @@ class RadiusFit:
 
     @property
     def miss(self) -> float:
-        """What is minimised: |ln| of the median ratio."""
+        """The quantity to minimise: |ln| of the median ratio."""
         return abs(math.log(self.near.median_ratio))
 
 
 def radius_setups(
     point: float, radii: Sequence[float], seeds: tuple[int, ...], settings: Mapping[str, object]
 ) -> dict[str, PaperSetup]:
-    """A setup for each sensor range.
+    """Return a setup for each sensor range.
 
     Args:
         point: Side of one grid point, m.
@@ -62,7 +62,7 @@ def radius_setups(
 
 
 def calibration_plan(setups: Mapping[str, PaperSetup]) -> Plan:
-    """The runs of the tables that the range is fitted to.
+    """Return the runs of the tables that the range is fitted to.
 
     Args:
         setups: The setups by the ends of their cases' names.
@@ -71,7 +71,7 @@ def calibration_plan(setups: Mapping[str, PaperSetup]) -> Plan:
 
 
 def fit_radii(setups: Mapping[str, PaperSetup], outcome: SweepOutcome) -> list[RadiusFit]:
-    """How well each sensor range fits.
+    """Compute the fit of each sensor range.
 
     Args:
         setups: The setups by the ends of their cases' names.
@@ -90,7 +90,7 @@ def fit_radii(setups: Mapping[str, PaperSetup], outcome: SweepOutcome) -> list[R
 
 
 def best_radius(fits: Sequence[RadiusFit]) -> RadiusFit | None:
-    """The sensor range that fits best.
+    """Return the sensor range that fits best.
 
     Args:
         fits: The fits.
@@ -102,7 +102,7 @@ def best_radius(fits: Sequence[RadiusFit]) -> RadiusFit | None:
 
 
 def crossing(fits: Sequence[RadiusFit]) -> float | None:
-    """The sensor range at which the median ratio is 1, interpolated linearly in its logarithm.
+    """Return the sensor range at which the median ratio is 1, interpolated linearly in its logarithm.
 
     Args:
         fits: The fits of the ranges that were tried.
@@ -121,7 +121,7 @@ def crossing(fits: Sequence[RadiusFit]) -> float | None:
 
 
 def fits_as_json(point: float, seeds: Sequence[int], fits: Sequence[RadiusFit]) -> dict[str, Any]:
-    """The content of calibration.json.
+    """Return the content of calibration.json.
 
     Args:
         point: Side of one grid point, m.
@@ -141,7 +141,7 @@ def fits_as_json(point: float, seeds: Sequence[int], fits: Sequence[RadiusFit]) 
 
 
 def fit_as_json(comparisons: Sequence[TableComparison]) -> dict[str, Any] | None:
-    """The content of fit.json: the fit of the tables together that the sensor range is fitted to.
+    """Return the content of fit.json: the fit of the tables together that the sensor range is fitted to.
 
     Args:
         comparisons: The tables that were run.

@@ -61,7 +61,7 @@ def judge_orderings(orderings: Sequence[Ordering], comparisons: Sequence[TableCo
 
 
 def as_json(judged: Judged) -> dict[str, Any]:
-    """One entry of orderings.json.
+    """Return one entry of orderings.json.
 
     Args:
         judged: The judged conclusion.
@@ -90,7 +90,7 @@ def _ratio(ordering: Ordering, tables: Mapping[int, TableComparison]) -> Estimat
 
 
 def _logs(side: Side, comparison: TableComparison) -> dict[tuple[str, int], float]:
-    """Logarithms of the values by column and seed."""
+    """Return the logarithms of the values by column and seed."""
     found = {}
     for column in side.columns:
         cell = comparison.cell(side.row, column)
@@ -101,7 +101,7 @@ def _logs(side: Side, comparison: TableComparison) -> dict[tuple[str, int], floa
 
 
 def _by_seed(logs: Mapping[tuple[str, int], float]) -> dict[tuple[str, int], float]:
-    """Means over the columns by seed, of the seeds that have all columns."""
+    """Return the means over the columns by seed, of the seeds that have all columns."""
     columns = {column for column, _ in logs}
     seeds = dict.fromkeys(seed for _, seed in logs)
     whole = [seed for seed in seeds if all((column, seed) in logs for column in columns)]

@@ -73,7 +73,7 @@ class PaperTable:
     measures: tuple[Measure, ...]
 
     def part(self, rows: Sequence[str], columns: Sequence[str]) -> PaperTable:
-        """The table with some of its rows and columns.
+        """Return the table with some of its rows and columns.
 
         Args:
             rows: Names of the rows to keep; all where there are none.
@@ -96,7 +96,7 @@ class PaperTable:
         )
 
     def case(self, row: str, column: str) -> str:
-        """The name of the case of a cell.
+        """Return the name of the case of a cell.
 
         Args:
             row: Name of its row.
@@ -161,7 +161,7 @@ class Ordering:
 
 @dataclass(frozen=True, slots=True)
 class Remark:
-    """Why some cells differ from the printed ones.
+    """The reason why some cells differ from the printed ones.
 
     Attributes:
         table: Number of the table.
@@ -176,7 +176,7 @@ class Remark:
     says: str
 
     def applies_to(self, table: int, row: str, column: str) -> bool:
-        """Whether the remark is about a cell.
+        """Return whether the remark is about a cell.
 
         Args:
             table: Number of the cell's table.
@@ -212,7 +212,7 @@ class Paper:
     remarks: tuple[Remark, ...]
 
     def table(self, number: int) -> PaperTable:
-        """A table.
+        """Return a table.
 
         Args:
             number: Its number.
@@ -226,7 +226,7 @@ class Paper:
         return self.tables[number]
 
     def sensor_range(self, point: float) -> SensorRange:
-        """The calibrated sensor range for a size of points, or for the nearest size that has one.
+        """Return the calibrated sensor range for a size of points, or for the nearest size that has one.
 
         Args:
             point: Side of one grid point, m.
@@ -236,7 +236,7 @@ class Paper:
 
 @cache
 def paper() -> Paper:
-    """The data of the paper, read once."""
+    """Return the data of the paper, read once."""
     raw = json.loads(files("experiments.paper").joinpath("paper_data.json").read_text(encoding="utf-8"))
     return Paper(
         source=raw["source"],

@@ -19,7 +19,7 @@ FAR_OFF = 1.5
 
 @dataclass(frozen=True, slots=True)
 class PaperSetup:
-    """What all cells are run with, besides their own settings.
+    """The settings that all cells share, besides their own.
 
     Attributes:
         point: Side of one grid point, m.
@@ -35,7 +35,7 @@ class PaperSetup:
 
 
 def plan_of(tables: Sequence[PaperTable], setups: Mapping[str, PaperSetup]) -> Plan:
-    """The runs of some tables.
+    """Return the runs of some tables.
 
     Args:
         tables: The tables.
@@ -89,7 +89,7 @@ class Cell:
 
     @property
     def far_off(self) -> bool:
-        """Whether our mean differs from the printed value by more than the factor `FAR_OFF`, either way."""
+        """True if our mean differs from the printed value by more than the factor `FAR_OFF`, either way."""
         ratio = self.ratio
         return ratio is not None and not 1.0 / FAR_OFF <= ratio <= FAR_OFF
 
@@ -111,7 +111,7 @@ class TableComparison:
     computing_s: float
 
     def cell(self, row: str, column: str) -> Cell | None:
-        """A cell.
+        """Return a cell.
 
         Args:
             row: Name of its row, with its measure's suffix.
@@ -146,7 +146,7 @@ def compare(table: PaperTable, setup: PaperSetup, outcome: SweepOutcome, end: st
 
 
 def fit_of(comparisons: Sequence[TableComparison], below: float | None = None) -> Fit | None:
-    """How well our mean MFoWs fit the printed ones.
+    """Compute how well our mean MFoWs fit the printed ones.
 
     Args:
         comparisons: The tables.
@@ -166,7 +166,7 @@ def fit_of(comparisons: Sequence[TableComparison], below: float | None = None) -
 
 
 def as_json(comparison: TableComparison) -> dict[str, Any]:
-    """The content of table_N.json.
+    """Return the content of table_N.json.
 
     Args:
         comparison: The table.
@@ -201,7 +201,7 @@ def as_json(comparison: TableComparison) -> dict[str, Any]:
 
 
 def as_lines(comparison: TableComparison) -> Iterator[Sequence[object]]:
-    """The content of table_N.csv.
+    """Yield the content of table_N.csv.
 
     Args:
         comparison: The table.

@@ -25,7 +25,7 @@ def page(
     computing_s: float,
     pictures: Mapping[str, str],
 ) -> str:
-    """The page as Markdown.
+    """Return the page as Markdown.
 
     Args:
         comparisons: The tables.
@@ -88,7 +88,7 @@ def _terrains(pictures: Mapping[str, str]) -> Iterator[str]:
 
 
 def _fits(comparisons: Sequence[TableComparison]) -> Iterator[str]:
-    """How well each table fits, in one table."""
+    """Write a table that says how well each table fits."""
     rows: list[tuple[str, Fit | None]] = [
         (f"Table {comparison.table.number}", fit_of([comparison])) for comparison in comparisons
     ]
@@ -136,7 +136,7 @@ def _beside(cell: Cell) -> str:
 
 
 def _far_off(comparisons: Sequence[TableComparison]) -> Iterator[str]:
-    """Every far-off cell under the remark about it."""
+    """Yield every far-off cell under the remark about it."""
     by_remark: dict[str, list[str]] = {}
     total = far = 0
     for comparison in comparisons:
@@ -158,7 +158,7 @@ def _far_off(comparisons: Sequence[TableComparison]) -> Iterator[str]:
 
 
 def remark_on(number: int, cell: Cell, remarks: Sequence[Remark]) -> Remark | None:
-    """The first remark about a cell.
+    """Return the first remark about a cell.
 
     Args:
         number: Number of its table.

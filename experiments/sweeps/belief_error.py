@@ -46,7 +46,7 @@ class BeliefError:
             self._fresher += float(np.count_nonzero(later > 0)) / fog.points
 
     def metrics(self) -> dict[str, float | None]:
-        """The error so far.
+        """Return the error so far.
 
         Returns:
             ``belief_error_s``, the mean absolute difference between the believed and the true age of a point in s, and

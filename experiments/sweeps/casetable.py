@@ -46,7 +46,7 @@ class CaseRow:
 
 
 def case_rows(outcome: SweepOutcome) -> list[CaseRow]:
-    """The results of a sweep, one row per case.
+    """Return the results of a sweep, one row per case.
 
     Args:
         outcome: The results of the runs.
@@ -74,7 +74,7 @@ def case_rows(outcome: SweepOutcome) -> list[CaseRow]:
 
 
 def _change(own: Mapping[int, float], others: Mapping[int, float]) -> Estimate | None:
-    """By how many percent the mean over the seeds that both have is above the other's."""
+    """Return by how many percent the mean over the seeds that both have is above the other's."""
     seeds = [seed for seed in own if seed in others]
     base = sum(others[seed] for seed in seeds) / max(len(seeds), 1)
     return estimate([100.0 * (own[seed] - others[seed]) / base for seed in seeds]) if base > 0.0 else None
@@ -108,7 +108,7 @@ def write_tables(outcome: SweepOutcome, folder: Path) -> tuple[Path, Path]:
 
 
 def csv_text(lines: Iterator[Sequence[object]]) -> str:
-    """Values as CSV text.
+    """Write values as CSV text.
 
     Args:
         lines: The values, line by line; None gives an empty field.
@@ -119,7 +119,7 @@ def csv_text(lines: Iterator[Sequence[object]]) -> str:
 
 
 def json_text(value: Any) -> str:
-    """A value as indented JSON text.
+    """Return a value as indented JSON text.
 
     Args:
         value: What `json.dumps` accepts, without NaN.

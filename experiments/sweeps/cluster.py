@@ -14,7 +14,7 @@ from experiments.sweeps.worker import Answer, Task, answer, prepare_worker, run_
 from patrol.errors import BadInput
 
 TIMEOUT_S = 10.0
-"""How long to wait for the scheduler to answer, and for a first worker."""
+"""Longest wait for the scheduler to answer, and for a first worker."""
 
 
 class ClusterWorkers:

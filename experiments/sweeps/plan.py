@@ -89,7 +89,7 @@ class Plan:
     partners: Mapping[str, str] = default(default_factory=dict)
 
     def runs_of(self, case: str) -> list[Run]:
-        """The runs of a case, one per seed.
+        """Return the runs of a case, one per seed.
 
         Args:
             case: Name of the case.
@@ -97,7 +97,7 @@ class Plan:
         return [run for run in self.runs if run.case == case]
 
     def partner(self, case: Case) -> Case | None:
-        """The case that another is compared with.
+        """Return the case that another is compared with.
 
         Args:
             case: The case to compare.
@@ -184,7 +184,7 @@ def read_plan(path: Path, seeds: int | None = None) -> Plan:
 
 
 def count_of_seeds(count: int, called: str) -> tuple[int, ...]:
-    """Seeds 1 to `count`.
+    """Return the seeds 1 to `count`.
 
     Args:
         count: Number of seeds.
@@ -290,7 +290,7 @@ def _cases(raw: Mapping[str, Any], path: Path) -> list[Case]:
 
 
 def _named(given: object, path: Path) -> Iterator[Case]:
-    """The named cases; one without a name and settings where there are none."""
+    """Yield the named cases; one without a name and settings where there are none."""
     if given is None:
         yield Case("", {})
         return
@@ -331,7 +331,7 @@ def _names_differ(cases: Sequence[Case], called: str) -> None:
 
 
 def _short_names(fields: Sequence[str]) -> dict[str, str]:
-    """The last part of each dotted field where it is unique, otherwise the whole field."""
+    """Return the last part of each dotted field where it is unique, otherwise the whole field."""
     last = Counter(field.rpartition(".")[2] for field in fields)
     return {field: tail if last[tail := field.rpartition(".")[2]] == 1 else field for field in fields}
 

@@ -18,10 +18,10 @@ from experiments.sweeps.worker import Answer, Task, answer
 from patrol.errors import BadInput
 
 LOOK_UP_S = 0.5
-"""How often to look up while no worker answers, s: a signal that comes just before the wait does not end it."""
+"""Interval of looking up while no worker answers, s: a signal that comes just before the wait does not end it."""
 
 GRACE_S = 2.0
-"""How long a worker that has closed its output may take to end by itself."""
+"""Longest wait for a worker that has closed its output to end by itself."""
 
 
 class WorkerPool(Protocol):
@@ -130,12 +130,12 @@ class LocalWorkers:
 
 
 def cores() -> int:
-    """The number of processor cores that this process may use."""
+    """Return the number of processor cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _cause(code: int) -> str:
-    """The end of a process in words, from its exit code."""
+    """Return the end of a process in words, from its exit code."""
     if code == -signal.SIGKILL:
         return "killed; was there too little memory?"
     return signal.Signals(-code).name if code < 0 else f"exit code {code}"

@@ -56,5 +56,5 @@ def seconds_per_run(runs: Sequence[Run], clock: Callable[[], float] = time.perf_
 
 
 def _cut(scenario: Scenario, ticks: int) -> Scenario:
-    """The first ticks of a scenario."""
+    """Return the first ticks of a scenario."""
     return scenario.model_copy(update={"duration": scenario.step * min(ticks, scenario.ticks)})

@@ -69,7 +69,7 @@ class RunResult:
 
     @property
     def ok(self) -> bool:
-        """Whether the run is valid."""
+        """True if the run is valid."""
         return self.outcome == OK
 
 

@@ -51,7 +51,7 @@ class SweepOutcome:
         return [self.results[key] for key in dict.fromkeys(run.key for run in self.plan.runs) if key in self.results]
 
     def values(self, case: str, metric: str) -> dict[int, float]:
-        """The values of a metric.
+        """Return the values of a metric.
 
         Args:
             case: Name of a case.

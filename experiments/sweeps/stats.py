@@ -51,7 +51,7 @@ class Estimate:
 
 
 def estimate(values: Sequence[float], confidence: float = 0.95) -> Estimate:
-    """The mean of independent values with Student's interval.
+    """Return the mean of independent values with Student's interval.
 
     Args:
         values: The values.

@@ -44,7 +44,7 @@ PACKAGES = ("patrol", "agent", "worldsim")
 
 
 def software() -> str:
-    """The version of fogwatch."""
+    """Return the version of fogwatch."""
     return version("fogwatch")
 
 
@@ -85,7 +85,7 @@ def run_task(task: Task) -> Answer:
 
 
 def _run(scenario: Mapping[str, Any]) -> tuple[Metrics, str | None, str | None]:
-    """A run's metrics, its trace hash, and the failed checks of its verdict, or None if it is valid."""
+    """Return a run's metrics, its trace hash, and the failed checks of its verdict, or None if it is valid."""
     from patrol.scenario import load_scenario
 
     outcome, of_belief = run_scenario(load_scenario(scenario))
@@ -123,7 +123,7 @@ def answer(
     wall_s: float = 0.0,
     processor_s: float = 0.0,
 ) -> Answer:
-    """The answer to a task.
+    """Return the answer to a task.
 
     Args:
         task: The task.
