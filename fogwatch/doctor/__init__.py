@@ -1,4 +1,4 @@
-"""What there is of a ROS 2 robot on its Zenoh router, and whether a patrol could start on it.
+"""Survey of a ROS 2 robot on its Zenoh router: its topics, and whether a patrol could start on it.
 
 survey.py    look and listen
 topics.py    what comes on the topics that matter

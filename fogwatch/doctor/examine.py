@@ -1,4 +1,4 @@
-"""Whether a patrol could start on a robot: what was found, and what to do about what is missing."""
+"""Findings on a robot: whether a patrol could start on it, and the remedies for what is missing."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _COMMANDS = [CODINGS[kind].type_name for kind in (ros.TwistStamped, ros.Twist, r
 
 
 class Level(StrEnum):
-    """How bad a finding is. A patrol can start unless something is missing."""
+    """The severity of a finding. A patrol can start unless something is missing."""
 
     OK = "ok"
     WARNING = "warning"
@@ -50,7 +50,7 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Examined:
-    """What a survey says.
+    """The result of a survey.
 
     Attributes:
         speaks: The format that the robot speaks; empty where nothing was seen.
@@ -67,12 +67,12 @@ class Examined:
 
     @property
     def fit(self) -> bool:
-        """Whether a patrol could start."""
+        """True if a patrol could start."""
         return all(finding.level is not Level.MISSING for finding in self.findings)
 
 
 def examine(seen: Survey) -> Examined:
-    """What a survey says, and what follows from it.
+    """Return the findings of a survey.
 
     Args:
         seen: The survey.
@@ -127,13 +127,13 @@ def _of_format(seen: Survey, form: Format, here: Sequence[Entity], ours: Sequenc
 
 
 def _speaks(seen: Survey, form: Format) -> bool:
-    """Whether odometry came in the robot's namespace."""
+    """Return whether odometry came in the robot's namespace."""
     where = form.heard(full_name(seen.namespace, seen.wanted.topic("odom"))).removesuffix("/*/*")
     return any(key == where or key.startswith(f"{where}/") for key in seen.heard)
 
 
 def _elsewhere(entities: Iterable[Entity], usual: str) -> str:
-    """What to do where a topic has another name, or nobody has it."""
+    """Return the remedy where a topic has another name, or no node has it."""
     names = sorted({printable(entity.topic[:255]) for entity in entities})
     if not names:
         return "start the robot's base driver"
@@ -142,7 +142,7 @@ def _elsewhere(entities: Iterable[Entity], usual: str) -> str:
 
 
 def _namespaces(entities: Iterable[Entity], wanted: Wanted) -> list[str]:
-    """Where there is odometry, or commands are wanted."""
+    """Return the namespaces in which there is odometry, or commands are wanted."""
     names = (wanted.topic("odom"), wanted.topic("cmd_vel"))
     found = {entity.topic.rpartition("/")[0].strip("/") for entity in entities if entity.topic.endswith(names)}
     return sorted(printable(name[:255]) for name in found)
@@ -178,7 +178,7 @@ def _of_odometry(seen: Survey, topics: Sequence[Topic], entities: Sequence[Entit
 
 
 def _of_stamps(seen: Survey, form: Format) -> Iterator[Finding]:
-    """Whether an agent would take the robot's odometry for new (`agent.robots.ros2.pose.localisation`)."""
+    """Find whether an agent would take the robot's odometry for new (`agent.robots.ros2.pose.localisation`)."""
     age_s = _age_of_odometry(seen, form)
     if age_s is None or seen.wanted.sim_time or -AHEAD_S <= age_s <= LONGEST_S:
         return
@@ -193,7 +193,7 @@ def _of_stamps(seen: Survey, form: Format) -> Iterator[Finding]:
 
 
 def _of_pose(seen: Survey, topics: Sequence[Topic]) -> Iterator[Finding]:
-    """Whether the robot's place on the map is known, by what the agent is to go by."""
+    """Find whether the robot's place on the map is known, by the source that the agent is to use."""
     wanted = seen.wanted
     spaces, kinds = (seen.namespace, ""), ("tf", "tf_static")
     tf = _usable(topics, [full_name(space, wanted.topic(kind)) for space in spaces for kind in kinds])
@@ -259,7 +259,7 @@ def _of_map(seen: Survey, topics: Sequence[Topic]) -> Iterator[Finding]:
 
 
 def _clock(seen: Survey, form: Format) -> float | None:
-    """By how much our clock is ahead, s: by the attachments, or by the stamps of odometry where there are none."""
+    """Return by how much our clock is ahead, s: by the attachments or, without any, by the stamps of odometry."""
     ages = [heard.age_ns for heard in seen.heard.values() if heard.age_ns is not None]
     return min(ages, key=abs) / 1e9 if ages else _age_of_odometry(seen, form)
 

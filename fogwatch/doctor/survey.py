@@ -17,7 +17,7 @@ _TOKENS_S = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """What a patrol wants of a robot, as its agent is told.
+    """The settings of a robot's agent, which say what a patrol needs of the robot.
 
     Attributes:
         topics: Names of topics other than the usual, by those (`agent.robots.ros2.settings.TOPICS`).
@@ -32,7 +32,7 @@ class Wanted:
     sim_time: bool = False
 
     def topic(self, usual: str) -> str:
-        """The name of a topic, relative to the robot's namespace.
+        """Return the name of a topic, relative to the robot's namespace.
 
         Args:
             usual: Its usual name.
@@ -42,7 +42,7 @@ class Wanted:
 
 @dataclass(slots=True)
 class Survey:
-    """What was seen and overheard.
+    """All that was seen and overheard of a robot.
 
     Attributes:
         domain: The ROS_DOMAIN_ID that was looked into.
@@ -81,7 +81,7 @@ def survey(link: ZenohRos2Link, domain: int, namespace: str, wanted: Wanted, sec
 
 
 def names_of(namespace: str, wanted: Wanted) -> Iterator[tuple[str, bool]]:
-    """The full names of all topics that matter, and whether they are latched."""
+    """Yield the full names of all topics that matter, and whether they are latched."""
     for usual, latched in (("odom", False), ("amcl_pose", True), ("cmd_vel", False)):
         yield full_name(namespace, wanted.topic(usual)), latched
     for usual, latched in (("tf", False), ("tf_static", True), ("map", True)):

@@ -23,12 +23,12 @@ _KNOWN = {coding.type_name: kind for kind, coding in CODINGS.items() if coding.u
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """What there is of a topic.
+    """The nodes and messages of a topic.
 
     Attributes:
         name: Its full name.
-        type_name: Its type; empty where nobody says.
-        type_hash: The hash of the type; empty where nobody says.
+        type_name: Its type; empty where no node says.
+        type_hash: The hash of the type; empty where no node says.
         rate: Messages a second.
         messages: Messages while we listened.
         size: Bytes of the longest.
@@ -51,7 +51,7 @@ class Topic:
 
 
 def topics_of(seen: Survey, form: Format, entities: Sequence[Entity]) -> Iterator[Topic]:
-    """The topics that matter, as far as there are any.
+    """Yield the topics that matter, as far as there are any.
 
     Args:
         seen: The survey.
@@ -91,7 +91,7 @@ def topics_of(seen: Survey, form: Format, entities: Sequence[Entity]) -> Iterato
 
 
 def _look(name: str, type_name: str, heard: Overheard | None, wanted: Wanted) -> tuple[tuple[str, ...], str]:
-    """The frames in a topic's messages, and why they cannot be used, if so."""
+    """Return the frames in a topic's messages, and why they cannot be used, if so."""
     kind = _KNOWN.get(type_name) or _expected(name, wanted)
     if heard is None or kind is None:
         return (), ""
@@ -106,7 +106,7 @@ def _look(name: str, type_name: str, heard: Overheard | None, wanted: Wanted) ->
 
 
 def _expected(name: str, wanted: Wanted) -> Any:
-    """The class of a topic's messages, where its key does not say."""
+    """Return the class of a topic's messages, where its key does not say."""
     kinds: dict[str, Any] = {
         "tf": ros.TFMessage,
         "tf_static": ros.TFMessage,

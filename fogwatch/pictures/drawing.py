@@ -1,4 +1,4 @@
-"""What all pictures share: a canvas in metres, a legend beside it, a scale bar, readable labels.
+"""Shared by all pictures: a canvas in metres, a legend beside it, a scale bar, readable labels.
 
 matplotlib is an optional dependency, so it is imported only when something is drawn.
 """
@@ -36,13 +36,13 @@ WALL_EDGE = 2
 """Width of the edge of a wall, dots."""
 
 BAR_LOW, BAR_TOP = 0.12, 0.54
-"""Where the colour bar begins and ends if the legend leaves room there, in heights of the drawing."""
+"""Ends of the colour bar if the legend leaves room there, in heights of the drawing."""
 
 LEAST_BAR = 1.5
 """Length of the shortest colour bar, inches."""
 
 SCALE_BAR = 0.035
-"""Where the scale bar is if there is room, in heights of the drawing."""
+"""Height of the scale bar if there is room, in heights of the drawing."""
 
 MARGIN = 0.12
 """Around everything that is drawn, inches."""
@@ -82,7 +82,7 @@ class Key:
 
 
 def canvas(terrain: Terrain, title: str) -> tuple[Figure, Axes]:
-    """A figure with axes in m over a whole terrain.
+    """Draw a figure with axes in m over a whole terrain.
 
     Args:
         terrain: The terrain.
@@ -280,7 +280,7 @@ def _lay_out(figure: Figure) -> None:
 
 
 def round_length(about: float) -> float:
-    """The largest of 1, 2 and 5 times a power of ten that is not above a limit.
+    """Return the largest of 1, 2 and 5 times a power of ten that is not above a limit.
 
     Args:
         about: The limit, above 0.

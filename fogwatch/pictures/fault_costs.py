@@ -98,7 +98,7 @@ def costs_picture(found: Sequence[Finding], files: Sequence[Path]) -> bool:
 
 
 def _label(one: Finding) -> str:
-    """A condition's name, with its group where the name is a number alone."""
+    """Return a condition's name, with its group where the name is a number alone."""
     group, name = one.condition.group, one.condition.name
     return f"{group} {name}" if name[0].isdigit() else name
 

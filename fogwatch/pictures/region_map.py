@@ -74,7 +74,7 @@ def _outline(axes: Axes, number: int, polygon: tuple[tuple[float, float], ...]) 
 
 
 def _shades(labels: NDArray[np.int32], count: int) -> list[int]:
-    """A colour for each region that no neighbour has, as far as the colours suffice; the least used first."""
+    """Return a colour for each region that no neighbour has, as far as the colours suffice; the least used first."""
     beside: list[set[int]] = [set() for _ in range(count)]
     for one, two in ((labels[:, 2:], labels[:, :-2]), (labels[2:], labels[:-2])):
         apart = (one != two) & (one >= 0) & (two >= 0)

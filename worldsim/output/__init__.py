@@ -1,1 +1,1 @@
-"""What a run leaves behind and shows while it goes on."""
+"""Everything that a run writes, and shows while it goes on."""

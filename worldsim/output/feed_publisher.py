@@ -31,7 +31,7 @@ BATCH_S = 0.05
 BATCH_BYTES = 1 << 15
 """A batch of this size is sent at once: what fits into one piece is dropped without delay where it must be."""
 ANSWER_S = 0.5
-"""Least wall time between two answers, s; all who ask meanwhile share the next."""
+"""Least wall time between two answers, s; all viewers that ask meanwhile share the next."""
 ANSWER_SHARE = 0.1
 """The greatest share of the time in which an answer is packed and sent."""
 MOST_ASKING = 16
@@ -187,7 +187,7 @@ class Feed:
 
 
 def ground_of(prepared: Prepared) -> Ground:
-    """The grids of a prepared scenario, for viewers."""
+    """Return the grids of a prepared scenario, for viewers."""
     areas = {id(fields): fields.patrolled for fields in prepared.fields.values()}
     places = {key: place for place, key in enumerate(areas)}
     area_of = {number: places[id(fields)] for number, fields in prepared.fields.items()}

@@ -1,4 +1,4 @@
-"""What became of a run's intruders, for the summary: when each was found, and for how long it was surrounded."""
+"""A run's intruders, for the summary: when each was reported, and for how long it was surrounded."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ class IntruderFacts:
             intruder.surrounded += around >= RING
 
     def facts(self) -> dict[str, Any]:
-        """The summary's entry `intruders`, or nothing for a run without any.
+        """Return the summary's entry `intruders`, or nothing for a run without any.
 
         Per intruder: `place_m`; `at_s` and `until_s`, when it comes and goes (None: it stays to the end);
         `first_reported_s`, when a robot first reported it (None: never); `reported_s`, for how long one did;
@@ -108,7 +108,7 @@ def _nearest(intruders: Sequence[_Intruder], place: tuple[float, float]) -> _Int
 
 
 def _contacts(record: TickRecord) -> list[tuple[float, float]]:
-    """The places of the intruders that robots report in a tick, m; a robot's contacts follow its position."""
+    """Return the places of the intruders that robots report in a tick, m; a robot's contacts follow its position."""
     places = []
     earlier = FORGED
     for source, frame in record.frames:

@@ -1,4 +1,4 @@
-"""What the terminal shows of a run while it goes on: its measures, and the robots that are trapped."""
+"""A run as the terminal shows it while it goes on: its measures, and the robots that are trapped."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ class LiveProgress:
         """
         fog = self._world.truth.fog
         traps = self._traps.tick(record, lambda: fog.last_seen)
-        # Who leaves one circle and has long been in the next is not free.
+        # A robot that has already stayed long in the next circle is still trapped.
         again = {trap.robot for trap in traps if trap.until is None}
         notices = [self._notice(record.k, trap) for trap in traps if trap.until is None or trap.robot not in again]
         return self._watcher.take(record, self._stalest), notices
 
     def event(self, event: Event) -> Notice:
-        """An event of the journal as a notice.
+        """Return an event of the journal as a notice.
 
         Args:
             event: The event.

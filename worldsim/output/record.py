@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def lower_bound(area_m2: float, roster: Sequence[RobotSpec], range_m: float) -> float:
-    """A lower bound of the MFoW that a fleet can keep on a patrolled area.
+    """Return a lower bound of the MFoW that a fleet can keep on a patrolled area.
 
     In a time T robot i sees at most pi r^2 + 2 r v_i T, and the fleet must see the whole area once per MFoW:
     (A - n pi r^2) / (2 r sum v_i), which for n equal robots is (A / n - pi r^2) / (2 r v).

@@ -85,7 +85,7 @@ class Traffic:
             self._count_faults(self._timeline, record, here, sent)
 
     def links(self) -> dict[str, Any]:
-        """The counts by the names of sender and receiver; empty for a fleet above `MOST_ROBOTS`."""
+        """Return the counts by the names of sender and receiver; empty for a fleet above `MOST_ROBOTS`."""
         links: dict[str, dict[str, Any]] = {}
         for source, to in itertools.product(self._place, repeat=2):
             link = self._place[source], self._place[to]
@@ -98,11 +98,11 @@ class Traffic:
         return links
 
     def faults(self) -> dict[str, Any]:
-        """The counts by the ids of faults."""
+        """Return the counts by the ids of faults."""
         return {name: fault.facts() for name, fault in self._faults.items()}
 
     def _reached(self, entry: Entry, origin: int, here: frozenset[int]) -> int:
-        """How many others a sender's frames reach over the links that a fault acts on."""
+        """Count the others that a sender's frames reach over the links that a fault acts on."""
         if here is not self._here and here != self._here:
             self._here = here
             self._reach.clear()

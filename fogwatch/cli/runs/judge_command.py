@@ -92,7 +92,7 @@ def _judged(journal: Journal, loaded: Prepared, codes: Mapping[str, int | None])
 
 
 def _with_key(prepared: Prepared, key: Path | None) -> Prepared:
-    """The scenario with the key that was given: the file that it names may be anybody's."""
+    """Return the scenario with the key that was given: the file that it names may be a stranger's."""
     radio = prepared.scenario.radio
     if radio.key is None:
         return prepared

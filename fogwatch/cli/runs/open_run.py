@@ -65,7 +65,7 @@ def print_state(run: Run, going: bool) -> None:
 
 
 def _may_go_on(run: Run) -> bool:
-    """Whether a run without an end may be going on: its journal grew lately, or its world answers."""
+    """Return whether a run without an end may be going on: its journal grew lately, or its world answers."""
     if time.time() - run.journal.path.stat().st_mtime < STILL_S:
         return True
     from patrol.net.security.access import FILE

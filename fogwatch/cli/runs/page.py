@@ -101,7 +101,7 @@ def monitor(
 
 
 def _access_in(run: Path) -> Path:
-    """The control file: in a running fleet's folder, or named itself. Raises BadInput where there is none."""
+    """Return the control file: in a running fleet's folder, or named itself. Raises BadInput where there is none."""
     from monitor.replay.run_files import JOURNAL
     from patrol.net.security.access import FILE
     from patrol.net.security.credentials import MEMBER
