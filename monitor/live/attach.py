@@ -102,9 +102,9 @@ def open_fleet(
             if ending:
                 return None
             raise BadInput(f"--access {access}: no such file; a run's {FILE} is removed when the run is over")
-        found = read_access(file, "--access")
-        met = Meeting(found.router, fleet_keys(found.fleet), found.credentials)
-        token = found.token
+        control = read_access(file, "--access")
+        met = Meeting(control.router, fleet_keys(control.fleet), control.credentials)
+        token = control.token
     else:
         met = meeting(_Named(credentials, router, fleet), Kind.VIEWER, Kind.OPERATOR)
     if scenario is None:

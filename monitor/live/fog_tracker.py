@@ -140,12 +140,12 @@ class FogTracker:
     def _heard(self, record: TickRecord) -> list[bytes]:
         """Return the frames that reach the robot in this tick, in the order of arrival."""
         past = defaultdict(dict, self._past)
-        found = (
+        heard_frames = (
             past[sent_at(sequence)].get((source, sequence))
             for source, to, sequence in record.deliveries
             if to == self._number
         )
-        return [frame for frame in found if frame is not None]
+        return [frame for frame in heard_frames if frame is not None]
 
     def _new_listener(self) -> Listener:
         own = NO_ROBOT if self._number is None else self._number

@@ -171,8 +171,8 @@ class RunChecks:
         Args:
             packed: Any bytes.
         """
-        found = (record_of(one, self.longest) for one in packed)
-        return [event for event in found if isinstance(event, Event) and self.event(event)]
+        records = (record_of(payload, self.longest) for payload in packed)
+        return [event for event in records if isinstance(event, Event) and self.event(event)]
 
     def _row(self, row: RobotTick) -> bool:
         x_min, y_min, x_max, y_max = self.bounds

@@ -59,7 +59,7 @@ def bands_of(events: Iterable[Event], step: float, end_s: float) -> tuple[Band, 
     open_bands: dict[str, int] = {}
     planned = False
     for event in events:
-        at = min(event.k * step, end_s)
+        time_s = min(event.k * step, end_s)
         if event.kind == FAULT:
             planned = True
             head, _, text = event.detail.partition(": ")
@@ -68,13 +68,13 @@ def bands_of(events: Iterable[Event], step: float, end_s: float) -> tuple[Band, 
             if verb == _ENDS and name in open_bands:
                 place = open_bands.pop(name)
                 before = bands[place]
-                bands[place] = Band(before.id, before.kind, before.begin, at, before.text)
+                bands[place] = Band(before.id, before.kind, before.begin, time_s, before.text)
             elif verb in (_BEGINS, _HAPPENS):
                 if verb == _BEGINS:
                     open_bands[name] = len(bands)
-                bands.append(Band(name, kind, at, end_s if verb == _BEGINS else at, text))
+                bands.append(Band(name, kind, time_s, end_s if verb == _BEGINS else time_s, text))
         elif event.kind == LOSSES[1] or (event.kind == LOSSES[0] and not planned):
-            bands.append(Band("", event.kind, at, at, event.detail))
+            bands.append(Band("", event.kind, time_s, time_s, event.detail))
     return tuple(bands)
 
 

@@ -100,5 +100,5 @@ class Listener:
             position = self.inbox.accept(frame, tick * self._step)
             if position is None or position.robot == CONTACT:
                 continue
-            for at, pose in self._tracker.hear(position, tick):
-                self.look(at, pose)
+            for look_tick, pose in self._tracker.hear(position, tick):
+                self.look(look_tick, pose)

@@ -106,8 +106,8 @@ class Server:
         rules = self._authorisation
         if not (rules.view_without_key or rules.is_key(request.cookies.get(rules.cookie))):
             return _refused("this page needs its token; open the address exactly as printed")
-        if (made := _MADE.get(name)) is not None:
-            return Response(made(), media_type=_TYPES[Path(name).suffix], headers=HEADERS)
+        if (make_file := _MADE.get(name)) is not None:
+            return Response(make_file(), media_type=_TYPES[Path(name).suffix], headers=HEADERS)
         path = self._files.get(name)
         if path is None:
             return PlainTextResponse("no such file\n", status_code=404, headers=HEADERS)

@@ -115,7 +115,7 @@ class LiveRecorder:
             ) from None
 
     def _write(self, state: State) -> None:
-        at = self._ns(state.k)
+        time_ns = self._ns(state.k)
         if not self._begun:
             self._begin(state)
         series = self._source.series(self._series_k)
@@ -127,7 +127,7 @@ class LiveRecorder:
             self._file.number("/fog_mean", mean_s, self._ns(k))
         self._write_events()
         if state.robots and state.k > self._robots_k:
-            self._robots(state, at)
+            self._robots(state, time_ns)
         if state.k >= self._grid_k + self._every:
             self._grid(state)
         self.last = state
@@ -136,11 +136,11 @@ class LiveRecorder:
         """Write the constant facts, and skip events before the first state."""
         self._begun, self._series_k = True, state.k - 1
         self._events = sum(event.k < state.k for event in self._source.events(0))
-        at, static = self._ns(state.k), self._static
-        walls = self._file.encoder.grid(at, static.point, static.origin, wall_values(static.passable))
-        self._file.write("/map", ros.GRID, walls, at)
+        time_ns, static = self._ns(state.k), self._static
+        walls = self._file.encoder.grid(time_ns, static.point, static.origin, wall_values(static.passable))
+        self._file.write("/map", ros.GRID, walls, time_ns)
         text = "/fog: 0 means seen now, 100 means seen /fog_scale seconds ago or earlier, -1 means not patrolled"
-        self._file.log("recording", " · ".join(filter(None, (text, static.note))), at)
+        self._file.log("recording", " · ".join(filter(None, (text, static.note))), time_ns)
 
     def _write_events(self) -> None:
         for event in self._source.events(self._events):
@@ -167,10 +167,12 @@ class LiveRecorder:
         if seen is None or state.k == self._grid_k:
             return
         self._grid_k = state.k
-        at = self._ns(state.k)
+        time_ns = self._ns(state.k)
         values = grid_values(Fog.resumed(static.patrolled, seen), state.k, self._scale_s / static.step)
-        self._file.number("/fog_scale", self._scale_s, at)
-        self._file.write("/fog", ros.GRID, self._file.encoder.grid(at, static.point, static.origin, values), at)
+        self._file.number("/fog_scale", self._scale_s, time_ns)
+        self._file.write(
+            "/fog", ros.GRID, self._file.encoder.grid(time_ns, static.point, static.origin, values), time_ns
+        )
 
     def _ns(self, k: int) -> int:
         return round(k * self._static.step * 1e9)

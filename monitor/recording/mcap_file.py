@@ -92,9 +92,9 @@ def _read(path: Path, contents: Contents, write: Callable[[Any], None] | None) -
                 topics[record.id] = record.topic
             case Message() if record.channel_id in topics:
                 contents.messages[topics[record.channel_id]] += 1
-                at = record.log_time / 1e9
-                contents.begin_s, first = (at, False) if first else (contents.begin_s, False)
-                contents.end_s = at
+                time_s = record.log_time / 1e9
+                contents.begin_s, first = (time_s, False) if first else (contents.begin_s, False)
+                contents.end_s = time_s
         if write is not None:
             write(record)
     if contents.why_cut and not contents.messages:
@@ -209,8 +209,8 @@ class _Copy:
             case Schema() if record.id not in self._schemas:
                 self._schemas[record.id] = writer.register_schema(record.name, record.encoding, record.data)
             case Channel() if record.id not in self._channels and record.schema_id in self._schemas:
-                what = (record.topic, record.message_encoding, self._schemas[record.schema_id], record.metadata)
-                self._channels[record.id] = writer.register_channel(*what)
+                channel_key = (record.topic, record.message_encoding, self._schemas[record.schema_id], record.metadata)
+                self._channels[record.id] = writer.register_channel(*channel_key)
             case Message() if record.channel_id in self._channels:
                 channel = self._channels[record.channel_id]
                 writer.add_message(channel, record.log_time, record.data, record.publish_time, record.sequence)

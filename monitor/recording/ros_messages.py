@@ -97,8 +97,8 @@ class Encoder:
             name: Name of the logger.
             text: The message.
         """
-        said: dict[str, Any] = {"level": level, "name": name, "msg": text, "file": "", "function": "", "line": 0}
-        return self._bytes(LOG, stamp=self._time(at), **said)
+        fields: dict[str, Any] = {"level": level, "name": name, "msg": text, "file": "", "function": "", "line": 0}
+        return self._bytes(LOG, stamp=self._time(at), **fields)
 
     def pose(self, at: int, x: float, y: float, heading: float) -> bytes:
         """Return a geometry_msgs/PoseStamped in the map's frame.

@@ -94,29 +94,29 @@ class Recorder:
 
     def after(self, k: int, fog: Fog) -> None:
         """See `Watcher`; writes the tick."""
-        run, at = self._run, self._ns(k)
+        run, time_ns = self._run, self._ns(k)
         for event in self._events.get(k, ()):
             self._log(event)
         if k % self._every == 0 or k == run.ticks - 1:
             values = grid_values(fog, k, self._scale_s / run.step)
-            self._file.write("/fog", ros.GRID, self._ros.grid(at, *self._place(), values), at)
+            self._file.write("/fog", ros.GRID, self._ros.grid(time_ns, *self._place(), values), time_ns)
         bodies = []
         for place, token in enumerate(self._ros_names):
             decision_ms = float(run.decision_ms[k, place])
             if not math.isnan(decision_ms):
-                self._file.number(f"/{token}/decision_ms", decision_ms, at)
+                self._file.number(f"/{token}/decision_ms", decision_ms, time_ns)
             if run.status[k, place] in WITH_BODY:
                 x, y, heading = run.poses[k, place].tolist()
                 bodies.append((token, x, y, heading))
-                self._file.write(f"/{token}/pose", ros.POSE, self._ros.pose(at, x, y, heading), at)
-        self._file.write("/tf", ros.TRANSFORMS, self._ros.transforms(at, bodies), at)
-        self._file.number("/mfow", run.mfow[k] * run.step, at)
-        self._file.number("/fog_mean", run.fog_mean[k] * run.step, at)
-        self._file.number("/seen_share", run.seen[k] / self._area, at)
-        self._file.number("/alive", int(np.count_nonzero(run.status[k] == Status.ALIVE)), at)
+                self._file.write(f"/{token}/pose", ros.POSE, self._ros.pose(time_ns, x, y, heading), time_ns)
+        self._file.write("/tf", ros.TRANSFORMS, self._ros.transforms(time_ns, bodies), time_ns)
+        self._file.number("/mfow", run.mfow[k] * run.step, time_ns)
+        self._file.number("/fog_mean", run.fog_mean[k] * run.step, time_ns)
+        self._file.number("/seen_share", run.seen[k] / self._area, time_ns)
+        self._file.number("/alive", int(np.count_nonzero(run.status[k] == Status.ALIVE)), time_ns)
         delivered, dropped = int(run.links.delivered_in[k]), int(run.links.dropped_in[k])
         if delivered + dropped:
-            self._file.number("/delivered_share", delivered / (delivered + dropped), at)
+            self._file.number("/delivered_share", delivered / (delivered + dropped), time_ns)
 
     def close(self) -> None:
         """Complete the file and give it its name.
@@ -128,9 +128,9 @@ class Recorder:
         for k in sorted(k for k in self._events if k >= run.ticks):
             for event in self._events[k]:
                 self._log(event)
-        at = self._ns(run.ticks)
+        time_ns = self._ns(run.ticks)
         if run.ended is None:
-            self._file.log("run", "the journal is cut off here", at, ros.WARN)
+            self._file.log("run", "the journal is cut off here", time_ns, ros.WARN)
         try:
             self._file.finish()
             self._part.replace(self._out)

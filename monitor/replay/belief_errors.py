@@ -72,11 +72,11 @@ def chosen_robots(run: Run, work: int = WORK) -> tuple[int, ...]:
         Places in the roster: all, or as many as `work` allows, those that missed most frames.
     """
     count = len(run.numbers)
-    most = max(1, work // max(1, run.ticks * count))
-    if most >= count:
+    robot_limit = max(1, work // max(1, run.ticks * count))
+    if robot_limit >= count:
         return tuple(range(count))
     missed = run.links.lost.sum(axis=0)[1:]
-    return tuple(sorted(np.argsort(-missed, kind="stable")[:most].tolist()))
+    return tuple(sorted(np.argsort(-missed, kind="stable")[:robot_limit].tolist()))
 
 
 class BeliefWatcher:

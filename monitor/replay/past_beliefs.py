@@ -73,9 +73,9 @@ class PastBeliefs:
         robot = self._robots.pop(number, None) or _Robot(self._run, self._key, self._footprint, number, self._now)
         self._robots[number] = robot
         self._used[number] = self._now()
-        found = robot.last_seen(k)
+        last_seen = robot.last_seen(k)
         self._make_room()
-        return found
+        return last_seen
 
     def set_shown(self, numbers: Collection[int]) -> None:
         """Set which robots' fogs pages show; others are dropped after `KEPT_S`.
@@ -171,8 +171,8 @@ class _Robot:
         self._k += 1
         if self._k in self._look_log.fresh:
             self._fog = self._blank()
-        for at, pose in self._look_log.looks(self._k):
-            self._fog.observe(self._footprint.visible(pose), at)
+        for look_tick, pose in self._look_log.looks(self._k):
+            self._fog.observe(self._footprint.visible(pose), look_tick)
         if self._k % self._apart == 0 and self._k not in self._kept:
             self._kept[self._k] = Snapshot.of(self._fog.last_seen)
 

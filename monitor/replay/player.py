@@ -104,13 +104,13 @@ class Player:
         until, rate = self._now() + timeout_s, 0.0
         while True:
             self._traps.read()
-            found = self._lacks_links and self._links.reach(self._at)
-            found |= self._lacks_traps and self._traps.at(self._at) is not None
+            arrived = self._lacks_links and self._links.reach(self._at)
+            arrived |= self._lacks_traps and self._traps.at(self._at) is not None
             with self._changed:
                 self._advance()
                 now = self._now()
                 new = (self._k, self._running, self._pace)
-                news = found or new != self._returned
+                news = arrived or new != self._returned
                 due = (self._shown[-1][0] + SHOW_S if self._shown else now) - now
                 if news and due <= 0.0:
                     self._returned = new
@@ -120,7 +120,7 @@ class Player:
                 left = until - now
                 if left <= 0.0:
                     return None
-                if found or (self._traps.done and not self._lacks_links):
+                if arrived or (self._traps.done and not self._lacks_links):
                     self._changed.wait(min(left, max(due, 0.002)) if self._running or news else left)
         return self._state(*new, rate)
 

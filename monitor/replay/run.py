@@ -262,7 +262,8 @@ def read_run(
         BadInput: The journal has no complete tick, or its records do not fit together.
     """
     came = {event.robot for event in journal.events if event.kind in CAME}
-    robots = [one for one in journal.header.robots if one.number not in prepared.scenario.spares or one.number in came]
+    absent = {number for number in prepared.scenario.spares if number not in came}
+    robots = [robot for robot in journal.header.robots if robot.number not in absent]
     index = {robot.number: place for place, robot in enumerate(robots)}
     scenario = prepared.scenario
     numbers = [robot.number for robot in journal.header.robots]

@@ -56,10 +56,10 @@ def journal_in(folder: Path) -> Journal:
         raise BadInput(f"{folder}: {kind} name the run's folder")
     if not folder.is_dir():
         raise BadInput(f"{folder}: no such folder; name the folder of a run, such as runs/yards-20260101-120000")
-    for name, what in ((JOURNAL, "its run has not started"), (SCENARIO, "its run is incomplete")):
+    for name, why in ((JOURNAL, "its run has not started"), (SCENARIO, "its run is incomplete")):
         if not (folder / name).is_file():
             raise BadInput(
-                f"{folder}: holds no file {name}, so it is not the folder of a run, or {what}; name the folder of a run"
+                f"{folder}: holds no file {name}, so it is not the folder of a run, or {why}; name the folder of a run"
             )
     for name in (JOURNAL, SCENARIO, SUMMARY):
         if leads_out(folder, folder / name):

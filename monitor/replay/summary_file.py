@@ -32,7 +32,7 @@ def read_summary(path: Path) -> Summary | None:
         BadInput: It is no regular file, too large, or holds something else than a summary.
     """
     try:
-        says = json.loads(read_untrusted(path, SUMMARY), parse_int=_integer, parse_constant=_no_number)
+        document = json.loads(read_untrusted(path, SUMMARY), parse_int=_integer, parse_constant=_no_number)
     except FileNotFoundError:
         return None
     except OSError as error:
@@ -41,16 +41,16 @@ def read_summary(path: Path) -> Summary | None:
         raise BadInput(f"{path}: {TOO_DEEP}") from None
     except ValueError:
         return None
-    if not isinstance(says, dict):
-        raise BadInput(f"{path}: holds {quoted(says)}, which is no summary; remove or restore it")
-    for field, value, depth in _values(says):
+    if not isinstance(document, dict):
+        raise BadInput(f"{path}: holds {quoted(document)}, which is no summary; remove or restore it")
+    for field, value, depth in _values(document):
         if depth > DEEPEST:
             raise BadInput(f"{path}: {TOO_DEEP}")
         if isinstance(value, float) and not math.isfinite(value):
             raise BadInput(f"{path}: {field} is too large for a number; remove or restore the file")
-    refuse_half_characters(says, str(path))
+    refuse_half_characters(document, str(path))
     try:
-        return Summary.model_validate(says)
+        return Summary.model_validate(document)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         field = ".".join(map(str, first["loc"]))

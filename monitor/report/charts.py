@@ -60,7 +60,7 @@ def mfow_chart(run: Run, bands: Sequence[Band], tour_s: float | None = None) -> 
         bands: Its faults.
         tour_s: MFoW on the best tour found, s; None for none.
     """
-    made, axes, rows = _with_lanes(run, bands, 3.4)
+    chart, axes, rows = _with_lanes(run, bands, 3.4)
     times, mfow = thinned(run.times, run.mfow.astype(np.float64) * run.step)
     axes.plot(times, mfow, color=ACCENT, label="MFoW (age of the stalest point)")
     times, mean = thinned(run.times, run.fog_mean * run.step)
@@ -73,7 +73,7 @@ def mfow_chart(run: Run, bands: Sequence[Band], tour_s: float | None = None) -> 
     axes.set_ylabel("fog (s)")
     axes.set_ylim(bottom=0.0)
     _legend(axes, rows)
-    return made
+    return chart
 
 
 def belief_chart(run: Run, errors: BeliefErrors, bands: Sequence[Band]) -> Figure:
@@ -84,7 +84,7 @@ def belief_chart(run: Run, errors: BeliefErrors, bands: Sequence[Band]) -> Figur
         errors: The differences.
         bands: Its faults.
     """
-    made, axes, rows = _with_lanes(run, bands, 2.7)
+    chart, axes, rows = _with_lanes(run, bands, 2.7)
     times = errors.ticks * run.step
     for column, place in enumerate(errors.robots):
         name = run.names[place] if len(errors.robots) <= 10 else None
@@ -92,7 +92,7 @@ def belief_chart(run: Run, errors: BeliefErrors, bands: Sequence[Band]) -> Figur
     axes.set_ylabel("|believed - true| (s)")
     axes.set_ylim(bottom=0.0)
     _legend(axes, rows)
-    return made
+    return chart
 
 
 def radio_chart(run: Run, bands: Sequence[Band]) -> Figure:
@@ -102,7 +102,7 @@ def radio_chart(run: Run, bands: Sequence[Band]) -> Figure:
         run: The run.
         bands: Its faults.
     """
-    made, axes, _ = _with_lanes(run, bands, 2.2)
+    chart, axes, _ = _with_lanes(run, bands, 2.2)
     width = max(1, run.ticks // 240)
     delivered, dropped = (_summed(counts, width) for counts in (run.links.delivered_in, run.links.dropped_in))
     share = np.where(delivered + dropped > 0, delivered / np.maximum(delivered + dropped, 1), np.nan)
@@ -110,7 +110,7 @@ def radio_chart(run: Run, bands: Sequence[Band]) -> Figure:
     axes.plot(times, 100.0 * share, color=ACCENT)
     axes.set_ylabel("delivered (%)")
     axes.set_ylim(-2.0, 104.0)
-    return made
+    return chart
 
 
 def states_chart(run: Run, bands: Sequence[Band]) -> Figure:
@@ -125,7 +125,7 @@ def states_chart(run: Run, bands: Sequence[Band]) -> Figure:
     from matplotlib.patches import Patch
 
     count = len(run.names)
-    made, axes, _ = _with_lanes(run, bands, 0.8 + min(0.26 * count, 8.0), shade=False)
+    chart, axes, _ = _with_lanes(run, bands, 0.8 + min(0.26 * count, 8.0), shade=False)
     doing = state_codes(run)
     width = max(1, run.ticks // 1600)
     shown = doing[::width].T
@@ -148,8 +148,8 @@ def states_chart(run: Run, bands: Sequence[Band]) -> Figure:
     used = np.unique(doing)
     keys = [Patch(facecolor=tone, label=name) for code, (name, tone) in enumerate(STATES[:-1]) if code in used]
     keys.append(Line2D([], [], linestyle="none", marker="|", color=INK, markersize=8, label="cancelled move"))  # type: ignore[arg-type]
-    made.legend(handles=keys, loc="outside lower left", ncols=7)
-    return made
+    chart.legend(handles=keys, loc="outside lower left", ncols=7)
+    return chart
 
 
 def state_codes(run: Run) -> NDArray[np.uint8]:
@@ -171,8 +171,8 @@ def gaps_chart(gaps: NDArray[np.int64], step: float) -> Figure:
         gaps: int64 (n,), number of gaps by length in ticks, from `monitor.replay.visits`.
         step: Duration of a tick, s.
     """
-    made = figure(WIDTH, 2.9)
-    axes = made.add_subplot()
+    chart = figure(WIDTH, 2.9)
+    axes = chart.add_subplot()
     waits, weights = np.flatnonzero(gaps) * step, gaps[np.flatnonzero(gaps)].astype(np.float64)
     if len(waits):
         # All bins span the same number of ticks, or evenly distributed gaps would look uneven.
@@ -192,15 +192,15 @@ def gaps_chart(gaps: NDArray[np.int64], step: float) -> Figure:
     axes.set_xlabel("time between two visits to a point (s)")
     axes.set_ylabel("share of gaps (%)")
     plain(axes)
-    return made
+    return chart
 
 
 def links_chart(run: Run) -> Figure:
     """Draw the delivered share of each directed link."""
     share, count = 100.0 * run.links.share(), len(run.names)
     side = min(1.6 + 0.5 * count, 6.4)
-    made = figure(side + 1.2, side)
-    axes = made.add_subplot()
+    chart = figure(side + 1.2, side)
+    axes = chart.add_subplot()
     image = axes.imshow(share, cmap="cividis", vmin=0.0, vmax=100.0, interpolation="none")
     places = range(count) if count <= MOST_CELLS else range(0, count, max(1, count // 10))
     names = [run.names[place] for place in places]
@@ -215,8 +215,8 @@ def links_chart(run: Run) -> Figure:
                 tone = "#ffffff" if value < 55.0 else "#000000"
                 axes.text(column, row, _percent(value), ha="center", va="center", fontsize=8, color=tone)
     plain(axes, grid="none")
-    made.colorbar(image, ax=axes, label="delivered (%)", shrink=0.9)
-    return made
+    chart.colorbar(image, ax=axes, label="delivered (%)", shrink=0.9)
+    return chart
 
 
 def decisions_chart(run: Run) -> Figure:
@@ -224,8 +224,8 @@ def decisions_chart(run: Run) -> Figure:
     from matplotlib.ticker import LogLocator, NullLocator
 
     count = len(run.names)
-    made = figure(WIDTH, min(1.0 + 0.28 * count, 9.0))
-    axes = made.add_subplot()
+    chart = figure(WIDTH, min(1.0 + 0.28 * count, 9.0))
+    axes = chart.add_subplot()
     for place in range(count):
         times = run.decision_ms[:, place]
         times = times[~np.isnan(times)]
@@ -244,14 +244,14 @@ def decisions_chart(run: Run) -> Figure:
     axes.xaxis.set_major_formatter("{x:g}")
     axes.set_xlabel("decision time (ms, logarithmic)")
     plain(axes, grid="x")
-    return made
+    return chart
 
 
 def troubles_chart(run: Run) -> Figure:
     """Draw the share of each robot's decisions in dead ends, and the number of its cancelled moves."""
     count = len(run.names)
-    made = figure(WIDTH, min(1.0 + 0.26 * count, 8.0))
-    left, right = made.subplots(1, 2, sharey=True)
+    chart = figure(WIDTH, min(1.0 + 0.26 * count, 8.0))
+    left, right = chart.subplots(1, 2, sharey=True)
     left.barh(
         range(count),
         [100.0 * robot.dead_end_share for robot in run.robot_figures],
@@ -267,7 +267,7 @@ def troubles_chart(run: Run) -> Figure:
         plain(axes, grid="x")
         axes.set_xlim(0.0, max(axes.get_xlim()[1], 1.0))
     right.locator_params(axis="x", integer=True)
-    return made
+    return chart
 
 
 def thinned(times: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -299,12 +299,12 @@ def _with_lanes(run: Run, bands: Sequence[Band], height: float, shade: bool = Tr
     end = run.ticks * run.step
     rows = lanes(bands, MOST_LANES)
     if not rows:
-        made = figure(WIDTH, height)
-        axes = made.add_subplot()
+        chart = figure(WIDTH, height)
+        axes = chart.add_subplot()
     else:
         strip = 0.19 * len(rows) + 0.1
-        made = figure(WIDTH, height + strip)
-        top, axes = made.subplots(2, 1, sharex=True, height_ratios=(strip, height))
+        chart = figure(WIDTH, height + strip)
+        top, axes = chart.subplots(2, 1, sharex=True, height_ratios=(strip, height))
         for row, (_, several) in enumerate(rows):
             for band in several:
                 _mark(top, band, row, end)
@@ -321,7 +321,7 @@ def _with_lanes(run: Run, bands: Sequence[Band], height: float, shade: bool = Tr
     axes.set_xlim(0.0, end)
     axes.set_xlabel("time (s)")
     plain(axes)
-    return made, axes, len(rows)
+    return chart, axes, len(rows)
 
 
 def _mark(axes: Axes, band: Band, row: int, end: float) -> None:

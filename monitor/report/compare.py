@@ -81,7 +81,7 @@ def drawings(analyses: Sequence[Analysis]) -> list[Drawing]:
         BadInput: matplotlib is not installed.
     """
     names = names_of([analysis.run for analysis in analyses])
-    made = [
+    figures = [
         draw(
             "mfow",
             "MFoW over time",
@@ -101,17 +101,17 @@ def drawings(analyses: Sequence[Analysis]) -> list[Drawing]:
             lambda: _gaps(analyses, names),
         ),
     ]
-    most = max(float(analysis.visits.mean.max()) * analysis.run.step for analysis in analyses)
+    largest_s = max(float(analysis.visits.mean.max()) * analysis.run.step for analysis in analyses)
     for number, (analysis, name) in enumerate(zip(analyses, names, strict=True), start=1):
 
         def mean(analysis: Analysis = analysis) -> Figure:
             run = analysis.run
             fog, never = analysis.visits.mean * run.step, analysis.visits.never
-            return fog_chart(run.prepared.terrain, fog, run.prepared.patrolled, never, "mean fog (s)", most)
+            return fog_chart(run.prepared.terrain, fog, run.prepared.patrolled, never, "mean fog (s)", largest_s)
 
         caption = "Mean age of each point." + never_seen_note(analysis.visits.never)
-        made.append(draw(f"fog-mean-{number}", name, caption, mean))
-    return made
+        figures.append(draw(f"fog-mean-{number}", name, caption, mean))
+    return figures
 
 
 def compare_html(analyses: Sequence[Analysis], figures: Sequence[Drawing]) -> str:
@@ -185,8 +185,8 @@ def _over_time(
     analyses: Sequence[Analysis], names: Sequence[str], height: float, label: str, ages: Callable[[Run], NDArray[Any]]
 ) -> Figure:
     """Draw ages in ticks, one line per run, over time."""
-    made = figure(WIDTH, height)
-    axes = made.add_subplot()
+    chart = figure(WIDTH, height)
+    axes = chart.add_subplot()
     for index, (analysis, name) in enumerate(zip(analyses, names, strict=True)):
         run = analysis.run
         axes.plot(*thinned(run.times, ages(run).astype(np.float64) * run.step), color=colour(index), label=name)
@@ -195,13 +195,13 @@ def _over_time(
     axes.set_ylim(bottom=0.0)
     axes.set_xlabel("time (s)")
     plain(axes)
-    made.legend(loc="outside upper left", ncols=4)
-    return made
+    chart.legend(loc="outside upper left", ncols=4)
+    return chart
 
 
 def _gaps(analyses: Sequence[Analysis], names: Sequence[str]) -> Figure:
-    made = figure(WIDTH, 2.9)
-    axes = made.add_subplot()
+    chart = figure(WIDTH, 2.9)
+    axes = chart.add_subplot()
     for place, (analysis, name) in enumerate(zip(analyses, names, strict=True)):
         gaps = analysis.visits.gaps.astype(np.float64)
         if gaps.sum() == 0.0:
@@ -215,5 +215,5 @@ def _gaps(analyses: Sequence[Analysis], names: Sequence[str]) -> Figure:
     axes.set_xlabel("time between two visits to a point (s)")
     axes.set_ylabel("gaps at least as long (%)")
     plain(axes)
-    made.legend(loc="outside upper left", ncols=4)
-    return made
+    chart.legend(loc="outside upper left", ncols=4)
+    return chart

@@ -55,7 +55,7 @@ def drawings(analysis: Analysis) -> list[Drawing]:
     terrain, counted, step = run.prepared.terrain, run.prepared.patrolled, run.step
     red = (" Red: faults." if analysis.bands else "") + (" Blue: intruders." if analysis.intruders else "")
     tour_s = best_tour(run.prepared).bound_of_fleet_s(run.prepared.scenario)
-    made = [
+    figures = [
         draw(
             "mfow",
             "MFoW over time",
@@ -96,21 +96,23 @@ def drawings(analysis: Analysis) -> list[Drawing]:
         ),
     ]
     if len(run.names) > 1 and (run.links.delivered.any() or run.links.lost.any()):
-        says = "Share of the frames from each robot (row) to each other robot (column) that were delivered."
-        made.append(draw("links", "Delivered share by link", says, lambda: charts.links_chart(run)))
+        caption = "Share of the frames from each robot (row) to each other robot (column) that were delivered."
+        figures.append(draw("links", "Delivered share by link", caption, lambda: charts.links_chart(run)))
         if run.links.lost.any():
-            says = f"Share of the robots' frames that were delivered, of those delivered or dropped at the time.{red}"
-            made.append(draw("radio", "Delivered share over time", says, lambda: charts.radio_chart(run, bands)))
+            caption = (
+                f"Share of the robots' frames that were delivered, of those delivered or dropped at the time.{red}"
+            )
+            figures.append(draw("radio", "Delivered share over time", caption, lambda: charts.radio_chart(run, bands)))
     errors = analysis.beliefs
     if errors is not None and len(errors.ticks):
-        says = f"Mean over all points of |believed age - true age|, at {len(errors.ticks)} ticks.{red}"
-        made.append(draw("belief", "Belief error", says, lambda: charts.belief_chart(run, errors, bands)))
+        caption = f"Mean over all points of |believed age - true age|, at {len(errors.ticks)} ticks.{red}"
+        figures.append(draw("belief", "Belief error", caption, lambda: charts.belief_chart(run, errors, bands)))
     if not np.isnan(run.decision_ms).all():
-        says = "Bar: 25th to 75th percentile; line: 1st to 99th percentile; vertical mark: median; cross: maximum."
-        made.append(draw("decisions", "Decision times", says, lambda: charts.decisions_chart(run)))
-    says = "Share of each robot's decisions that were made in a dead end, and number of its cancelled moves."
-    made.append(draw("troubles", "Dead ends and collisions", says, lambda: charts.troubles_chart(run)))
-    return made
+        caption = "Bar: 25th to 75th percentile; line: 1st to 99th percentile; vertical mark: median; cross: maximum."
+        figures.append(draw("decisions", "Decision times", caption, lambda: charts.decisions_chart(run)))
+    caption = "Share of each robot's decisions that were made in a dead end, and number of its cancelled moves."
+    figures.append(draw("troubles", "Dead ends and collisions", caption, lambda: charts.troubles_chart(run)))
+    return figures
 
 
 def report_html(analysis: Analysis, figures: Sequence[Drawing], going: bool = False, beside: Path | None = None) -> str:
@@ -181,11 +183,11 @@ def write_report(analysis: Analysis, out: Path, going: bool = False, figures: Pa
         BadInput: matplotlib is not installed, or a file cannot be written.
     """
     check_out(out, REPORT)
-    made = drawings(analysis)
-    write_page(report_html(analysis, made, going, out.parent), out)
-    for drawing in made if figures is not None else ():
+    drawn = drawings(analysis)
+    write_page(report_html(analysis, drawn, going, out.parent), out)
+    for drawing in drawn if figures is not None else ():
         drawing.save(figures)  # type: ignore[arg-type]
-    return made
+    return drawn
 
 
 def write_page(document: str, out: Path) -> None:
@@ -273,7 +275,7 @@ def _belief(analysis: Analysis) -> str:
         return html.text(
             "None: every position reached every robot in the tick in which it was sent, so every belief was exact."
         )
-    says = "Reconstructed from each robot's own positions and the frames that it received, before dilatation"
+    origin = "Reconstructed from each robot's own positions and the frames that it received, before dilatation"
     some = (
         ""
         if len(errors.robots) == len(run.names)
@@ -289,7 +291,7 @@ def _belief(analysis: Analysis) -> str:
             continue
         rows.append((run.names[place], f"{np.nanmean(off):.2f}", f"{np.nanmax(off):.2f}"))
     table = html.table(("robot", "mean error (s)", f"largest of {SAMPLES} ticks (s)"), rows, numbers=(1, 2))
-    return html.text(f"{says}{some}.{keyless}", "note") + html.details("numbers", table)
+    return html.text(f"{origin}{some}.{keyless}", "note") + html.details("numbers", table)
 
 
 def _faults(analysis: Analysis) -> str:
@@ -338,13 +340,15 @@ def _events(run: Run) -> str:
 
 def _scenario(run: Run) -> str:
     try:
-        says = read_text(run.folder / SCENARIO)
+        yaml_text = read_text(run.folder / SCENARIO)
     except BadInput:
         return ""
     facts = [f"scenario hash {run.journal.header.scenario_hash}"]
     if run.journal.end is not None:
         facts.append(f"trace hash {run.journal.end.trace_hash}")
-    return html.details("resolved scenario", html.preformatted(says)) + "".join(html.text(f, "note") for f in facts)
+    return html.details("resolved scenario", html.preformatted(yaml_text)) + "".join(
+        html.text(f, "note") for f in facts
+    )
 
 
 def _mismatch(analysis: Analysis) -> str:

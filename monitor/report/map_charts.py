@@ -50,7 +50,7 @@ def fog_chart(
         label: Label of the colour scale.
         most: End of the scale, s; None for the largest value.
     """
-    made, axes = _map(terrain)
+    chart, axes = _map(terrain)
     from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
@@ -62,8 +62,8 @@ def fog_chart(
     image[~_thinned(counted, every)] = [round(255 * part) for part in UNCOUNTED]
     image[_thinned(counted & never, every)] = (*rgb(NEVER_SEEN), 255)
     _lay(axes, terrain, with_walls(image, _thinned(~terrain.passable, every), _LONGEST, MAP_EDGE))
-    made.colorbar(scale, ax=axes, label=label, shrink=0.85, pad=0.02)
-    return made
+    chart.colorbar(scale, ax=axes, label=label, shrink=0.85, pad=0.02)
+    return chart
 
 
 def never_seen_note(never: BoolGrid) -> str:
@@ -75,17 +75,17 @@ def paths_chart(run: Run) -> Figure:
     """Draw the robots' paths: one panel for each robot, or one map for all robots of a large fleet."""
     terrain, count = run.prepared.terrain, len(run.names)
     if count > MOST_PANELS:
-        made, axes = _map(terrain)
+        chart, axes = _map(terrain)
         _ground(axes, terrain)
         for place in range(count):
             _path(axes, run, place, 0.5)
-        return made
+        return chart
     xmin, ymin, xmax, ymax = terrain.bounds
     columns = min(count, 3 if xmax - xmin > 0.6 * (ymax - ymin) else 5)
     rows = -(-count // columns)
     width = 9.4 / columns
-    made = figure(9.4, rows * min(width * (ymax - ymin) / (xmax - xmin) + 0.3, 7.0))
-    panels = made.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
+    chart = figure(9.4, rows * min(width * (ymax - ymin) / (xmax - xmin) + 0.3, 7.0))
+    panels = chart.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
     for place, axes in enumerate(panels):
         if place >= count:
             axes.set_axis_off()
@@ -95,7 +95,7 @@ def paths_chart(run: Run) -> Figure:
         _ground(axes, terrain)
         _path(axes, run, place, 0.8)
         axes.set_title(f"{run.names[place]}: {run.robot_figures[place].distance_m:.0f} m", color=INK)
-    return made
+    return chart
 
 
 def _map(terrain: Terrain) -> tuple[Figure, Axes]:
@@ -104,12 +104,12 @@ def _map(terrain: Terrain) -> tuple[Figure, Axes]:
     height = width * (ymax - ymin) / (xmax - xmin)
     if height > 6.5:
         width, height = width * 6.5 / height, 6.5
-    made = figure(width + 1.1, max(height, 1.6) + 0.5)
-    axes = made.add_subplot()
+    chart = figure(width + 1.1, max(height, 1.6) + 0.5)
+    axes = chart.add_subplot()
     _frame(axes, terrain)
     axes.set_xlabel("x (m)")
     axes.set_ylabel("y (m)")
-    return made, axes
+    return chart, axes
 
 
 def _frame(axes: Axes, terrain: Terrain) -> None:

@@ -23,16 +23,16 @@ def links_section(run: Run) -> str:
         return html.text("No frames were sent.", "note")
     in_flight = sent - run.links.delivered - lost
     total, arrived, flying = (int(counts[1:].sum()) for counts in (sent, run.links.delivered, in_flight))
-    says = [f"{arrived} of {total} frames were delivered (counted once for each receiver)."]
+    sentences = [f"{arrived} of {total} frames were delivered (counted once for each receiver)."]
     if sent[0].any():
-        says.append(f"{int(run.links.delivered[0].sum())} forged frames were delivered.")
+        sentences.append(f"{int(run.links.delivered[0].sum())} forged frames were delivered.")
     if flying:
-        says.append(f"{flying} were still in flight at the end.")
+        sentences.append(f"{flying} were still in flight at the end.")
     late = f"The largest delay was {run.links.late * run.step:g} s."
-    says += [late if run.links.late else "All arrived in the tick in which they were sent."]
-    says.append(f"Robots rejected {run.figures.messages.rejected} frames.")
+    sentences += [late if run.links.late else "All arrived in the tick in which they were sent."]
+    sentences.append(f"Robots rejected {run.figures.messages.rejected} frames.")
     causes = [(why, *(str(int(of.sum())) for of in (c[1:], c[0]))) for why, c in run.links.dropped.items()]
-    parts = [html.text(" ".join(says))]
+    parts = [html.text(" ".join(sentences))]
     if causes:
         parts.append(html.table(("cause of loss", "frames", "forged frames"), causes, numbers=(1, 2)))
     names = ("forger", *run.names)
@@ -62,7 +62,9 @@ def _direct_links(run: Run) -> str:
         share = f"{100.0 * counts.heard / counts.sent:.2f}" if counts.sent else "-"
         rows.append((link, str(counts.sent), str(counts.heard), share))
     rejected = run.figures.messages.rejected
-    says = html.text(
+    counts_text = html.text(
         f"{why}. According to their reports they heard {heard} of {sent} frames and rejected {rejected}.{unsaid}"
     )
-    return says + html.long_table("all links", ("link", "sent", "heard", "heard (%)"), rows, range(1, 4), MOST_LINKS)
+    return counts_text + html.long_table(
+        "all links", ("link", "sent", "heard", "heard (%)"), rows, range(1, 4), MOST_LINKS
+    )
