@@ -287,15 +287,15 @@ def examine(scenario: Scenario, ways: Mapping[str, Way]) -> Breakage | None:
         except BadInput as bad:
             return Breakage("refused", str(bad), name)
         except Exception as error:  # noqa: BLE001 - to find any error is the purpose
-            what = f"{type(error).__name__} at {_raised_at(error)}"
-            return Breakage(what, traceback.format_exc(), name)
+            problem = f"{type(error).__name__} at {_raised_at(error)}"
+            return Breakage(problem, traceback.format_exc(), name)
         if ran.ended not in (COMPLETED, DESERTED):
             return Breakage("not completed", ran.ended, name)
         if not ran.verdict.valid:
             failed = ran.verdict.failed
             details = "\n".join(f"{check.name}: {check.detail}" for check in failed)
-            what = f"{ran.verdict.outcome} by {', '.join(check.name for check in failed)}"
-            return Breakage(what, details, name)
+            problem = f"{ran.verdict.outcome} by {', '.join(check.name for check in failed)}"
+            return Breakage(problem, details, name)
         traces[name] = ran.trace
     if len(set(traces.values())) > 1:
         return Breakage(DIFFERENT, "\n".join(f"{name}: {trace}" for name, trace in traces.items()))
@@ -376,8 +376,8 @@ def narrow(scenario: Scenario, breaks: Callable[[Scenario], bool], most: int = M
     Returns:
         A scenario that still breaks.
     """
-    found = fewest(list(scenario.faults), lambda faults: breaks(with_faults(scenario, faults)), most)
-    return Narrowed(with_faults(scenario, found.items), found.items, found.least)
+    fewest_faults = fewest(list(scenario.faults), lambda faults: breaks(with_faults(scenario, faults)), most)
+    return Narrowed(with_faults(scenario, fewest_faults.items), fewest_faults.items, fewest_faults.least)
 
 
 def fewest(items: Sequence[T], breaks: Callable[[Sequence[T]], bool], most: int = MOST_TRIES) -> Fewest[T]:

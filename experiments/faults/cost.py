@@ -205,9 +205,11 @@ def _robots(setup: FaultSetup) -> Iterator[Condition]:
     yield Condition("death", RESTARTED, [kill, {"kind": "restart", "who": last, "at": 1.5 * fifth}])
     in_turn: Faults = []
     for number in range(1, setup.robots + 1):
-        at = setup.duration * (number - 0.5) / (setup.robots + 1.0)
-        in_turn.append({"kind": "kill", "who": f"r{number}", "at": at})
-        in_turn.append({"kind": "restart", "who": f"r{number}", "at": at + 0.5 * setup.duration / (setup.robots + 1.0)})
+        time_s = setup.duration * (number - 0.5) / (setup.robots + 1.0)
+        in_turn.append({"kind": "kill", "who": f"r{number}", "at": time_s})
+        in_turn.append(
+            {"kind": "restart", "who": f"r{number}", "at": time_s + 0.5 * setup.duration / (setup.robots + 1.0)}
+        )
     yield Condition("death", "each killed in turn and restarted", in_turn)
     if setup.robots > 1:
         yield Condition("fleet", FEWER, [], settings={"robots.count": setup.robots - 1})
@@ -294,8 +296,8 @@ def _finding(outcome: SweepOutcome, condition: Condition, quiet: Condition, vari
 
 
 def _mean(values: Any) -> Estimate | None:
-    found = list(values)
-    return estimate(found) if found else None
+    numbers = list(values)
+    return estimate(numbers) if numbers else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -333,13 +335,13 @@ def comparisons(outcome: SweepOutcome, tried: Sequence[Condition]) -> list[Fault
         outcome: The results of the plan.
         tried: The conditions.
     """
-    found = []
-    for group, what, metric, these, those in _pairs(tried):
+    compared = []
+    for group, label, metric, these, those in _pairs(tried):
         ours, theirs = outcome.values(case_name(*these), metric), outcome.values(case_name(*those), metric)
         ratio = _mean(ours[seed] / theirs[seed] for seed in ours if theirs.get(seed))
         if ratio is not None:
-            found.append(FaultComparison(group, what, these[1], ratio))
-    return found
+            compared.append(FaultComparison(group, label, these[1], ratio))
+    return compared
 
 
 def _pairs(tried: Sequence[Condition]) -> Iterator[tuple[str, str, str, ConditionVariant, ConditionVariant]]:

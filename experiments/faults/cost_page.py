@@ -75,28 +75,30 @@ def _head(setup: FaultSetup, command: str, computing_s: float, failed: int, pict
 
 def _groups(found: Sequence[Finding]) -> Iterator[str]:
     for group, title in GROUPS.items():
-        here = [one for one in found if one.condition.group == group]
+        here = [cost for cost in found if cost.condition.group == group]
         if here:
             yield ""
             yield f"## {title[0].upper()}{title[1:]}"
             yield ""
             yield f"| | {' | '.join(HEADS)} |"
             yield "|---|" + "---|" * len(HEADS)
-            for name in dict.fromkeys(one.condition.name for one in here):
+            for name in dict.fromkeys(cost.condition.name for cost in here):
                 for variant in VARIANTS:
-                    yield from (_row(one) for one in here if (one.condition.name, one.variant) == (name, variant))
+                    yield from (_row(cost) for cost in here if (cost.condition.name, cost.variant) == (name, variant))
 
 
 def _comparisons(compared: Sequence[FaultComparison]) -> Iterator[str]:
     for group, title in AGAINST.items():
-        here = [one for one in compared if one.group == group]
+        here = [comparison for comparison in compared if comparison.group == group]
         if here:
             yield ""
             yield f"## {title[0].upper()}{title[1:]}"
             yield ""
             yield "| | variant | ratio |"
             yield "|---|---|---|"
-            yield from (f"| {one.what} | {one.variant} | {_text(one.ratio, 3)} |" for one in here)
+            yield from (
+                f"| {comparison.what} | {comparison.variant} | {_text(comparison.ratio, 3)} |" for comparison in here
+            )
 
 
 def _row(one: Finding) -> str:

@@ -80,13 +80,13 @@ def fit_radii(setups: Mapping[str, PaperSetup], outcome: SweepOutcome) -> list[R
     Returns:
         The fits in the setups' order; ranges without results are left out.
     """
-    found = []
+    fits = []
     for end, setup in setups.items():
         beside = [compare(paper().table(number), setup, outcome, end) for number in paper().fit_tables]
         near, whole = fit_of(beside, paper().fit_below), fit_of(beside)
         if near is not None and whole is not None:
-            found.append(RadiusFit(setup.sensor_range, near, whole))
-    return found
+            fits.append(RadiusFit(setup.sensor_range, near, whole))
+    return fits
 
 
 def best_radius(fits: Sequence[RadiusFit]) -> RadiusFit | None:
@@ -111,12 +111,12 @@ def crossing(fits: Sequence[RadiusFit]) -> float | None:
         The range in m, or None if the ratio does not pass 1 between them.
     """
     ordered = sorted(fits, key=lambda one: one.radius)
-    for one, other in itertools.pairwise(ordered):
-        a, b = math.log(one.near.median_ratio), math.log(other.near.median_ratio)
+    for smaller, larger in itertools.pairwise(ordered):
+        a, b = math.log(smaller.near.median_ratio), math.log(larger.near.median_ratio)
         if a == 0.0:
-            return one.radius
+            return smaller.radius
         if a * b <= 0.0:
-            return one.radius + (other.radius - one.radius) * a / (a - b)
+            return smaller.radius + (larger.radius - smaller.radius) * a / (a - b)
     return None
 
 
@@ -136,7 +136,7 @@ def fits_as_json(point: float, seeds: Sequence[int], fits: Sequence[RadiusFit]) 
         "below": paper().fit_below,
         "radius": best.radius if best else None,
         "crossing": crossing(fits),
-        "fits": [{"radius": one.radius, "near": asdict(one.near), "all": asdict(one.whole)} for one in fits],
+        "fits": [{"radius": fit.radius, "near": asdict(fit.near), "all": asdict(fit.whole)} for fit in fits],
     }
 
 
@@ -149,7 +149,7 @@ def fit_as_json(comparisons: Sequence[TableComparison]) -> dict[str, Any] | None
     Returns:
         The content, or None unless all those tables were run.
     """
-    wanted = [one for one in comparisons if one.table.number in paper().fit_tables]
+    wanted = [comparison for comparison in comparisons if comparison.table.number in paper().fit_tables]
     near, whole = fit_of(wanted, paper().fit_below), fit_of(wanted)
     if len(wanted) < len(paper().fit_tables) or near is None or whole is None:
         return None

@@ -83,21 +83,21 @@ def _ratio(ordering: Ordering, tables: Mapping[int, TableComparison]) -> Estimat
     differences = [value - higher[key] for key, value in lower.items() if key in higher]
     if not differences:
         return None
-    found = estimate(differences)
-    low = None if found.low is None else math.exp(found.low)
-    high = None if found.high is None else math.exp(found.high)
-    return Estimate(math.exp(found.mean), low, high, found.count)
+    log_ratio = estimate(differences)
+    low = None if log_ratio.low is None else math.exp(log_ratio.low)
+    high = None if log_ratio.high is None else math.exp(log_ratio.high)
+    return Estimate(math.exp(log_ratio.mean), low, high, log_ratio.count)
 
 
 def _logs(side: Side, comparison: TableComparison) -> dict[tuple[str, int], float]:
     """Return the logarithms of the values by column and seed."""
-    found = {}
+    logs = {}
     for column in side.columns:
         cell = comparison.cell(side.row, column)
         for seed, value in cell.values.items() if cell else ():
             if value > 0.0:
-                found[column, seed] = math.log(value)
-    return found
+                logs[column, seed] = math.log(value)
+    return logs
 
 
 def _by_seed(logs: Mapping[tuple[str, int], float]) -> dict[tuple[str, int], float]:

@@ -245,10 +245,13 @@ def paper() -> Paper:
         fit_tables=tuple(raw["fit"]["tables"]),
         fit_below=raw["fit"]["below"],
         tables={table["number"]: _table(table) for table in raw["tables"]},
-        orderings=tuple(Ordering(one["says"], _side(one["lower"]), _side(one["higher"])) for one in raw["orderings"]),
+        orderings=tuple(
+            Ordering(ordering["says"], _side(ordering["lower"]), _side(ordering["higher"]))
+            for ordering in raw["orderings"]
+        ),
         remarks=tuple(
-            Remark(one["table"], tuple(one.get("rows", ())), tuple(one.get("columns", ())), one["says"])
-            for one in raw["remarks"]
+            Remark(remark["table"], tuple(remark.get("rows", ())), tuple(remark.get("columns", ())), remark["says"])
+            for remark in raw["remarks"]
         ),
     )
 
@@ -263,8 +266,14 @@ def _table(raw: Mapping[str, Any]) -> PaperTable:
         rows=tuple(Variant(row["name"], row["set"]) for row in raw["rows"]),
         columns=tuple(Variant(column["name"], column["set"]) for column in raw["columns"]),
         measures=tuple(
-            Measure(one["name"], one["metric"], one["title"], one["unit"], tuple(tuple(row) for row in one["values"]))
-            for one in raw["measures"]
+            Measure(
+                measure["name"],
+                measure["metric"],
+                measure["title"],
+                measure["unit"],
+                tuple(tuple(row) for row in measure["values"]),
+            )
+            for measure in raw["measures"]
         ),
     )
 

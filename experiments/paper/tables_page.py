@@ -102,10 +102,10 @@ def _fits(comparisons: Sequence[TableComparison]) -> Iterator[str]:
     yield ""
     yield "| MFoW of | cells | median ratio | RMS log error | correlation of logs |"
     yield "|---|---|---|---|---|"
-    for name, found in rows:
-        if found is not None:
-            correlation = "-" if found.correlation is None else f"{found.correlation:.3f}"
-            yield f"| {name} | {found.cells} | {found.median_ratio:.3f} | {found.rms_log_error:.3f} | {correlation} |"
+    for name, fit in rows:
+        if fit is not None:
+            correlation = "-" if fit.correlation is None else f"{fit.correlation:.3f}"
+            yield f"| {name} | {fit.cells} | {fit.median_ratio:.3f} | {fit.rms_log_error:.3f} | {correlation} |"
 
 
 def _table(comparison: TableComparison, pictures: Mapping[str, str]) -> Iterator[str]:
@@ -152,9 +152,9 @@ def _far_off(comparisons: Sequence[TableComparison]) -> Iterator[str]:
     yield f"## Cells that differ by more than a factor of {FAR_OFF:g}"
     yield ""
     yield f"{far} of {total} cells."
-    for says, names in by_remark.items():
+    for reason, names in by_remark.items():
         yield ""
-        yield f"- {says}: {'; '.join(names)}."
+        yield f"- {reason}: {'; '.join(names)}."
 
 
 def remark_on(number: int, cell: Cell, remarks: Sequence[Remark]) -> Remark | None:
@@ -184,8 +184,8 @@ def _orderings(judged: Sequence[Judged]) -> Iterator[str]:
     yield ""
     yield "| conclusion | here | ratio, 95 % interval |"
     yield "|---|---|---|"
-    for one in judged:
-        yield f"| {one.ordering.says} | {one.verdict} | {_ratio(one.ratio)} |"
+    for judgement in judged:
+        yield f"| {judgement.ordering.says} | {judgement.verdict} | {_ratio(judgement.ratio)} |"
 
 
 def _ratio(ratio: Estimate | None) -> str:

@@ -63,9 +63,9 @@ def case_rows(outcome: SweepOutcome) -> list[CaseRow]:
         values = {name: own for name in names if (own := outcome.values(case.name, name))}
         metrics = {name: estimate(list(own.values())) for name, own in values.items()}
         change = {
-            name: found
+            name: difference
             for name, own in values.items()
-            if other is not None and (found := _change(own, outcome.values(other.name, name))) is not None
+            if other is not None and (difference := _change(own, outcome.values(other.name, name))) is not None
         }
         named = other.name if other is not None else None
         warned = sum(value > 0.0 for value in values.get("warnings", {}).values())
@@ -169,8 +169,8 @@ def _csv_lines(rows: Sequence[CaseRow]) -> Iterator[Sequence[object]]:
     for row in rows:
         settings = [_csv_value(row.settings.get(field)) for field in fields]
         numbers: list[float | None] = []
-        for found in (*map(row.metrics.get, names), *map(row.change.get, changes)):
-            numbers += [None, None, None] if found is None else [found.mean, found.low, found.high]
+        for estimated in (*map(row.metrics.get, names), *map(row.change.get, changes)):
+            numbers += [None, None, None] if estimated is None else [estimated.mean, estimated.low, estimated.high]
         yield [row.case, *settings, row.runs, row.failed, row.warned, *numbers, *([row.against] if changes else [])]
 
 
@@ -187,12 +187,14 @@ def _json_row(row: CaseRow) -> dict[str, Any]:
         "warned": row.warned,
         "metrics": {
             name: {
-                "mean": found.mean,
-                "ci95": found.interval,
+                "mean": estimated.mean,
+                "ci95": estimated.interval,
                 "values": {str(seed): value for seed, value in row.values[name].items()},
             }
-            for name, found in row.metrics.items()
+            for name, estimated in row.metrics.items()
         },
         "against": row.against,
-        "change_percent": {name: {"mean": found.mean, "ci95": found.interval} for name, found in row.change.items()},
+        "change_percent": {
+            name: {"mean": estimated.mean, "ci95": estimated.interval} for name, estimated in row.change.items()
+        },
     }

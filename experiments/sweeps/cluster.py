@@ -86,9 +86,9 @@ class ClusterWorkers:
             if error is not None:
                 yield answer(task, f"its Dask worker failed: {type(error).__name__}: {error}")
                 continue
-            found: Answer = future.result()
+            result: Answer = future.result()
             future.release()
-            yield found
+            yield result
 
     def _check_workers(self, client: Any) -> None:
         """Check that there are workers and that they run this version."""
@@ -105,10 +105,10 @@ class ClusterWorkers:
                 f"--cluster = {self._address}: its workers cannot run fogwatch ({type(error).__name__}: {error}); "
                 "install it on each of them"
             ) from None
-        for worker, found in sorted(versions.items()):
-            if found != software():
+        for worker, version in sorted(versions.items()):
+            if version != software():
                 raise BadInput(
-                    f"--cluster = {self._address}: worker {worker} has fogwatch {found}, this is {software()}; "
+                    f"--cluster = {self._address}: worker {worker} has fogwatch {version}, this is {software()}; "
                     "install the same on both"
                 )
         self.size = sum(client.nthreads().values())

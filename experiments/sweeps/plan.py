@@ -278,15 +278,15 @@ def _cases(raw: Mapping[str, Any], path: Path) -> list[Case]:
     if count > MAX_RUNS:
         raise BadInput(f"{path}: grid: makes {count} cases; a sweep has at most {MAX_RUNS} runs")
     short = _short_names(list(grid))
-    found = []
+    cases = []
     for case, values in product(named, product(*grid.values())):
         chosen = dict(zip(grid, values, strict=True))
         for field in case.settings:
             if field in chosen:
                 raise BadInput(f"{path}: {field}: is set by case {case.name} and by the grid; set it in one of them")
         parts = [case.name, *(f"{short[field]}={_plain(value)}" for field, value in chosen.items())]
-        found.append(Case(" ".join(part for part in parts if part), {**case.settings, **chosen}))
-    return [Case("base", {})] if [case.name for case in found] == [""] else found
+        cases.append(Case(" ".join(part for part in parts if part), {**case.settings, **chosen}))
+    return [Case("base", {})] if [case.name for case in cases] == [""] else cases
 
 
 def _named(given: object, path: Path) -> Iterator[Case]:

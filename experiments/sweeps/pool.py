@@ -125,8 +125,8 @@ class LocalWorkers:
             code = 0
         if died:
             return answer(task, f"its worker process died ({_cause(code)})")
-        found: Answer = json.loads(line)
-        return found
+        result: Answer = json.loads(line)
+        return result
 
 
 def cores() -> int:

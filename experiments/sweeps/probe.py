@@ -35,13 +35,13 @@ def seconds_per_run(runs: Sequence[Run], clock: Callable[[], float] = time.perf_
     """
     from patrol.prepare import prepare  # here: loads kernels
 
-    found: list[float] = []
+    estimates_s: list[float] = []
     begun = clock()
     for index in range(min(MOST, len(runs))):
         scenario = runs[index * len(runs) // min(MOST, len(runs))].scenario
         short = _cut(scenario, TICKS)
         try:
-            if not found:
+            if not estimates_s:
                 run_scenario(_cut(scenario, LOADING_TICKS))
             first = clock()
             prepared = prepare(short)
@@ -49,10 +49,10 @@ def seconds_per_run(runs: Sequence[Run], clock: Callable[[], float] = time.perf_
             run_scenario(prepared)
         except BadInput:  # the sweep reports it
             continue
-        found.append(ready - first + (clock() - ready) * scenario.ticks / short.ticks)
+        estimates_s.append(ready - first + (clock() - ready) * scenario.ticks / short.ticks)
         if clock() - begun > ENOUGH_S:
             break
-    return sum(found) / len(found) if found else None
+    return sum(estimates_s) / len(estimates_s) if estimates_s else None
 
 
 def _cut(scenario: Scenario, ticks: int) -> Scenario:

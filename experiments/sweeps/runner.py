@@ -60,13 +60,13 @@ class SweepOutcome:
         Returns:
             The values by seed, of the valid runs of the case that have the metric.
         """
-        found = {}
+        by_seed = {}
         for run in self.plan.runs_of(case):
             result = self.results.get(run.key)
             value = result.metrics.get(metric) if result is not None and result.ok else None
             if value is not None:
-                found[run.seed] = value
-        return found
+                by_seed[run.seed] = value
+        return by_seed
 
 
 class SweepObserver(Protocol):
@@ -149,8 +149,8 @@ def _make(
     with workers:
         if observer is not None:
             observer.begin(todo, done, min(workers.size, len(todo)))
-        for found in workers.work([_task(run) for run in todo]):
-            result = RunResult(**found, settings=settings[found["key"]])
+        for answer in workers.work([_task(run) for run in todo]):
+            result = RunResult(**answer, settings=settings[answer["key"]])
             results.add(result)
             if observer is not None:
                 observer.result(result)
