@@ -118,8 +118,8 @@ def _of_format(seen: Survey, form: Format, here: Sequence[Entity], ours: Sequenc
     inside = full_name(seen.namespace, "").rstrip("/")
     spaces = _namespaces(here, seen.wanted)
     if spaces and inside.strip("/") not in spaces and not _speaks(seen, form):
-        found = ", ".join(name or "''" for name in spaces[:8])
-        yield Finding(Level.MISSING, f"no robot is in the namespace {inside or '/'}", f"give --namespace {found}")
+        shown = ", ".join(name or "''" for name in spaces[:8])
+        yield Finding(Level.MISSING, f"no robot is in the namespace {inside or '/'}", f"give --namespace {shown}")
         return
     humble = any(entity.type_hash == NO_HASH for entity in here) or any(key.endswith(NO_HASH) for key in seen.heard)
     option = "bridge" if isinstance(form, Bridge) else "rmw_zenoh-humble" if humble else "rmw_zenoh"
@@ -144,8 +144,8 @@ def _elsewhere(entities: Iterable[Entity], usual: str) -> str:
 def _namespaces(entities: Iterable[Entity], wanted: Wanted) -> list[str]:
     """Return the namespaces in which there is odometry, or commands are wanted."""
     names = (wanted.topic("odom"), wanted.topic("cmd_vel"))
-    found = {entity.topic.rpartition("/")[0].strip("/") for entity in entities if entity.topic.endswith(names)}
-    return sorted(printable(name[:255]) for name in found)
+    namespaces = {entity.topic.rpartition("/")[0].strip("/") for entity in entities if entity.topic.endswith(names)}
+    return sorted(printable(name[:255]) for name in namespaces)
 
 
 def _of_topics(topics: Iterable[Topic]) -> Iterator[Finding]:
@@ -171,8 +171,10 @@ def _of_odometry(seen: Survey, topics: Sequence[Topic], entities: Sequence[Entit
             remedy = "only one may publish it; give each robot a namespace of its own"
             yield Finding(Level.MISSING, f"{name}: {topic.publishers} publish it", remedy)
         if topic.rate < SLOW_HZ:
-            says = f"{name}: {topic.rate:.1f} messages a second; fewer than {SLOW_HZ:g} are few for a robot that drives"
-            yield Finding(Level.WARNING, says, "raise its rate, or drive slowly")
+            problem = (
+                f"{name}: {topic.rate:.1f} messages a second; fewer than {SLOW_HZ:g} are few for a robot that drives"
+            )
+            yield Finding(Level.WARNING, problem, "raise its rate, or drive slowly")
         else:
             yield Finding(Level.OK, f"{name}: {topic.rate:.1f} messages a second, {', '.join(topic.frames)}")
 
@@ -187,9 +189,9 @@ def _of_stamps(seen: Survey, form: Format) -> Iterator[Finding]:
         yield Finding(Level.MISSING, "the stamps of odometry are of another day", remedy)
         return
     way = "behind" if age_s > 0.0 else "ahead of"
-    says = f"the stamps of odometry are {abs(age_s):.2f} s {way} our clock; an agent does not drive by these"
+    problem = f"the stamps of odometry are {abs(age_s):.2f} s {way} our clock; an agent does not drive by these"
     remedy = "run chrony or another NTP client on both machines; give the agent --delay S if only the stamps are wrong"
-    yield Finding(Level.MISSING, says, remedy)
+    yield Finding(Level.MISSING, problem, remedy)
 
 
 def _of_pose(seen: Survey, topics: Sequence[Topic]) -> Iterator[Finding]:
@@ -209,18 +211,18 @@ def _of_pose(seen: Survey, topics: Sequence[Topic]) -> Iterator[Finding]:
         yield Finding(Level.OK, "the robot knows its place on the map")
     elif by_tf or by_pose:
         other = Source.TF if by_tf else Source.POSE
-        says = f"the robot knows its place on the map, but not by --localisation {wanted.localisation.value}"
-        yield Finding(Level.MISSING, says, f"give --localisation {other.value}")
+        problem = f"the robot knows its place on the map, but not by --localisation {wanted.localisation.value}"
+        yield Finding(Level.MISSING, problem, f"give --localisation {other.value}")
     else:
         missing = " or ".join(f"{wanted.map_frame}{ARROW}{printable(frame)}" for frame in sorted(frames))
-        says = (
+        problem = (
             f"nothing says where the robot is on the map: no {missing or 'transform from the map'} on tf, and no pose"
         )
         remedy = (
             "start its localisation (amcl, slam_toolbox) and tell it where the robot is, or give"
             " --localisation odometry and the agent a --start"
         )
-        yield Finding(Level.MISSING, says, remedy)
+        yield Finding(Level.MISSING, problem, remedy)
 
 
 def _of_commands(seen: Survey, topics: Sequence[Topic], entities: Sequence[Entity]) -> Iterator[Finding]:
@@ -290,7 +292,7 @@ def _of_clock(seen: Survey, topics: Sequence[Topic], clock_s: float | None) -> I
         return
     elif abs(clock_s) > CLOCKS_S:
         way = "behind" if clock_s > 0.0 else "ahead of"
-        says = f"the robot's clock is {abs(clock_s):.2f} s {way} ours, or its messages take so long"
-        yield Finding(Level.WARNING, says, "run chrony or another NTP client on both machines")
+        problem = f"the robot's clock is {abs(clock_s):.2f} s {way} ours, or its messages take so long"
+        yield Finding(Level.WARNING, problem, "run chrony or another NTP client on both machines")
     else:
         yield Finding(Level.OK, f"the robot's clock agrees with ours ({clock_s * 1e3:.0f} ms)")

@@ -68,9 +68,9 @@ def topics_of(seen: Survey, form: Format, entities: Sequence[Entity]) -> Iterato
         subscribers = sum(entity.kind is Kind.SUBSCRIPTION for entity in about)
         for key in keys or [""]:
             origin = form.origin(key) if key else Origin()
-            said = next((entity for entity in about if entity.kind is Kind.PUBLISHER), about[0] if about else None)
-            type_name = origin.type_name or (said.type_name if said else "")
-            hashed = origin.type_hash or (said.type_hash if said else "")
+            publisher = next((entity for entity in about if entity.kind is Kind.PUBLISHER), about[0] if about else None)
+            type_name = origin.type_name or (publisher.type_name if publisher else "")
+            hashed = origin.type_hash or (publisher.type_hash if publisher else "")
             heard = seen.heard.get(key)
             frames, wrong = _look(name, type_name, heard, seen.wanted)
             if type_name in _KNOWN and hashed not in {"", NO_HASH, type_hash(type_name)}:
@@ -120,8 +120,8 @@ def _expected(name: str, wanted: Wanted) -> Any:
 
 def _frames(message: Any) -> Iterator[str]:
     if isinstance(message, ros.TFMessage):
-        for one in message.transforms:
-            yield f"{one.frame}{ARROW}{one.child_frame}"
+        for transform in message.transforms:
+            yield f"{transform.frame}{ARROW}{transform.child_frame}"
     elif isinstance(message, ros.Odometry):
         yield f"{message.frame}{ARROW}{message.child_frame}"
     elif getattr(message, "frame", ""):

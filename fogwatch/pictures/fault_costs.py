@@ -36,7 +36,7 @@ def curves_picture(found: Sequence[Finding], files: Sequence[Path]) -> bool:
     Raises:
         BadInput: matplotlib is not installed, or a file cannot be written.
     """
-    tried = {one.condition.group for one in found}
+    tried = {cost.condition.group for cost in found}
     shown = [(end, title) for end, title in PANELS if tried.intersection(f"{group}{end}" for group, *_ in CURVES)]
     if not shown:
         return False
@@ -69,23 +69,23 @@ def costs_picture(found: Sequence[Finding], files: Sequence[Path]) -> bool:
     Raises:
         BadInput: matplotlib is not installed, or a file cannot be written.
     """
-    shown = [one for one in found if one.condition.group not in NO_BARS and one.cost is not None]
-    names = list(dict.fromkeys(_label(one) for one in shown))
+    shown = [cost for cost in found if cost.condition.group not in NO_BARS and cost.cost is not None]
+    names = list(dict.fromkeys(_label(cost) for cost in shown))
     if not names:
         return False
     figure = _figure((9.0, 1.2 + 0.42 * len(names)))
     axes = figure.subplots()
     height = 0.8 / len(VARIANTS)
     for index, variant in enumerate(VARIANTS):
-        for one in shown:
-            if one.variant != variant or one.cost is None:
+        for cost in shown:
+            if cost.variant != variant or cost.cost is None:
                 continue
-            y = names.index(_label(one)) - 0.4 + (index + 0.5) * height
-            label = variant if _label(one) == names[0] else None
-            axes.barh(y, one.cost.mean, 0.92 * height, color=COLOURS[index], label=label, zorder=2)
-            if one.cost.half:
+            y = names.index(_label(cost)) - 0.4 + (index + 0.5) * height
+            label = variant if _label(cost) == names[0] else None
+            axes.barh(y, cost.cost.mean, 0.92 * height, color=COLOURS[index], label=label, zorder=2)
+            if cost.cost.half:
                 axes.errorbar(
-                    one.cost.mean, y, xerr=one.cost.half, color="#222222", elinewidth=1.0, capsize=2.0, zorder=3
+                    cost.cost.mean, y, xerr=cost.cost.half, color="#222222", elinewidth=1.0, capsize=2.0, zorder=3
                 )
     axes.axvline(1.0, color="black", linewidth=0.8, zorder=4)
     axes.set_yticks(range(len(names)), names)
@@ -107,9 +107,9 @@ def _curve(
     axes: Axes, found: Sequence[Finding], group: str, variant: str, label: str, colour: str, line: str, marker: str
 ) -> None:
     points = sorted(
-        (one.condition.x or 0.0, one.mfow.mean, one.mfow.half or 0.0)
-        for one in found
-        if one.variant == variant and one.condition.group in (group, "quiet") and one.mfow is not None
+        (cost.condition.x or 0.0, cost.mfow.mean, cost.mfow.half or 0.0)
+        for cost in found
+        if cost.variant == variant and cost.condition.group in (group, "quiet") and cost.mfow is not None
     )
     if len(points) > 1:
         x, y, half = zip(*points, strict=True)

@@ -76,9 +76,9 @@ def _outline(axes: Axes, number: int, polygon: tuple[tuple[float, float], ...]) 
 def _shades(labels: NDArray[np.int32], count: int) -> list[int]:
     """Return a colour for each region that no neighbour has, as far as the colours suffice; the least used first."""
     beside: list[set[int]] = [set() for _ in range(count)]
-    for one, two in ((labels[:, 2:], labels[:, :-2]), (labels[2:], labels[:-2])):
-        apart = (one != two) & (one >= 0) & (two >= 0)
-        for a, b in np.unique(np.stack([one[apart], two[apart]], axis=1), axis=0):
+    for here, there in ((labels[:, 2:], labels[:, :-2]), (labels[2:], labels[:-2])):
+        apart = (here != there) & (here >= 0) & (there >= 0)
+        for a, b in np.unique(np.stack([here[apart], there[apart]], axis=1), axis=0):
             beside[a].add(int(b))
             beside[b].add(int(a))
     shades: list[int] = []

@@ -26,8 +26,8 @@ def as_measured(summary: Mapping[str, Any], journal: RunRecord) -> dict[str, Any
     Returns:
         The new summary.
     """
-    said = reported(journal)
-    links = links_of(said)
+    reports = reported(journal)
+    links = links_of(reports)
     names = [robot.name for robot in journal.header.robots]
     robots = {name: dict(facts) for name, facts in summary["robots"].items()}
     for name, facts in robots.items():
@@ -41,7 +41,7 @@ def as_measured(summary: Mapping[str, Any], journal: RunRecord) -> dict[str, Any
     direct = {
         "links": {f"{source} to {destination}": counts for (source, destination), counts in links.items()},
         "heard_share": share,
-        "missed": journal.end.notes["direct"].get("missed", {}) if said and journal.end else {},
-        "unsaid": [name for name in names if name not in said or not said[name]["final"]],
+        "missed": journal.end.notes["direct"].get("missed", {}) if reports and journal.end else {},
+        "unsaid": [name for name in names if name not in reports or not reports[name]["final"]],
     }
     return {**summary, "messages": messages, "robots": robots, "links": {}, "direct": direct}

@@ -50,7 +50,7 @@ class _Intruder:
         }
 
 
-class IntruderFacts:
+class IntruderTotals:
     """Follows the intruders of a run tick by tick; see `facts`."""
 
     def __init__(self, header: Header, events: Sequence[Event] = ()) -> None:
@@ -77,7 +77,7 @@ class IntruderFacts:
         present = [intruder for intruder in self._intruders if intruder.is_there(record.k * self._step)]
         if not present:
             return
-        reported = {id(found): found for found in (_nearest(present, place) for place in _contacts(record))}
+        reported = {id(nearest): nearest for nearest in (_nearest(present, place) for place in _contacts(record))}
         for intruder in reported.values():
             intruder.reported += 1
             if intruder.first_reported is None:

@@ -11,7 +11,7 @@ from patrol.journal import Event, Header, TickRecord
 from patrol.summary.model import Summary
 from patrol.summary.totals import RunTotals
 from worldsim.output.direct_radio import as_measured
-from worldsim.output.intruder_facts import IntruderFacts
+from worldsim.output.intruder_facts import IntruderTotals
 from worldsim.output.traffic import Traffic
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ class Totals:
         patrolled = round(header.patrolled_area_m2 / header.terrain.point**2)
         self._run = RunTotals(header, float(header.scenario["step"]), patrolled)
         self._traffic = Traffic(header, events)
-        self._intruders = IntruderFacts(header, events)
+        self._intruders = IntruderTotals(header, events)
 
     def tick(self, record: TickRecord) -> None:
         """Add the next tick."""
@@ -127,10 +127,10 @@ def _of_processes(journal: RunRecord) -> dict[str, Any]:
     if "late_commands" in notes:
         names = {robot.number: robot.name for robot in journal.header.robots}
         late = {
-            what: {names[robot]: n for robot, n in notes.get(what, {}).items() if robot in names}
-            for what in ("late_frames", "too_late", "late_commands")
+            note: {names[robot]: n for robot, n in notes.get(note, {}).items() if robot in names}
+            for note in ("late_frames", "too_late", "late_commands")
         }
         # Older journals have none of these: use 0.
-        held_up = {what: notes.get(what, 0.0) for what in ("slipped_s", "held_up_s", "longest_held_up_s")}
+        held_up = {note: notes.get(note, 0.0) for note in ("slipped_s", "held_up_s", "longest_held_up_s")}
         facts["deadlines"] = {**late, **held_up}
     return facts

@@ -56,18 +56,18 @@ def judge(
     loaded = _with_key(prepared_in(run, journal), key)
     codes = {} if stated is None else stated.exit_codes
     verdict, summary = _judged(journal, loaded, codes)
-    found = json.loads(json.dumps(summary.document()))
+    recomputed = json.loads(json.dumps(summary.document()))
     as_stated = {} if stated is None else stated.document()
-    differing = differences(as_stated, found)
-    unstated = [] if stated is None else missing(as_stated, found)
-    unrepeated = not_repeated(as_stated, found)
+    differing = differences(as_stated, recomputed)
+    unstated = [] if stated is None else missing(as_stated, recomputed)
+    unrepeated = not_repeated(as_stated, recomputed)
     edited = not _same_scenario(loaded, journal)
     trace = trace_hash(journal.ticks, loaded.scenario.spares)
     if as_json:
         facts = {
-            "verdict": found["verdict"],
+            "verdict": recomputed["verdict"],
             "trace_hash": trace,
-            "mfow_mean_s": found["mfow_mean_s"],
+            "mfow_mean_s": recomputed["mfow_mean_s"],
             "exit_codes": codes,
             "scenario_agrees": not edited,
             "summary_agrees": None if stated is None else not differing,
@@ -104,8 +104,8 @@ def _same_scenario(loaded: Prepared, journal: Journal) -> bool:
     """Return whether the folder's scenario is the one that the journal was written for."""
     from patrol.scenario import load_scenario, same_but_for_files
 
-    told = load_scenario(journal.header.scenario, base=loaded.scenario.base, called="journal", opens_policy=False)
-    return same_but_for_files(loaded.scenario, told)
+    journalled = load_scenario(journal.header.scenario, base=loaded.scenario.base, called="journal", opens_policy=False)
+    return same_but_for_files(loaded.scenario, journalled)
 
 
 def _print(
@@ -142,7 +142,11 @@ def _print(
         typer.echo(f"summary     agrees with the journal in every {'other ' * bool(unstated)}field")
         return
     typer.echo(f"summary     disagrees with the journal in {len(differing)} field{'s' * (len(differing) > 1)}")
-    for one in differing[:MOST_SHOWN]:
-        typer.echo(printable(f"  {one.field}: {quoted(one.stated)}, and by the journal {quoted(one.found)}"))
+    for difference in differing[:MOST_SHOWN]:
+        typer.echo(
+            printable(
+                f"  {difference.field}: {quoted(difference.stated)}, and by the journal {quoted(difference.found)}"
+            )
+        )
     if len(differing) > MOST_SHOWN:
         typer.echo(f"  and {len(differing) - MOST_SHOWN} more (--json lists them)")

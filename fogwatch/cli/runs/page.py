@@ -54,10 +54,10 @@ def replay(
     key: Annotated[Path | None, KEY] = None,
 ) -> int:
     """Replay a run on a page in the browser, at any speed, forwards or backwards. Ctrl-C ends it."""
-    what = Namespace(
+    arguments = Namespace(
         replay=run, key=key, access=None, credentials=None, router=None, fleet=None, scenario=None, radio=None, wait=0.0
     )
-    return _page(what, host, port, token, browser)
+    return _page(arguments, host, port, token, browser)
 
 
 def monitor(
@@ -86,7 +86,7 @@ def monitor(
     access = None if run is None else _access_in(run)
     if scenario is not None and run is not None:
         raise BadInput("monitor: --scenario is for robots without a world; name their --router and --fleet as well")
-    what = Namespace(
+    arguments = Namespace(
         replay=None,
         key=key,
         access=access,
@@ -97,7 +97,7 @@ def monitor(
         radio=radio,
         wait=wait,
     )
-    return _page(what, host, port, token, browser)
+    return _page(arguments, host, port, token, browser)
 
 
 def _access_in(run: Path) -> Path:

@@ -97,10 +97,10 @@ def _record_fleet(
         last = record_live(source, out, started, lambda: bool(ending), say)
     finally:
         source.close()
-    what = "nothing was received"
+    content = "nothing was received"
     if last is not None:
-        what = f"up to {last.time_s:g} s, {last.ended or ('its world is gone' if last.gone else 'the run goes on')}"
-    typer.echo(printable(f"recording: {out}, {out.stat().st_size / 1e6:.1f} MB, {what}"))
+        content = f"up to {last.time_s:g} s, {last.ended or ('its world is gone' if last.gone else 'the run goes on')}"
+    typer.echo(printable(f"recording: {out}, {out.stat().st_size / 1e6:.1f} MB, {content}"))
     return 0
 
 

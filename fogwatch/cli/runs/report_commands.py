@@ -40,11 +40,11 @@ def report(
     from monitor.report.analysis import analyse
     from monitor.report.document import write_report
 
-    made = write_report(analyse(opened), file, going, figures)
+    drawn = write_report(analyse(opened), file, going, figures)
     print_state(opened, going)
     typer.echo(printable(f"report: {file}"))
     if figures is not None:
-        typer.echo(printable(f"figures: {figures}: {', '.join(drawing.name for drawing in made)}"))
+        typer.echo(printable(f"figures: {figures}: {', '.join(drawing.name for drawing in drawn)}"))
 
 
 def compare(
@@ -67,9 +67,9 @@ def compare(
     from monitor.report.compare import compare_html, drawings, names_of, rows_of
     from monitor.report.document import write_page
 
-    made = drawings(analyses)
-    write_page(compare_html(analyses, made), out)
-    for drawing in made if figures is not None else ():
+    drawn = drawings(analyses)
+    write_page(compare_html(analyses, drawn), out)
+    for drawing in drawn if figures is not None else ():
         drawing.save(figures or out.parent)
     opened = [analysis.run for analysis in analyses]
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
