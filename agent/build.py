@@ -153,6 +153,7 @@ def build_mind(
             radii=shared.radii,
             step=scenario.step,
             sensor=scenario.sensor,
+            sight=shared.footprint,
             patrol=patrol,
             lengths=lengths,
             team=len(scenario.roster) - len(scenario.spares),

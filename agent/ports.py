@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from agent.routes.path_window import PathWindow
     from agent.view import View
     from patrol.ground.fields import StaticFields
+    from patrol.ground.footprint import Footprint
     from patrol.ground.terrain import Terrain
     from patrol.pose import Pose
     from patrol.radio.peers import Peer
@@ -128,7 +129,8 @@ class PolicySetup:
         spec: The robot's number, model, speed (m/s), radius (m) and turning radius (m).
         radii: Of all robots of the fleet, by number, m.
         step: s per tick.
-        sensor: What a robot sees.
+        sensor: The scenario's section `sensor`.
+        sight: The sensor on the terrain: what a robot sees from a pose, and how far.
         patrol: The scenario's section `patrol`; its lengths that are ``auto`` are in `lengths`.
         lengths: The lengths of this robot's patrol, m.
         team: Number of robots that patrol from the start, the spare ones left out.
@@ -144,6 +146,7 @@ class PolicySetup:
     radii: Mapping[int, float]
     step: float
     sensor: SensorSpec
+    sight: Footprint
     patrol: PatrolSpec
     lengths: BodyLengths
     team: int

@@ -100,10 +100,12 @@ def _run(options: argparse.Namespace, supervision: Supervision, ending: Ending) 
     """Check the input and find out who this is, then patrol; the exit code."""
     from patrol.net.keys import check_radio
     from patrol.net.security.roles import Kind
+    from patrol.own_sensor import allow_sensor
     from patrol.scenario import load_scenario
 
     met = meeting(options, Kind.ROBOT)
     scenario = load_scenario(options.scenario)
+    allow_sensor(scenario.sensor)
     on_air = check_radio(options.radio, "--radio", scenario.radio.via)
     spec = _spec(scenario, robot_named(options.robot, met.credentials))
     log = supervision.begin_log(spec.name)
@@ -197,10 +199,12 @@ def _mind(scenario: Scenario, spec: RobotSpec, process: _Process) -> Mind | None
     from patrol.process.starting.seldom import seldom_kernels
     from patrol.process.starting.warmup import numba_alone, warm
     from patrol.scenario.policy_file import BUILT_IN
+    from patrol.scenario.sections import BUILT_IN_SENSORS
 
     options = process.options
     warm(("patrol", "agent"), process.log.info, seldom_kernels(scenario))
-    if scenario.patrol.policy in BUILT_IN:  # somebody's own may compile what needs scipy
+    if scenario.patrol.policy in BUILT_IN and scenario.sensor.kind in BUILT_IN_SENSORS:
+        # A class of one's own may compile what needs scipy.
         numba_alone()
     from agent.build import Shared, build_mind, radii_of, shared_by
     from agent.ports import PolicyFailed

@@ -19,6 +19,7 @@ from patrol.errors import BadInput
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Event, JournalWriter, Status, TickRecord, read_journal
 from patrol.net.messages.phases import FIRST_INCARNATION
+from patrol.own_sensor import allow_sensor
 from patrol.prepare import Prepared, prepare, sensor_footprint
 from patrol.process.deadline import DECISION_LIMIT_S, Late, deadline
 from patrol.process.memory.garbage import spared
@@ -261,6 +262,7 @@ def run_in_process(
     prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
     if prepared.scenario.radio.via != "ether":
         raise BadInput("radio.via = direct: in one process there is no network to hear each other by; run as processes")
+    allow_sensor(prepared.scenario.sensor)
     footprint = sensor_footprint(prepared.scenario, prepared.terrain)
     world = World(prepared, footprint=footprint)
     kind = policy_of(prepared.scenario)

@@ -21,6 +21,7 @@ from fogwatch.launch.live_table import CallbackDisplay, RunDisplay, SilentDispla
 from fogwatch.launch.runfolder import PolicyNotMade, RunFolder, fill, make_folder
 from patrol.errors import BadInput
 from patrol.net.messages.telemetry import Metrics
+from patrol.own_sensor import allow_sensor
 from patrol.process.lifeline import Interrupted
 from patrol.process.starting.seldom import seldom_kernels
 from patrol.process.starting.warmup import warm
@@ -190,6 +191,7 @@ def execute(scenario: Scenario, options: RunOptions) -> Result:
         from agent.policies.found import policy_of
 
         policy_of(scenario)
+    allow_sensor(scenario.sensor)
     folder = make_folder(scenario, options.out, datetime.now().astimezone())
     try:
         fill(folder, scenario, options.out)

@@ -17,10 +17,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from patrol.ground.footprint import Footprint
 from patrol.own_ground import OwnGround, own_grounds
+from patrol.prepare import sensor_footprint
 
 if TYPE_CHECKING:
+    from patrol.ground.footprint import Footprint
     from patrol.ground.terrain import BoolGrid, Terrain
     from patrol.prepare import Prepared
     from patrol.scenario import Scenario
@@ -107,9 +108,8 @@ def best_tour(prepared: Prepared) -> BestTour:
         The tours.
     """
     scenario, terrain = prepared.scenario, prepared.terrain
-    sensor = scenario.sensor
-    footprint = Footprint(terrain, sensor.range, sensor.angle, sensor.line_of_sight, sensor.quality)
-    if sensor.angle < 360.0 or footprint.leaves_age:
+    footprint = sensor_footprint(scenario, terrain)
+    if not footprint.all_round or footprint.leaves_age:
         return BestTour(())
     grounds = own_grounds(prepared)
     groups: dict[int, list[int]] = {}

@@ -18,6 +18,7 @@ from patrol.errors import BadInput
 from patrol.ground.fields import StaticFields, compute_fields, load_grid
 from patrol.ground.footprint import REMEMBERED, Footprint
 from patrol.ground.terrain import BoolGrid, Terrain, frozen_grid
+from patrol.own_sensor import make_footprint
 from patrol.pose import Pose
 from patrol.radio.inbox import Inbox
 
@@ -170,10 +171,11 @@ def sensor_footprint(scenario: Scenario, terrain: Terrain) -> Footprint:
     Args:
         scenario: Its `sensor` section is used.
         terrain: The ground.
+
+    Raises:
+        BadInput: A sensor of one's own cannot be found, made or run.
     """
-    sensor = scenario.sensor
-    remembered = max(REMEMBERED, 2 * len(scenario.roster))
-    return Footprint(terrain, sensor.range, sensor.angle, sensor.line_of_sight, sensor.quality, remembered)
+    return make_footprint(scenario.sensor, terrain, max(REMEMBERED, 2 * len(scenario.roster)))
 
 
 def inbox_of(

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from patrol.ground.footprint import Footprint
 from patrol.ground.maps import load_terrain
+from patrol.ground.sensors import footprint_of
 from patrol.pose import Pose
 from patrol.ros2.formats import format_named
 from patrol.ros2.link import ZenohRos2Link, open_ros2
@@ -65,7 +65,7 @@ class Bench:
         errors = Errors(noise_m=0.01, noise_rad=0.002, drift=0.01, drift_rad=0.002)
         self.robot = SimulatedRobot(Build(spec, Pose(1.5, 1.5, 0.3), errors, 5.0, watchdog_s, 7))
         self.node = RobotNode(link, self.robot, habits, terrain)
-        ground = Ground(terrain, Footprint(terrain, 3.0, 360.0, True, 1.0), terrain.passable, 0.5)
+        ground = Ground(terrain, footprint_of(terrain, 3.0, 360.0, True, 1.0), terrain.passable, 0.5)
         self.simulation = Simulation({NAME: self.node}, ground, time.time())
         self.said: list[str] = []
         self.agents: list[subprocess.Popen[str]] = []

@@ -89,9 +89,11 @@ def _run(options: WorldOptions, met: Meeting, ending: Ending, vitals: Vitals) ->
     """Check the input, connect, record the run and, without a launcher, judge it; the exit code."""
     from patrol.net.keys import check_radio
     from patrol.net.security.access import read_access
+    from patrol.own_sensor import allow_sensor
     from patrol.process.starting.seldom import seldom_kernels
     from patrol.process.starting.warmup import numba_alone, warm
     from patrol.scenario import load_scenario
+    from patrol.scenario.sections import BUILT_IN_SENSORS
     from worldsim.output.folder import check
 
     token = None if met.credentials is None else met.credentials.token
@@ -100,8 +102,10 @@ def _run(options: WorldOptions, met: Meeting, ending: Ending, vitals: Vitals) ->
     _check_process_control(scenario, options)
     radio = check_radio(options.radio, "--radio", scenario.radio.via)
     check(options.scenario, options.out)
+    allow_sensor(scenario.sensor)
     warm(("patrol", "worldsim"), _LOG.info, seldom_kernels(scenario))
-    numba_alone()
+    if scenario.sensor.kind in BUILT_IN_SENSORS:  # one of one's own may compile what needs scipy
+        numba_alone()
 
     from worldsim.fleet.sessions import Interrupted, Missing
 

@@ -192,7 +192,7 @@ def replay(journal: Journal, prepared: Prepared) -> FinalFog:
     poses = np.array(places, dtype=np.float64)
     truth = Truth(sensor_footprint(scenario, prepared.terrain), prepared.patrolled)
     # If one look makes a point fresh, ticks before the last MFoW do not show in the final fog.
-    begin = 0 if scenario.sensor.quality != 1.0 else len(poses) - 1 - record.mfow
+    begin = 0 if truth.footprint.leaves_age else len(poses) - 1 - record.mfow
     for index in range(max(begin, 0), len(poses)):
         tick = record.k - len(poses) + 1 + index
         alive = [(number, Pose(*pose)) for number, pose in zip(numbers, poses[index].tolist(), strict=True)]

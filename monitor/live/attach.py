@@ -133,7 +133,7 @@ def _own_scenario(access: Path) -> Scenario | None:
     file = folder / SCENARIO
     if leads_out(folder, file):
         raise BadInput(f"{file}: is a link that leads out of the run's folder; put the file itself there")
-    return load_scenario(file, opens_policy=False) if file.is_file() else None
+    return load_scenario(file, opens_classes=False) if file.is_file() else None
 
 
 def _of_a_world(

@@ -57,7 +57,7 @@ def scenario_of(header: Header, height: int, width: int) -> Scenario | None:
     if not isinstance(scenario, Mapping) or type(facts.name) is not str or not all(map(_is_finite, numbers)):
         return None
     try:
-        loaded = load_scenario(scenario, opens_policy=False)
+        loaded = load_scenario(scenario, opens_classes=False)
     except BadInput:
         return None
     roster = tuple((spec.number, spec.name, spec.model, spec.radius) for spec in loaded.roster)

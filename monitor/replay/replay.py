@@ -174,7 +174,7 @@ class Replay:
         """
         self.run = run
         self._footprint = sensor_footprint(run.prepared.scenario, run.prepared.terrain)
-        self._whole_looks = run.prepared.scenario.sensor.quality == 1.0
+        self._whole_looks = not self._footprint.leaves_age
         self._fog = Fog(run.prepared.patrolled)
         self._k = -1
         size = self._fog.last_seen.nbytes

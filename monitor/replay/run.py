@@ -225,7 +225,7 @@ def prepared_in(folder: Path, journal: Journal) -> Prepared:
     Raises:
         BadInput: Scenario and journal do not belong together, or the scenario cannot be prepared.
     """
-    scenario = load_scenario(folder / SCENARIO, opens_policy=False)
+    scenario = load_scenario(folder / SCENARIO, opens_classes=False)
     if [robot.number for robot in journal.header.robots] != [spec.number for spec in scenario.roster]:
         raise BadInput(
             f"{folder}: the journal has other robots than {SCENARIO}; they belong to different runs: restore its own"

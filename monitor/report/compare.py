@@ -170,8 +170,9 @@ def _by_content(leaves: dict[str, object], run: Run) -> dict[str, object]:
 
     For example "Greedy (sha256 5f2a9c81d3b0)" in place of "elsewhere/my_policy.py:Greedy".
     """
-    if digest := leaves.pop("patrol.policy_sha256", None):
-        leaves["patrol.policy"] = f"{str(leaves['patrol.policy']).rpartition(':')[2]} (sha256 {str(digest)[:12]})"
+    for field in ("patrol.policy", "sensor.kind"):
+        if digest := leaves.pop(f"{field}_sha256", None):
+            leaves[field] = f"{str(leaves[field]).rpartition(':')[2]} (sha256 {str(digest)[:12]})"
     if leaves.get("terrain.map"):
         terrain = run.prepared.terrain
         facts = terrain.passable.tobytes() + repr((terrain.shape, terrain.point, terrain.origin)).encode()

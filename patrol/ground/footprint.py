@@ -1,25 +1,35 @@
-"""The footprint: the points a robot observes from a pose."""
+"""The footprint: the points a robot observes from a pose, and the port of the sensors that decide which these are.
+
+    Sensor      points in view of a pose       visible(pose) -> view
+    Footprint   a sensor on a terrain, as everything that computes with looks uses it
+
+A sensor sits at the centre of the point that holds the robot. It sees no point whose centre is farther than its range.
+Two rules hold for all sensors, so that robots can plan with them:
+
+- A robot sees its own point.
+- A robot that faces a point within the range sees it, if the sensor looks through obstacles or the line of sight to
+  the point is free. So what robots can ever see depends on the range and on the line of sight alone
+  (`patrol.ground.fields`), and a robot that stands at a point's post only has to turn.
+
+A sensor is deterministic. A view depends on the pose as encoded on the wire and on the terrain, and on nothing else:
+the world, all minds and the verdict compute it separately and must agree on every point.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.ground.kernels.footprint import cast, disc, keep_sector
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 
 REMEMBERED = 64
-"""Footprints that a `Footprint` keeps unless told otherwise: in one tick every robot asks for the same few."""
-
-Quality = float | Sequence[tuple[float, float]]
-"""Share of a point's age that an observation takes away: one number in (0, 1], or (distance in m, share) corners with
-straight lines between them and the nearest corner's share beyond the first and last."""
+"""Views that a `Footprint` keeps unless told otherwise: in one tick every robot asks for the same few."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,15 +39,15 @@ class View:
     Attributes:
         row0: The terrain's row under the window's row 0; may lie outside the terrain.
         col0: The terrain's column under the window's column 0; may lie outside the terrain.
-        mask: uint8 (m, m), 1 where the point is seen; read-only.
-        quality: float64 (m, m), share of the age that an observation removes, or None where it makes a point fresh;
-            read-only.
+        mask: uint8 (m, m), 1 where the point is seen, 0 outside the terrain; read-only.
+        quality: float64 (m, m) in (0, 1], share of the age that an observation removes, or None where it makes a point
+            fresh; read-only.
     """
 
     row0: int
     col0: int
     mask: NDArray[np.uint8]
-    quality: NDArray[np.float64] | None
+    quality: NDArray[np.float64] | None = None
 
     def mark(self, grid: NDArray[np.int32], tick: int) -> None:
         """Note in a grid at which tick each seen point was last in view.
@@ -64,46 +74,90 @@ class View:
         return 0 <= up < rows and 0 <= across < cols and bool(self.mask[up, across])
 
 
-class Footprint:
-    """A sensor on a terrain: from a pose to the points it observes.
+@dataclass(frozen=True, slots=True)
+class SensorSetup:
+    """What a sensor is made from.
 
-    The sensor sits at the centre of the point that holds the pose. It sees a disc, or a sector around the heading, by
-    symmetric shadow casting. Only impassable points block sight; keep-out zones do not. The paper does not say whether
-    its sensor sees through obstacles, so that is an option.
-
-    Args:
-        terrain: The ground.
-        range_m: Radius of the disc, m.
-        angle_deg: Of the sector, degrees; 360 for the disc.
-        line_of_sight: False for a sensor that sees through obstacles.
-        quality: See `Quality`.
-        remembered: How many footprints to keep.
+    Attributes:
+        terrain: The ground, and what blocks the view.
+        range_m: The scenario's `sensor.range`, m.
+        line_of_sight: Whether obstacles block the view.
+        options: What `sensor.options` says, as the sensor's own ``Options``; an empty mapping where it has none.
     """
 
-    def __init__(
-        self,
-        terrain: Terrain,
-        range_m: float,
-        angle_deg: float = 360.0,
-        line_of_sight: bool = True,
-        quality: Quality = 1.0,
-        remembered: int = REMEMBERED,
-    ) -> None:
-        self.terrain = terrain
-        # No sensor reaches farther than across the terrain.
-        self.radius = min(range_m / terrain.point, math.hypot(*terrain.shape))
-        self.reach = math.floor(self.radius + 1e-9)
-        self.angle = math.radians(angle_deg)
-        self.line_of_sight = line_of_sight
-        self._whole = angle_deg >= 360.0
-        self._passable = np.ascontiguousarray(terrain.passable).view(np.uint8)
-        self._quality = _quality_window(quality, self.reach, terrain.point)
-        self._remembered = lru_cache(maxsize=remembered)(self._look)
+    terrain: Terrain
+    range_m: float
+    line_of_sight: bool = True
+    options: Any = None
+
+    @property
+    def radius(self) -> float:
+        """The range in points; no sensor reaches farther than across the terrain."""
+        return min(self.range_m / self.terrain.point, math.hypot(*self.terrain.shape))
+
+    @property
+    def reach(self) -> int:
+        """Whole points from a window's middle to its edge."""
+        return math.floor(self.radius + 1e-9)
+
+
+class Sensor(Protocol):
+    """A kind of sensor on one terrain. It is made by ``Sensor(setup)`` (`SensorSetup`).
+
+    A class of one's own may have a pydantic model named ``Options``, which `sensor.options` of the scenario is
+    validated by. For example, a sensor that sees its own point and the one ahead:
+
+        class Probe:
+            all_round = False
+            leaves_age = False
+
+            def __init__(self, setup: SensorSetup) -> None:
+                self.terrain = setup.terrain
+
+            def visible(self, pose: Pose) -> View: ...
+    """
+
+    @property
+    def all_round(self) -> bool:
+        """Whether a view is the same for every heading."""
+        ...
 
     @property
     def leaves_age(self) -> bool:
-        """Whether a look may leave some of a point's age (quality below 1)."""
-        return self._quality is not None
+        """Whether a look may leave some of a point's age: whether views have a quality."""
+        ...
+
+    def visible(self, pose: Pose) -> View:
+        """The points seen from a pose.
+
+        Args:
+            pose: The centre of a point, m, which may lie outside the terrain, and a heading as on the wire, rad; 0 for
+                a sensor that looks all round.
+
+        Returns:
+            A window of 2 reach + 1 points in each direction with the pose's point in the middle (`SensorSetup.reach`).
+        """
+        ...
+
+
+class Footprint:
+    """A sensor on a terrain: from a pose to the points it observes, with the latest views kept.
+
+    Args:
+        setup: What the sensor was made from.
+        sensor: The sensor.
+        remembered: How many views to keep.
+    """
+
+    def __init__(self, setup: SensorSetup, sensor: Sensor, remembered: int = REMEMBERED) -> None:
+        self.terrain = setup.terrain
+        self.range_m = setup.range_m
+        self.radius = setup.radius
+        self.line_of_sight = setup.line_of_sight
+        self.all_round = sensor.all_round
+        self.leaves_age = sensor.leaves_age
+        self._sensor = sensor
+        self._remembered = lru_cache(maxsize=remembered)(self._look)
 
     def visible(self, pose: Pose) -> View:
         """The points seen from a pose.
@@ -113,30 +167,14 @@ class Footprint:
                 it agree on the points.
 
         Returns:
-            The footprint, shared and read-only.
+            The view, shared and read-only.
         """
         row, col = self.terrain.point_at(pose.x, pose.y)
-        return self._remembered(row, col, 0.0 if self._whole else pose.heading)
+        return self._remembered(row, col, 0.0 if self.all_round else pose.heading)
 
     def _look(self, row: int, col: int, heading: float) -> View:
-        mask = np.empty((2 * self.reach + 1, 2 * self.reach + 1), dtype=np.uint8)
-        look = cast if self.line_of_sight else disc
-        look(self._passable, row, col, self.radius, mask, row - self.reach, col - self.reach)
-        if not self._whole:
-            keep_sector(mask, heading, self.angle)
-        mask.setflags(write=False)
-        return View(row - self.reach, col - self.reach, mask, self._quality)
-
-
-def _quality_window(quality: Quality, reach: int, point: float) -> NDArray[np.float64] | None:
-    if isinstance(quality, (int, float)):
-        corners: Sequence[tuple[float, float]] = [(0.0, float(quality))]
-    else:
-        corners = quality
-    if all(share == 1.0 for _, share in corners):
-        return None
-    offsets = np.arange(-reach, reach + 1, dtype=np.float64)
-    distance = point * np.sqrt(offsets[:, None] ** 2 + offsets[None, :] ** 2)
-    window = np.interp(distance, [at for at, _ in corners], [share for _, share in corners])
-    window.flags.writeable = False
-    return np.ascontiguousarray(window)
+        view = self._sensor.visible(Pose(*self.terrain.centre(row, col), heading))
+        view.mask.setflags(write=False)
+        if view.quality is not None:
+            view.quality.setflags(write=False)
+        return view

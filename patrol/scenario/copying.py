@@ -6,22 +6,27 @@ A fleet's key is a secret and is not copied: the scenario goes on naming its fil
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TypeVar
 
 import yaml
 
 from patrol.errors import BadInput
 from patrol.ground.map_file import read_map_file
 from patrol.scenario import Scenario, dump_scenario
-from patrol.scenario.policy_file import policy_digest, policy_file, policy_source
+from patrol.scenario.class_file import class_file, class_source, file_digest
 from patrol.untrusted import IMAGE, read_untrusted
+from patrol.values.section import Section
 
 FILE = "scenario.yaml"
 MAP = "map"
 POLICY = "policy"
+SENSOR = "sensor"
+
+AnySection = TypeVar("AnySection", bound=Section)
 
 
 def keep_scenario(scenario: Scenario, folder: Path) -> Path:
-    """Write the resolved scenario into a folder, with copies of its map and its policy's file beside it.
+    """Write the resolved scenario into a folder, with copies of its map and of the files of its policy and sensor.
 
     Args:
         scenario: Resolved.
@@ -35,24 +40,29 @@ def keep_scenario(scenario: Scenario, folder: Path) -> Path:
         OSError: When the folder cannot be written to.
     """
     path = folder / FILE
-    own = _with_own_policy(_with_own_map(scenario, folder / MAP), folder / POLICY)
+    own = _with_own_map(scenario, folder / MAP)
+    own = own.model_copy(
+        update={
+            "patrol": _with_own_class(own.patrol, "patrol.policy", folder / POLICY),
+            "sensor": _with_own_class(own.sensor, "sensor.kind", folder / SENSOR),
+        }
+    )
     path.write_text(dump_scenario(own), encoding="utf-8")
     return path
 
 
-def _with_own_policy(scenario: Scenario, folder: Path) -> Scenario:
-    """The scenario with its policy's file copied into `folder`, named relative to the scenario's file."""
-    source = policy_file(scenario.patrol.policy)
+def _with_own_class(section: AnySection, named: str, folder: Path) -> AnySection:
+    """The section with the file of the class that it names copied into `folder`, relative to the scenario's file."""
+    field = named.rpartition(".")[2]
+    text = getattr(section, field)
+    source = class_file(text)
     if source is None:
-        return scenario
-    digest = policy_digest(source)
-    if scenario.patrol.policy_sha256 not in (None, digest):
+        return section
+    if getattr(section, f"{field}_sha256") not in (None, file_digest(source, named)):
         raise BadInput(f"{source}: has changed since the scenario was loaded; start again")
     folder.mkdir()
-    (folder / source.name).write_bytes(policy_source(source))
-    name = scenario.patrol.policy.rpartition(":")[2]
-    patrol = scenario.patrol.model_copy(update={"policy": f"./{folder.name}/{source.name}:{name}"})
-    return scenario.model_copy(update={"patrol": patrol})
+    (folder / source.name).write_bytes(class_source(source, named))
+    return section.model_copy(update={field: f"./{folder.name}/{source.name}:{text.rpartition(':')[2]}"})
 
 
 def _with_own_map(scenario: Scenario, folder: Path) -> Scenario:

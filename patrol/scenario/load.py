@@ -25,6 +25,7 @@ from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.ground.map_file import read_map_file
 from patrol.half_characters import refuse_half_characters
 from patrol.pose import TURNS_IN_ARCS
+from patrol.scenario.class_file import class_file, file_digest
 from patrol.scenario.dump import dump_section, notes_on_lengths
 from patrol.scenario.explain import one_line
 from patrol.scenario.lengths import FIELDS
@@ -32,9 +33,9 @@ from patrol.scenario.model import Scenario
 from patrol.scenario.nemesis import written_out
 from patrol.scenario.older import translate_field, translate_overrides, translate_patrol
 from patrol.scenario.policies import OPTION_LENGTHS, PatrolOptions
-from patrol.scenario.policy_file import COMMITTED, policy_digest, policy_file
+from patrol.scenario.policy_file import COMMITTED
 from patrol.scenario.robots import RobotSpec
-from patrol.scenario.sections import RobotEntry, RobotGroup
+from patrol.scenario.sections import BUILT_IN_SENSORS, RobotEntry, RobotGroup
 from patrol.untrusted import IMAGE, read_untrusted
 from patrol.values.types import AUTO, BUILTINS
 from patrol.yaml_text import line_of, parse_yaml, read_text
@@ -47,6 +48,8 @@ _ENTRIES = {
     "intruders": "{place: [10, 10], at: 60}",
 }
 """The lists that are empty unless given, and what an entry looks like."""
+_OWN_CLASSES = (("patrol", "policy"), ("sensor", "kind"))
+"""Sections that may name a class of one's own, and the fields that do."""
 _IMAGES = (".pgm", ".png", ".jpg", ".jpeg", ".bmp")
 
 
@@ -57,7 +60,7 @@ def load_scenario(
     base: Path | None = None,
     called: str = "scenario",
     aliases: Mapping[str, str] | None = None,
-    opens_policy: bool = True,
+    opens_classes: bool = True,
 ) -> Scenario:
     """The scenario in a YAML file, or in a mapping of the same shape.
 
@@ -69,8 +72,8 @@ def load_scenario(
             relative to the file's folder.
         called: What errors call a mapping.
         aliases: What errors call a field instead of its dotted name.
-        opens_policy: Whether the file of a policy may be opened, for its hash; False for a stranger's scenario that is
-            only looked at. No other file that a scenario names is opened here.
+        opens_classes: Whether the files of policy and sensor may be opened, for their hashes; False for a stranger's
+            scenario that is only looked at. No other file that a scenario names is opened here.
 
     Returns:
         The scenario, resolved.
@@ -85,7 +88,7 @@ def load_scenario(
         path = Path(source)
         raw, text = _read_mapping(path)
         scenario = _resolve(raw, overrides or {}, str(path), path.parent, path.stem, text)
-    return _with_policy_digest(scenario) if opens_policy else scenario
+    return _with_digests(scenario) if opens_classes else scenario
 
 
 def open_scenario(what: str, overrides: Overrides | None = None) -> Scenario:
@@ -211,7 +214,8 @@ def scenario_hash(scenario: Scenario) -> str:
     meaning = _meaning(scenario)
     if scenario.terrain.map is not None:
         meaning["terrain"]["map"] = map_digest(scenario.base / scenario.terrain.map)
-    _forget_where_a_policy_lies(meaning["patrol"])
+    for section, field in _OWN_CLASSES:
+        _forget_where_a_class_lies(meaning[section], field)
     return _digest({"format": _HASH_FORMAT, **meaning})
 
 
@@ -228,8 +232,10 @@ def same_but_for_files(one: Scenario, other: Scenario) -> bool:
     meanings = [_meaning(scenario) for scenario in (one, other)]
     for meaning in meanings:
         meaning["terrain"]["map"] = meaning["terrain"]["map"] is not None
-        meaning["patrol"]["policy"] = meaning["patrol"]["policy"].rpartition(":")[2]
-        del meaning["patrol"]["policy_sha256"]
+        for section, field in _OWN_CLASSES:
+            if field in meaning[section]:
+                meaning[section][field] = meaning[section][field].rpartition(":")[2]
+                del meaning[section][f"{field}_sha256"]
     return meanings[0] == meanings[1]
 
 
@@ -237,6 +243,9 @@ def _meaning(scenario: Scenario) -> dict[str, Any]:
     """What a scenario means, with the files that it names: no names, a key by its presence alone, robots one by one."""
     meaning = scenario.model_dump(mode="json", exclude={"name", "robots", "nemesis"})
     meaning["radio"]["key"] = scenario.radio.key is not None
+    if scenario.sensor.kind in BUILT_IN_SENSORS:  # their other settings say it all
+        for field in ("kind", "kind_sha256", "options"):
+            del meaning["sensor"][field]
     meaning["robots"] = [_robot_meaning(spec) for spec in scenario.roster]
     return meaning
 
@@ -286,6 +295,9 @@ def _resolve(
         patrol.pop("policy_sha256", None)  # it is of the policy that is replaced, and so are its settings
         if overrides["patrol.policy"] != patrol.get("policy", COMMITTED):
             patrol.pop("options", None)
+    if "sensor.kind" in overrides and isinstance(raw.get("sensor"), dict):
+        for field in ("kind_sha256", "options"):
+            raw["sensor"].pop(field, None)
     for field, value in overrides.items():
         _override(raw, field, value)
     if "patrol" in overrides and isinstance(raw["patrol"], dict):
@@ -370,13 +382,15 @@ def _set(node: Any, parts: list[str], value: object, field: str) -> None:
         raise BadInput(f"override {field}: {quoted(node)} has no field {head}; leave .{'.'.join(parts)} out")
 
 
-def _with_policy_digest(scenario: Scenario) -> Scenario:
-    """The scenario with the SHA-256 of its policy's file, where it has one and does not say it yet."""
-    path = policy_file(scenario.patrol.policy)
-    if path is None or scenario.patrol.policy_sha256 is not None or not path.is_file():
-        return scenario
-    patrol = scenario.patrol.model_copy(update={"policy_sha256": policy_digest(path)})
-    return scenario.model_copy(update={"patrol": patrol})
+def _with_digests(scenario: Scenario) -> Scenario:
+    """The scenario with the SHA-256 of the files of policy and sensor, where it has one and does not say it yet."""
+    digests: dict[str, Any] = {}
+    for name, field in _OWN_CLASSES:
+        section = getattr(scenario, name)
+        path = class_file(getattr(section, field))
+        if path is not None and getattr(section, f"{field}_sha256") is None and path.is_file():
+            digests[name] = section.model_copy(update={f"{field}_sha256": file_digest(path, f"{name}.{field}")})
+    return scenario.model_copy(update=digests) if digests else scenario
 
 
 def _with_lengths(scenario: Scenario) -> Scenario:
@@ -395,11 +409,11 @@ def _common_lengths(scenario: Scenario, names: Iterable[str], section: object) -
     return {name: lengths.pop() for name, lengths in by_name.items() if len(lengths) == 1}
 
 
-def _forget_where_a_policy_lies(patrol: dict[str, Any]) -> None:
-    """Let a policy enter by its file's content."""
-    digest = patrol.pop("policy_sha256")
+def _forget_where_a_class_lies(section: dict[str, Any], field: str) -> None:
+    """Let a policy or a sensor enter by its file's content."""
+    digest = section.pop(f"{field}_sha256", None)
     if digest is not None:
-        patrol["policy"] = [digest, patrol["policy"].rpartition(":")[2]]
+        section[field] = [digest, section[field].rpartition(":")[2]]
 
 
 def _robot_meaning(spec: RobotSpec) -> list[Any]:

@@ -113,7 +113,7 @@ class Scenario(Section):
         for field in ("sensor.range", "patrol.goal_distance", "patrol.refine_reach"):
             if (value := _at(self, field)) != AUTO and value < self.point:
                 raise wrong(field, f"shorter than one point of {self.point:g} m; give more, or a smaller point", value)
-        check_radio_spec(self.radio, self.roster, self.step, self.sensor.angle, intruders=bool(self.intruders))
+        check_radio_spec(self.radio, self.roster, self.step, self.sensor, intruders=bool(self.intruders))
         self._check_roster()
         check_refinement(self.patrol, self.roster, self.lengths)
         names = [spec.name for spec in self.roster]

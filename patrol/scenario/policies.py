@@ -14,8 +14,9 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
-from patrol.scenario.policy_file import BUILT_IN, COMMITTED, PAPER, policy_file
-from patrol.values.section import Section, absolute, wrong
+from patrol.scenario.class_file import beside, class_file
+from patrol.scenario.policy_file import BUILT_IN, COMMITTED, PAPER
+from patrol.values.section import Section, wrong
 from patrol.values.types import (
     AUTO,
     SEPARATIONS,
@@ -155,12 +156,11 @@ class PatrolSpec(Section):
     @field_validator("policy")
     @classmethod
     def _from_the_files_folder(cls, value: str, info: ValidationInfo) -> str:
-        path = policy_file(value)
-        return value if path is None else f"{absolute(str(path), info)}:{value.rpartition(':')[2]}"
+        return beside(value, info)
 
     @model_validator(mode="after")
     def _a_file_has_a_hash(self) -> Self:
-        if self.policy_sha256 is not None and policy_file(self.policy) is None:
+        if self.policy_sha256 is not None and class_file(self.policy) is None:
             raise wrong("policy_sha256", "only a policy that is a file has a hash; drop it")
         return self
 

@@ -13,6 +13,7 @@ from patrol.radio.message import MAX_STEP_CM, longest_frame
 from patrol.radio.replay_window import SPAN
 from patrol.radio.units import cm_to_m, m_to_cm
 from patrol.scenario.robots import RobotSpec
+from patrol.scenario.sections import BUILT_IN_SENSORS, SensorSpec
 from patrol.values.section import Section, absolute, wrong
 from patrol.values.types import FrameBytes, NotNegative, Overhead, PathText, Positive, Trail, TrailEvery
 
@@ -92,7 +93,7 @@ class RadioSpec(Section):
 
 
 def check_radio_spec(
-    radio: RadioSpec, roster: Sequence[RobotSpec], step: float, angle: float, *, intruders: bool
+    radio: RadioSpec, roster: Sequence[RobotSpec], step: float, sensor: SensorSpec, *, intruders: bool
 ) -> None:
     """Check the radio against the rest of a scenario.
 
@@ -100,14 +101,14 @@ def check_radio_spec(
         radio: The scenario's.
         roster: The scenario's robots.
         step: s per tick.
-        angle: The sensor's angle of view, degrees.
+        sensor: What the robots see.
         intruders: The scenario has intruders, so robots also send contacts.
 
     Raises:
         PydanticCustomError: When they do not fit together.
     """
     if radio.trail:
-        _check_trail(radio, roster, step, angle)
+        _check_trail(radio, roster, step, sensor)
     if radio.adaptive is not None and not step <= radio.adaptive.silence <= radio.forget_after:
         limit = (
             f"not between one step, {step:g} s, and radio.forget_after, {radio.forget_after:g} s; give a time between"
@@ -128,7 +129,7 @@ def check_radio_spec(
         raise wrong("radio.budget.bits_per_s", limit, radio.budget.bits_per_s)
 
 
-def _check_trail(radio: RadioSpec, roster: Sequence[RobotSpec], step: float, angle: float) -> None:
+def _check_trail(radio: RadioSpec, roster: Sequence[RobotSpec], step: float, sensor: SensorSpec) -> None:
     for spec in roster:
         if m_to_cm(spec.speed * step * radio.trail_every) >= MAX_STEP_CM:
             span = "tick" if radio.trail_every == 1 else f"{radio.trail_every} ticks"
@@ -137,6 +138,7 @@ def _check_trail(radio: RadioSpec, roster: Sequence[RobotSpec], step: float, ang
     if radio.trail * radio.trail_every >= SPAN:
         limit = f"a trail reaches back at most {SPAN - 1} ticks, and radio.trail is {radio.trail}; give less"
         raise wrong("radio.trail_every", limit, radio.trail_every)
-    if angle < _ALL_ROUND and (radio.spares_frames or radio.trail_every > 1):
+    narrower = sensor.kind not in BUILT_IN_SENSORS or sensor.angle < _ALL_ROUND
+    if narrower and (radio.spares_frames or radio.trail_every > 1):
         limit = "a trail has places and no headings, so a narrower view from them is unknown; set radio.trail to 0"
         raise wrong("radio.trail", limit, radio.trail)

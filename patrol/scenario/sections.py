@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
 from pydantic import ConfigDict, Field, Tag, ValidationInfo, field_validator, model_validator
 
+from patrol.scenario.class_file import beside, class_file
 from patrol.values.section import Section, absolute, wrong
 from patrol.values.types import (
     MAX_ROBOTS,
@@ -14,6 +15,7 @@ from patrol.values.types import (
     Corner,
     Count,
     Degrees,
+    Digest,
     Flag,
     Kind,
     NotNegative,
@@ -22,6 +24,7 @@ from patrol.values.types import (
     Positive,
     Quality,
     RobotName,
+    SensorText,
     Spares,
     Start,
     Starts,
@@ -111,9 +114,26 @@ RADIANS_WITHIN = 0.005
 """An angle of view this near to a multiple of pi / 2 is taken for one in radians, such as 6.28 for all round."""
 
 
-class SensorSpec(Section):
-    """What a robot sees."""
+DISC, SECTOR = "disc", "sector"
+BUILT_IN_SENSORS = (SECTOR, DISC)
+"""Kinds of sensors that come with fogwatch."""
 
+
+class SensorSpec(Section):
+    """What a robot sees.
+
+    sensor: {range: 8, angle: 90}                                       a sector
+    sensor: {kind: ./mine.py:Mine, range: 8, options: {across: 3}}      a sensor of one's own
+
+    `range` and `line_of_sight` hold for every kind: they decide what the robots can ever see (`patrol.ground.fields`).
+    """
+
+    kind: SensorText = Field(
+        SECTOR,
+        description="sector (with angle: 360, a disc) | disc | package.module:Class | ./file.py:Class | entry point",
+    )
+    kind_sha256: Digest | None = Field(None, description="of the sensor's file; filled in when this file is loaded")
+    options: dict[str, Any] | None = Field(None, description="settings of a sensor of one's own, by name")
     range: Positive = Field(10.0, description="m, range of view")
     angle: Degrees = Field(360.0, description="degrees, angle of view, centred on the heading")
     line_of_sight: Flag = Field(True, description="obstacles block the view")
@@ -125,6 +145,27 @@ class SensorSpec(Section):
             if abs(self.angle - math.radians(degrees)) < RADIANS_WITHIN:
                 problem = f"is {degrees} degrees in radians, and this angle is in degrees; give {degrees}"
                 raise wrong("angle", f"{problem}, or {round(self.angle, 1):g} for so narrow a view", self.angle)
+        return self
+
+    @field_validator("kind")
+    @classmethod
+    def _from_the_files_folder(cls, value: str, info: ValidationInfo) -> str:
+        return beside(value, info)
+
+    @model_validator(mode="after")
+    def _settings_have_effect(self) -> Self:
+        if self.kind in BUILT_IN_SENSORS:
+            if self.options is not None:
+                raise wrong("options", f"are those of a sensor of one's own, and kind is {self.kind}; drop them")
+            if self.kind == DISC and self.angle != 360.0:
+                raise wrong("angle", f"a {DISC} looks all round; set kind to {SECTOR}, or drop the angle", self.angle)
+        else:
+            for field in ("angle", "quality"):
+                if getattr(self, field) != type(self).model_fields[field].default:
+                    remedy = f"drop it, or name it in sensor.options if {self.kind.rpartition(':')[2]} has such a one"
+                    raise wrong(field, f"is a setting of the kinds {' and '.join(BUILT_IN_SENSORS)}; {remedy}")
+        if self.kind_sha256 is not None and class_file(self.kind) is None:
+            raise wrong("kind_sha256", "only a sensor that is a file has a hash; drop it")
         return self
 
 

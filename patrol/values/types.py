@@ -122,10 +122,16 @@ Overhead = Annotated[int, Strict(), Field(ge=0, le=1000), _bare("a whole number 
 FrameBytes = Annotated[int, Strict(), Field(ge=1, le=MAX_FRAME), _bare(f"a whole number from 1 to {MAX_FRAME}")]
 Flag = Annotated[bool, Strict(), _bare("true or false")]
 PathText = Annotated[str, Field(min_length=1, pattern=r"^[^\x00-\x1f]+$"), expecting("the path of a file")]
+_CLASS_NAME = r"^([A-Za-z0-9][A-Za-z0-9._-]{0,63}|[^\x00-\x1f:][^\x00-\x1f]*:[A-Za-z_][A-Za-z0-9_]*)$"
 PolicyText = Annotated[
     str,
-    Field(pattern=r"^([A-Za-z0-9][A-Za-z0-9._-]{0,63}|[^\x00-\x1f:][^\x00-\x1f]*:[A-Za-z_][A-Za-z0-9_]*)$"),
+    Field(pattern=_CLASS_NAME),
     expecting("committed, potential-field, package.module:Class, ./file.py:Class or the name of an entry point"),
+]
+SensorText = Annotated[
+    str,
+    Field(pattern=_CLASS_NAME),
+    expecting("sector, disc, package.module:Class, ./file.py:Class or the name of an entry point"),
 ]
 Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$"), expecting("64 hex digits")]
 Name = Annotated[

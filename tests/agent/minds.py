@@ -11,7 +11,7 @@ from patrol.exchange import Sensed
 from patrol.ground.fields import compute_fields
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
-from patrol.prepare import Prepared
+from patrol.prepare import Prepared, sensor_footprint
 from patrol.scenario import Scenario
 
 STEP = 0.5
@@ -37,6 +37,7 @@ def setup_of(prepared: Prepared, number: int = 1) -> PolicySetup:
         radii={spec.number: spec.radius for spec in scenario.roster},
         step=scenario.step,
         sensor=scenario.sensor,
+        sight=sensor_footprint(scenario, prepared.terrain),
         patrol=scenario.patrol,
         lengths=scenario.lengths[spec.number],
         team=len(scenario.roster) - len(scenario.spares),

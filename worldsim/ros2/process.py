@@ -50,6 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace, ending: Ending, say: Callable[[str], None], vitals: Vitals) -> int:
+    from patrol.own_sensor import allow_sensor
     from patrol.prepare import prepare
     from patrol.process.starting.seldom import seldom_kernels
     from patrol.process.starting.warmup import warm
@@ -59,6 +60,7 @@ def _run(options: argparse.Namespace, ending: Ending, say: Callable[[str], None]
     names = [one.name for one in robots_of(options)]
     plugs = unplugged(options, names)
     warm(("patrol", "worldsim"), say, seldom_kernels(scenario))
+    allow_sensor(scenario.sensor)
     prepared = prepare(scenario)
     pace = options.pace or scenario.factor or 1.0
     with ExitStack() as stack:

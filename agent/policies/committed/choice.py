@@ -71,7 +71,7 @@ class Choice:
         point = setup.terrain.point
         self._posts = setup.posts
         self._near = 100.0 * NEAR_M / point
-        self._least_reach = math.ceil(FIRST_REACH * setup.sensor.range / point)
+        self._least_reach = math.ceil(FIRST_REACH * setup.sight.range_m / point)
         self._reach = self._least_reach
 
     def best(self, view: View, start: Element, rivals: NDArray[np.int64], given_up: GivenUp) -> Best | None:

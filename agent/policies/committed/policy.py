@@ -24,7 +24,6 @@ from agent.policies.committed.given_up import GivenUp
 from agent.policies.random_steps import RandomSteps
 from agent.policies.separation import Separation
 from agent.ports import Bearing, Intent, Place, Stay
-from patrol.ground.footprint import Footprint
 from patrol.scenario import CommittedOptions
 
 if TYPE_CHECKING:
@@ -73,7 +72,7 @@ class Committed:
 
     def __init__(self, setup: PolicySetup) -> None:
         """Start without a target."""
-        spec, sensor, terrain = setup.spec, setup.sensor, setup.terrain
+        spec, terrain = setup.spec, setup.terrain
         self._step = setup.step
         self._point = terrain.point
         self._separation = Separation(setup)
@@ -82,8 +81,7 @@ class Committed:
         self._given_up = GivenUp(spec.radius, terrain.point, setup.step)
         self._nearer = NEARER * spec.speed * setup.step
         self._at_hand_s = max(AT_HAND_S, AT_HAND_STEPS * setup.step)
-        sight = Footprint(terrain, sensor.range, 360.0, sensor.line_of_sight, sensor.quality)
-        self._sees_all_round = sensor.angle >= 360.0 and not sight.leaves_age
+        self._sees_all_round = setup.sight.all_round and not setup.sight.leaves_age
         self._target: Target | None = None
         self._expected = 0
         self._shortest = math.inf

@@ -31,7 +31,7 @@ from agent.ports import Place, State
 from agent.routes.ground import Ground, Spot
 from agent.routes.routes import Routes, Way
 from agent.routes.wave import LONGEST, paths_in
-from patrol.ground.footprint import Footprint
+from patrol.ground.sensors import footprint_of
 from patrol.pose import Pose
 from patrol.radio.peers import Peer
 from patrol.scenario.lengths import STANDING_GAP
@@ -58,8 +58,8 @@ class Surround:
         self._spacing = 2.0 * max(setup.radii.values()) + STANDING_GAP
         self._reach = setup.fields.reach
         self._terrain = setup.terrain
-        outer = min(FARTHEST * self._radius, setup.sensor.range)
-        self._sight = Footprint(setup.terrain, max(outer, setup.terrain.point))
+        outer = min(FARTHEST * self._radius, setup.sight.range_m)
+        self._sight = footprint_of(setup.terrain, max(outer, setup.terrain.point))
         self._ring: _Ring | None = None
 
     def decide(self, view: View) -> Intent:

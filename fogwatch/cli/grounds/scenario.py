@@ -15,6 +15,7 @@ from patrol.printable import printable
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import Scenario, dump_scenario, open_scenario, parse_overrides, scenario_hash, scenario_schema
 from patrol.scenario.policy_file import BUILT_IN
+from patrol.scenario.sections import BUILT_IN_SENSORS
 
 if TYPE_CHECKING:
     from worldsim.faults.timeline import Timeline
@@ -44,25 +45,30 @@ def print_scenario(what: What, settings: Settings = None) -> None:
 def check(what: What, settings: Settings = None) -> None:
     """Check whether a scenario can run, and list its faults.
 
-    The check covers the values, the terrain, the fleet's key, and the room for all robots at the start. A policy of
-    one's own is looked for and not run, so its options are checked only when the scenario runs.
+    The check covers the values, the terrain, the fleet's key, and the room for all robots at the start. A policy or
+    sensor of one's own is looked for and not run, so its options are checked only when the scenario runs.
     """
     scenario = open_scenario(what, parse_overrides(settings or []))
     digest = scenario_hash(scenario)
     fleet_key(scenario.radio.key)
-    from patrol.prepare import prepare  # here: needs libraries that `fogwatch scenario show` does without
+    from patrol.own_sensor import sensor_named  # here: needs libraries that `fogwatch scenario show` does without
+    from patrol.prepare import prepare
+    from patrol.static_check import check_without_running
 
     prepared = prepare(scenario)
+    check_without_running(sensor_named(scenario.sensor))
     if scenario.patrol.policy not in BUILT_IN:  # else it loads much and cannot fail
-        from agent.policies.static_check import check_without_running
+        from agent.policies.found import policy_named
 
-        check_without_running(scenario)
+        check_without_running(policy_named(scenario))
     area = float(prepared.patrolled.sum()) * scenario.point**2
     given = sum(spec.start is not None for spec in scenario.roster)
     typer.echo(printable(f"{what}: can run"))
     typer.echo(f"  {_starts(len(scenario.roster), given)}")
     if scenario.patrol.policy not in BUILT_IN:
         typer.echo(f"  policy {printable(scenario.patrol.policy)}, not run: a run checks its options")
+    if scenario.sensor.kind not in BUILT_IN_SENSORS:
+        typer.echo(f"  sensor {printable(scenario.sensor.kind)}, not run: a run checks its options")
     typer.echo(f"  {area:.0f} m² to patrol on {prepared.terrain.name}, points of {scenario.point:g} m")
     ticks = "1 tick" if scenario.ticks == 1 else f"{scenario.ticks} ticks"
     typer.echo(f"  {scenario.duration:g} s in {ticks} of {scenario.step:g} s")

@@ -17,6 +17,7 @@ from agent.belief.posts import Posts
 from patrol.ground.fields import StaticFields
 from patrol.ground.fog import Fog
 from patrol.ground.footprint import Footprint
+from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from patrol.radio.inbox import Inbox
@@ -30,7 +31,7 @@ def belief_on(
 ) -> tuple[Belief, Footprint]:
     terrain = Terrain("t", passable, 0.5)
     fields = StaticFields(passable, passable, passable, np.full(passable.shape, -1, dtype=np.int32))
-    footprint = Footprint(terrain, sensor, quality=quality)
+    footprint = footprint_of(terrain, sensor, quality=quality)
     inbox = Inbox(1, (1, 2, 3), terrain.bounds, 10.0, None, STEP)
     return Belief(fields.patrolled, fields.reach, Posts(fields.proxy), footprint, inbox, dilatation), footprint
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from agent.belief.believed import Belief
 from agent.belief.posts import Posts
 from agent.belief.shared import Company, HeardPeers
-from patrol.ground.footprint import Footprint
+from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from patrol.radio.ears import Ear, Ears
@@ -55,7 +55,7 @@ def test_a_shared_belief_takes_the_same_robots_for_silent_as_one_of_its_own(seed
     dice = np.random.default_rng(seed)
     numbers, radii = (2, 5, 7, 9), dict.fromkeys((2, 5, 7, 9), 0.5)
     open_ground = np.ones((20, 20), dtype=np.bool_)
-    footprint = Footprint(Terrain("t", open_ground, 2.5), 5.0)
+    footprint = footprint_of(Terrain("t", open_ground, 2.5), 5.0)
     nowhere = Posts(np.full((20, 20), -1, dtype=np.int32))
 
     def inbox() -> Inbox:

@@ -7,7 +7,7 @@ import numpy as np
 from agent.belief.kernels.look import look, show
 from agent.belief.marked_fog import MarkedFog
 from patrol.ground.fog import Fog
-from patrol.ground.footprint import Footprint
+from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 
@@ -18,7 +18,7 @@ PASSABLE[10:20, 15:18] = False
 def test_it_answers_as_a_fog_that_counts() -> None:
     rng = np.random.default_rng(1)
     terrain = Terrain("test", PASSABLE, 1.0)
-    footprint = Footprint(terrain, 6.0)
+    footprint = footprint_of(terrain, 6.0)
     counted, marked, at_once = Fog(PASSABLE), MarkedFog(PASSABLE), MarkedFog(PASSABLE)
     for tick in range(60):
         poses = [Pose(x, y, 0.0) for x, y in rng.uniform((0.0, 0.0), (40.0, 30.0), (3, 2)).tolist()]
@@ -46,5 +46,5 @@ def test_it_answers_as_a_fog_that_counts() -> None:
 def test_a_look_beyond_the_terrain_changes_nothing() -> None:
     terrain = Terrain("test", PASSABLE, 1.0)
     fog = MarkedFog(PASSABLE)
-    assert fog.observe(Footprint(terrain, 2.0).visible(Pose(500.0, 3.0, 0.0)), 3) is None
+    assert fog.observe(footprint_of(terrain, 2.0).visible(Pose(500.0, 3.0, 0.0)), 3) is None
     assert fog.seen == 0

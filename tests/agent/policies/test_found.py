@@ -14,7 +14,7 @@ import yaml
 
 from agent.build import build_mind
 from agent.policies.committed.policy import Committed
-from agent.policies.found import GROUP, policy_of
+from agent.policies.found import POLICIES, policy_of
 from agent.policies.potential_field.policy import PotentialField
 from agent.ports import PolicyFailed, State
 from patrol.errors import BadInput
@@ -28,8 +28,8 @@ from patrol.scenario import (
     load_scenario,
     scenario_hash,
 )
+from patrol.scenario.class_file import file_digest
 from patrol.scenario.copying import keep_scenario
-from patrol.scenario.policy_file import policy_digest
 from tests.agent.minds import at
 
 STILL = '''
@@ -147,7 +147,7 @@ def test_a_file_beside_the_scenario(write: Write, monkeypatch: pytest.MonkeyPatc
     kind = policy_of(scenario)
     assert not kind.ours
     assert kind.name == scenario.patrol.policy == f"{path.parent / 'guard.py'}:Still"
-    assert scenario.patrol.policy_sha256 == policy_digest(path.parent / "guard.py")
+    assert scenario.patrol.policy_sha256 == file_digest(path.parent / "guard.py", "patrol.policy")
     mind = build_mind(prepare(scenario), 1)
     decision = mind.step(at(0, Pose(20.0, 20.0, 0.0)), [])
     assert decision.state == "resting"
@@ -192,7 +192,7 @@ def installed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     facts = tmp_path / "sleepers_of_a_test-1.0.dist-info"
     facts.mkdir()
     (facts / "METADATA").write_text("Metadata-Version: 2.1\nName: sleepers-of-a-test\nVersion: 1.0\n", encoding="utf-8")
-    points = f"[{GROUP}]\nsleepy = sleepers_of_a_test:Still\nbroken = sleepers_of_a_test:Nobody\n"
+    points = f"[{POLICIES.group}]\nsleepy = sleepers_of_a_test:Still\nbroken = sleepers_of_a_test:Nobody\n"
     (facts / "entry_points.txt").write_text(points, encoding="utf-8")
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.delitem(sys.modules, "sleepers_of_a_test", raising=False)
@@ -274,10 +274,10 @@ def test_a_file_that_raises_is_named_with_what_it_raises_each_time(source: str, 
 def test_a_file_that_has_changed_is_refused_and_another_load_takes_it(write: Write) -> None:
     path = write("./guard.py:Still")
     scenario = load_scenario(path)
-    old = policy_digest(path.parent / "guard.py")
+    old = file_digest(path.parent / "guard.py", "patrol.policy")
     with (path.parent / "guard.py").open("a", encoding="utf-8") as file:
         file.write("\nMORE = 1\n")
-    new = policy_digest(path.parent / "guard.py")
+    new = file_digest(path.parent / "guard.py", "patrol.policy")
     said = refused(scenario)
     assert said.startswith(f"{path.parent / 'guard.py'}: is not the file that this scenario was resolved with")
     for part in (old[:12], new[:12], "patrol.policy_sha256"):

@@ -146,7 +146,7 @@ def test_what_a_strange_scenario_names_is_not_opened(strange: Path, tmp_path: Pa
     policy.write_text("", encoding="utf-8")
     path = strange / "scenario.yaml"
     named = {"radio.key": str(key), "patrol.policy": f"{policy}:Mine"}
-    path.write_text(dump_scenario(load_scenario(path, named, opens_policy=False)), encoding="utf-8")
+    path.write_text(dump_scenario(load_scenario(path, named, opens_classes=False)), encoding="utf-8")
     opened: list[str] = []
 
     def note(event: str, arguments: tuple[Any, ...]) -> None:

@@ -69,9 +69,9 @@ def digest_of(image: Path) -> str:
 
 
 def digest_of_policy(path: Path) -> str:
-    from patrol.scenario.policy_file import policy_digest
+    from patrol.scenario.class_file import file_digest
 
-    return policy_digest(path)
+    return file_digest(path, "patrol.policy")
 
 
 def folder_of(path: Path, name: str) -> Path:

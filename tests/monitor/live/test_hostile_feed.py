@@ -192,15 +192,15 @@ def test_no_file_is_opened_because_a_feed_names_it(
     quiet: Seen, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "policy.py").write_text("class Mine: ...\n", encoding="utf-8")
-    monkeypatch.setattr("patrol.scenario.load.policy_digest", lambda path: pytest.fail(f"opened {path}"))
+    monkeypatch.setattr("patrol.scenario.load.file_digest", lambda path, _: pytest.fail(f"opened {path}"))
     answer = FakeFeed(quiet).answer()
     height, width = answer.last_seen.shape
     header: Any = unpack(answer.header)
     mapped = {**QUIET, "terrain": {"map": str(tmp_path / "none.yaml")}}
     named = {**mapped, "patrol": {"policy": f"{tmp_path / 'policy.py'}:Mine"}}
-    sent = pack(replace(header, scenario=as_mapping(load_scenario(named, opens_policy=False))))
-    assert is_run_of(load_scenario(named, opens_policy=False), sent, height, width)
-    assert not is_run_of(load_scenario(mapped, opens_policy=False), sent, height, width)
+    sent = pack(replace(header, scenario=as_mapping(load_scenario(named, opens_classes=False))))
+    assert is_run_of(load_scenario(named, opens_classes=False), sent, height, width)
+    assert not is_run_of(load_scenario(mapped, opens_classes=False), sent, height, width)
 
 
 def test_a_header_is_checked_against_its_terrain_and_the_run(quiet: Seen) -> None:

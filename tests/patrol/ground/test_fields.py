@@ -13,7 +13,7 @@ from scipy import ndimage
 
 from patrol.errors import BadInput
 from patrol.ground.fields import StaticFields, anchor, compute_fields, cspace_of, parts_of, planning_radius
-from patrol.ground.footprint import Footprint
+from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import Pose
 
@@ -175,7 +175,7 @@ def test_patrolled_is_what_lines_of_sight_from_the_reach_say(seed: int, body: fl
 def test_a_footprint_from_its_proxy_sees_every_patrolled_point(seed: int) -> None:
     terrain = Terrain("field", random_map(seed), 0.1)
     fields = fields_of(terrain, 0.2, 1.2)
-    footprint = Footprint(terrain, 1.2)
+    footprint = footprint_of(terrain, 1.2)
     assert np.array_equal(fields.patrolled, fields.reach | (fields.proxy >= 0))
     assert not (fields.reach & (fields.proxy >= 0)).any()
     for row, col in np.argwhere(fields.proxy >= 0):

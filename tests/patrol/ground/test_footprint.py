@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from patrol.ground.footprint import Footprint, View
+from patrol.ground.footprint import View
+from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 
@@ -58,7 +59,7 @@ def test_line_of_sight_agrees_with_crossing_every_line_of_points(
     height, width = passable.shape
     row, col = seed % height, (seed // 97) % width
     passable[row, col] = True
-    view = Footprint(Terrain("t", passable, 1.0), radius).visible(Pose(col + 0.5, row + 0.5, 0.0))
+    view = footprint_of(Terrain("t", passable, 1.0), radius).visible(Pose(col + 0.5, row + 0.5, 0.0))
     seen = on_terrain(view, passable.shape)
     for r, c in np.ndindex(passable.shape):
         near = (r - row) ** 2 + (c - col) ** 2 <= radius**2 + 1e-9
@@ -71,7 +72,7 @@ def test_line_of_sight_agrees_with_crossing_every_line_of_points(
 @settings(max_examples=40)
 @given(passable=grids, radius=st.floats(1.0, 12.0))
 def test_sight_is_symmetric(passable: NDArray[np.bool_], radius: float) -> None:
-    footprint = Footprint(Terrain("t", passable, 1.0), radius)
+    footprint = footprint_of(Terrain("t", passable, 1.0), radius)
     views = {
         (r, c): on_terrain(footprint.visible(Pose(c + 0.5, r + 0.5, 0.0)), passable.shape)
         for r, c in np.argwhere(passable)
@@ -83,7 +84,7 @@ def test_sight_is_symmetric(passable: NDArray[np.bool_], radius: float) -> None:
 
 def test_an_open_field_is_seen_as_a_disc() -> None:
     terrain = Terrain("open", np.ones((41, 61), dtype=np.bool_), 0.5)
-    seen = on_terrain(Footprint(terrain, 6.0).visible(Pose(10.3, 12.2, 1.0)), terrain.shape)
+    seen = on_terrain(footprint_of(terrain, 6.0).visible(Pose(10.3, 12.2, 1.0)), terrain.shape)
     rows, cols = np.mgrid[0:41, 0:61]
     assert np.array_equal(seen, (rows - 24) ** 2 + (cols - 20) ** 2 <= 144)
 
@@ -93,8 +94,8 @@ def test_a_wall_hides_what_lies_behind_it_unless_sight_goes_through() -> None:
     passable[:, 10] = False
     terrain = Terrain("wall", passable, 1.0)
     pose = Pose(5.5, 10.5, 0.0)
-    assert not on_terrain(Footprint(terrain, 20.0).visible(pose), terrain.shape)[:, 11:].any()
-    through = on_terrain(Footprint(terrain, 20.0, line_of_sight=False).visible(pose), terrain.shape)
+    assert not on_terrain(footprint_of(terrain, 20.0).visible(pose), terrain.shape)[:, 11:].any()
+    through = on_terrain(footprint_of(terrain, 20.0, line_of_sight=False).visible(pose), terrain.shape)
     assert through[10, 20]
     assert not through[:, 10].any()
 
@@ -103,7 +104,7 @@ def test_a_keep_out_zone_is_seen_across() -> None:
     keep_out = np.zeros((11, 21), dtype=np.bool_)
     keep_out[:, 10] = True
     terrain = Terrain("zone", np.ones((11, 21), dtype=np.bool_), 1.0, keep_out=keep_out)
-    seen = on_terrain(Footprint(terrain, 20.0).visible(Pose(2.5, 5.5, 0.0)), terrain.shape)
+    seen = on_terrain(footprint_of(terrain, 20.0).visible(Pose(2.5, 5.5, 0.0)), terrain.shape)
     assert seen.all()
 
 
@@ -111,7 +112,7 @@ def test_a_keep_out_zone_is_seen_across() -> None:
 @pytest.mark.parametrize("heading", [0.0, 0.7, math.pi, -2.0])
 def test_a_sector_holds_the_bearings_within_half_its_angle(angle: float, heading: float) -> None:
     terrain = Terrain("open", np.ones((61, 61), dtype=np.bool_), 1.0)
-    seen = on_terrain(Footprint(terrain, 25.0, angle).visible(Pose(30.5, 30.5, heading)), terrain.shape)
+    seen = on_terrain(footprint_of(terrain, 25.0, angle).visible(Pose(30.5, 30.5, heading)), terrain.shape)
     for row, col in np.ndindex(61, 61):
         distance = math.hypot(row - 30, col - 30)
         if distance == 0.0:
@@ -124,18 +125,18 @@ def test_a_sector_holds_the_bearings_within_half_its_angle(angle: float, heading
 
 def test_quality_falls_with_distance() -> None:
     terrain = Terrain("open", np.ones((41, 41), dtype=np.bool_), 0.5)
-    view = Footprint(terrain, 8.0, quality=[(2.0, 1.0), (8.0, 0.25)]).visible(Pose(10.25, 10.25, 0.0))
+    view = footprint_of(terrain, 8.0, quality=[(2.0, 1.0), (8.0, 0.25)]).visible(Pose(10.25, 10.25, 0.0))
     assert view.quality is not None
     assert view.quality[16, 16] == 1.0
     assert view.quality[16, 16 + 10] == pytest.approx(0.625)
     assert view.quality[0, 16] == pytest.approx(0.25)
     assert view.quality[0, 0] == pytest.approx(0.25)
-    assert Footprint(terrain, 8.0, quality=1.0).visible(Pose(10.0, 10.0, 0.0)).quality is None
+    assert footprint_of(terrain, 8.0, quality=1.0).visible(Pose(10.0, 10.0, 0.0)).quality is None
 
 
 def test_a_robot_beyond_the_edge_sees_what_is_inside_or_nothing() -> None:
     terrain = Terrain("open", np.ones((10, 10), dtype=np.bool_), 1.0)
     places = [(x, y) for x in range(-6, 17) for y in range(-6, 17) if not (-2 <= x <= 11 and -2 <= y <= 11)]
     for x, y in [*places, (50, 50)]:
-        assert not on_terrain(Footprint(terrain, 3.0).visible(Pose(x + 0.5, y + 0.5, 0.0)), terrain.shape).any()
-    assert on_terrain(Footprint(terrain, 3.0).visible(Pose(-0.5, 5.5, 0.0)), terrain.shape)[5, 0]
+        assert not on_terrain(footprint_of(terrain, 3.0).visible(Pose(x + 0.5, y + 0.5, 0.0)), terrain.shape).any()
+    assert on_terrain(footprint_of(terrain, 3.0).visible(Pose(-0.5, 5.5, 0.0)), terrain.shape)[5, 0]

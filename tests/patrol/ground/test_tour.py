@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 import patrol.ground.tour.search
 from patrol.ground.fields import StaticFields, compute_fields
-from patrol.ground.footprint import Footprint
 from patrol.ground.kernels.tour import FAR, clear_line, lengths_between, shorten, way_between
+from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.ground.tour.search import Tour, find_tour
 from patrol.pose import Pose
@@ -24,14 +24,14 @@ def grid(*rows: str) -> BoolGrid:
 def tour_of(terrain: Terrain, range_m: float, x: float, y: float) -> tuple[Tour, StaticFields]:
     """The tour of a body of 0.3 m that starts at a place, and its fields."""
     fields = compute_fields(terrain, 0.3, range_m, True, [Pose(x, y, 0.0)])
-    tour = find_tour(terrain, fields.reach, fields.patrolled, fields.proxy, Footprint(terrain, range_m))
+    tour = find_tour(terrain, fields.reach, fields.patrolled, fields.proxy, footprint_of(terrain, range_m))
     assert tour is not None
     return tour, fields
 
 
 def seen_from(terrain: Terrain, range_m: float, places: list[tuple[float, float]]) -> BoolGrid:
     seen = np.zeros(terrain.shape, dtype=np.bool_)
-    footprint = Footprint(terrain, range_m)
+    footprint = footprint_of(terrain, range_m)
     for x, y in places:
         view = footprint.visible(Pose(x, y, 0.0))
         rows, cols = np.nonzero(view.mask)
@@ -80,7 +80,7 @@ def test_ground_that_is_too_large_has_no_tour(limit: str, monkeypatch: pytest.Mo
     terrain = building(1)
     fields = compute_fields(terrain, 0.3, 2.0, True, [Pose(1.0, 1.0, 0.0)])
     monkeypatch.setattr(patrol.ground.tour.search, limit, 2)
-    footprint = Footprint(terrain, 2.0)
+    footprint = footprint_of(terrain, 2.0)
     assert find_tour(terrain, fields.reach, fields.patrolled, fields.proxy, footprint) is None
 
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from patrol.ground.footprint import Footprint
+from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from patrol.ros2.frames import composed
@@ -63,7 +63,7 @@ def simulated(hub: Hub, *robots: SimulatedRobot, habits: Habits = USUAL) -> Simu
         one.build.spec.name: RobotNode(hub.link("robot_sim", one.build.spec.name), one, habits, terrain())
         for one in robots
     }
-    ground = Ground(terrain(), Footprint(terrain(), 3.0, 360.0, True, 1.0), terrain().passable, 0.5)
+    ground = Ground(terrain(), footprint_of(terrain(), 3.0, 360.0, True, 1.0), terrain().passable, 0.5)
     return Simulation(nodes, ground, EPOCH_S)
 
 

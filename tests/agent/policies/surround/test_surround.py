@@ -20,7 +20,7 @@ from agent.routes.ground import Ground
 from agent.routes.routes import Routes, Way
 from agent.view import View
 from patrol.ground.fields import compute_fields
-from patrol.ground.footprint import Footprint
+from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import Terrain
 from patrol.pose import TAU, Pose
 from patrol.prepare import Prepared
@@ -42,7 +42,7 @@ def field(wall: bool = False) -> Terrain:
 
 def bearings(terrain: Terrain, count: int, x: float = 20.0, y: float = 20.0) -> list[float]:
     reach = compute_fields(terrain, 1.0, 10.0, True, [Pose(20.0, 10.0, 0.0)]).reach
-    spots = spots_around(Footprint(terrain, FARTHEST * 8.0), reach, x, y, 8.0)
+    spots = spots_around(footprint_of(terrain, FARTHEST * 8.0), reach, x, y, 8.0)
     return [spot.bearing for spot in spread(spots, count, SPACING)]
 
 

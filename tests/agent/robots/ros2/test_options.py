@@ -13,8 +13,8 @@ from agent.robots.ros2.settings import DriveSettings
 from agent.robots.ros2.shown import Shown, fog_cells, grid_of, show_map
 from patrol.errors import BadInput
 from patrol.ground.fog import Fog
-from patrol.ground.footprint import Footprint
 from patrol.ground.maps import load_terrain
+from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from patrol.ros2.formats import FORMATS as KNOWN
@@ -138,7 +138,7 @@ def test_the_fog_is_shown_from_fresh_to_stale() -> None:
     patrolled = np.ones((4, 6), dtype=np.bool_)
     patrolled[0] = False
     fog = Fog(patrolled)
-    fog.observe(Footprint(terrain, 0.6, 360.0, True, 1.0).visible(Pose(2.25, 3.25, 0.0)), 10)
+    fog.observe(footprint_of(terrain, 0.6, 360.0, True, 1.0).visible(Pose(2.25, 3.25, 0.0)), 10)
     cells = fog_cells(fog, 10, 1)
     assert set(cells[0]) == {-1}
     assert cells[2, 2] == 0

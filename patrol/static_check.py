@@ -1,6 +1,6 @@
-"""A check of a scenario's policy that runs nothing of it, for commands that only look at the scenario.
+"""A check of a class that a scenario names, which runs nothing of it, for commands that only look at the scenario.
 
-The policy's source is found and parsed. So it is known whether the class is there; what it inherits, its options, and
+The class's source is found and parsed. So it is known whether the class is there; what it inherits, its options, and
 whether it can be made at all is known only once it runs.
 """
 
@@ -12,10 +12,9 @@ from collections.abc import Iterable, Iterator
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 
-from agent.policies.found import absent_class, absent_module, check_digest, entry_point_of, no_class, policy_of
 from patrol.errors import BadInput
-from patrol.scenario import Scenario
-from patrol.scenario.policy_file import BUILT_IN, policy_file, policy_source
+from patrol.named_class import NamedClass, absent_class, absent_module, check_digest, entry_point_of, no_class
+from patrol.scenario.class_file import class_file, class_source
 from patrol.untrusted import KIB
 
 LONGEST = 256 * KIB
@@ -24,38 +23,37 @@ LONGEST = 256 * KIB
 _Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 
-def check_without_running(scenario: Scenario) -> None:
-    """Check as much of a scenario's policy as can be told without running it.
+def check_without_running(named: NamedClass) -> None:
+    """Check as much of a class as can be told without running it.
 
     Args:
-        scenario: The scenario.
+        named: As the scenario names it; a built-in one passes.
 
     Raises:
-        BadInput: The policy cannot be found, its file is not the one that the scenario was resolved with, or no class
-            with a method `decide` can come of it.
+        BadInput: It cannot be found, its file is not the one that the scenario was resolved with, or no class with the
+            method that it needs can come of it.
     """
-    patrol = scenario.patrol
-    if patrol.policy in BUILT_IN:
-        policy_of(scenario)
+    sort = named.sort
+    if named.name in sort.built_in:
         return
-    place, colon, name = patrol.policy.rpartition(":")
+    place, colon, name = named.name.rpartition(":")
     if not colon:
-        point = entry_point_of(patrol.policy)
+        point = entry_point_of(named)
         place, name = point.module, point.attr
-    path = policy_file(patrol.policy)
+    path = class_file(named.name)
     if path is not None:
-        check_digest(path, patrol)
+        check_digest(path, named)
     else:
-        path = _source_of(place, patrol.policy)
+        path = _source_of(place, named)
     if path is None:
         return  # it is compiled
-    source = policy_source(path)
+    source = class_source(path, sort.field)
     if len(source) > LONGEST or "." in name:
         return
-    _check_class(source, name, patrol.policy)
+    _check_class(source, name, named)
 
 
-def _source_of(module: str, policy: str) -> Path | None:
+def _source_of(module: str, named: NamedClass) -> Path | None:
     """Find a module's source without importing its package; None where there is none."""
     spec: ModuleSpec | None = None
     name = ""
@@ -66,7 +64,7 @@ def _source_of(module: str, policy: str) -> Path | None:
             name = f"{name}.{part}"
             spec = PathFinder.find_spec(name, spec.submodule_search_locations or [])
         if spec is None:
-            raise absent_module(policy, f"No module named {name!r}")
+            raise absent_module(named, f"No module named {name!r}")
     origin = None if spec is None else spec.origin
     return Path(origin) if origin is not None and origin.endswith(".py") else None
 
@@ -78,11 +76,12 @@ def _top_level(name: str) -> ModuleSpec | None:
         return None
 
 
-def _check_class(source: bytes, name: str, policy: str) -> None:
+def _check_class(source: bytes, name: str, named: NamedClass) -> None:
     try:
         module = ast.parse(source)
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        raise BadInput(f"patrol.policy = {policy}: raises {type(error).__name__}: {error}; correct it") from None
+        raise BadInput(f"{named.field}: raises {type(error).__name__}: {error}; correct it") from None
+    method = named.sort.method
     bound: dict[str, ast.stmt] = {}
     for statement in _statements(module.body):
         for one in _names_bound(statement):
@@ -90,11 +89,11 @@ def _check_class(source: bytes, name: str, policy: str) -> None:
     if "*" in bound:
         return  # of what another module holds
     if name not in bound:
-        classes = [one for one, made in bound.items() if isinstance(made, ast.ClassDef) and _may_decide(made)]
-        raise absent_class(policy, name, classes)
+        classes = [one for one, made in bound.items() if isinstance(made, ast.ClassDef) and _may_have(made, method)]
+        raise absent_class(named, name, classes)
     made = bound[name]
-    if isinstance(made, _Function) or (isinstance(made, ast.ClassDef) and not _may_decide(made)):
-        raise no_class(policy)
+    if isinstance(made, _Function) or (isinstance(made, ast.ClassDef) and not _may_have(made, method)):
+        raise no_class(named)
 
 
 def _statements(body: Iterable[ast.stmt]) -> Iterator[ast.stmt]:
@@ -126,8 +125,8 @@ def _names_bound(statement: ast.stmt) -> Iterator[str]:
                     yield node.id
 
 
-def _may_decide(made: ast.ClassDef) -> bool:
-    """Return True if a class has a method `decide`, or may get it from elsewhere."""
+def _may_have(made: ast.ClassDef, method: str) -> bool:
+    """Return True if a class has a method, or may get it from elsewhere."""
     if made.bases or made.keywords or made.decorator_list:
         return True
-    return any("decide" in _names_bound(statement) for statement in _statements(made.body))
+    return any(method in _names_bound(statement) for statement in _statements(made.body))

@@ -1,0 +1,235 @@
+"""Classes that a scenario names: policies and sensors, built-in ones and one's own.
+
+A name is that of a built-in class, ``package.module:Class``, ``./file.py:Class`` beside the scenario, or the name of an
+entry point of an installed package. For example, in a scenario:
+
+    patrol: {policy: ./mine.py:Mine, options: {near: 4}}
+    sensor: {kind: my_package.lidar:Lidar, range: 12}
+
+A class may have a pydantic model named ``Options``, which validates its options. `find` runs the code that a name
+stands for; `patrol.static_check` looks at it without running it.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import inspect
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from patrol.errors import BadInput, did_you_mean
+from patrol.scenario.class_file import class_file, file_digest
+
+
+@dataclass(frozen=True, slots=True)
+class ClassSort:
+    """A sort of classes that scenarios name.
+
+    Attributes:
+        noun: Of one: ``policy``.
+        field: Dotted field of the scenario that names one: ``patrol.policy``.
+        call: The method that such a class must have: ``decide(view)``.
+        group: The entry points by which an installed package offers such classes.
+        built_in: ``module:Class`` of those that come with fogwatch, by name. They are imported when a run uses them,
+            because their kernels take time to load.
+    """
+
+    noun: str
+    field: str
+    call: str
+    group: str
+    built_in: Mapping[str, str]
+
+    @property
+    def method(self) -> str:
+        """The name of the method that such a class must have."""
+        return self.call.partition("(")[0]
+
+    @property
+    def section(self) -> str:
+        """The scenario's section that names one."""
+        return self.field.partition(".")[0]
+
+
+@dataclass(frozen=True, slots=True)
+class NamedClass:
+    """A class as a scenario names it.
+
+    Attributes:
+        sort: What it should be.
+        name: As the scenario has it.
+        sha256: Of its file, where the scenario says it.
+        options: Those that the scenario gives it.
+    """
+
+    sort: ClassSort
+    name: str
+    sha256: str | None
+    options: Mapping[str, Any]
+
+    @property
+    def field(self) -> str:
+        """Where it stands, for errors: ``patrol.policy = ./mine.py:Mine``."""
+        return f"{self.sort.field} = {self.name}"
+
+
+def find(named: NamedClass) -> type[Any]:
+    """Import the class that a name stands for.
+
+    Args:
+        named: The name.
+
+    Raises:
+        BadInput: It cannot be found or loaded, its file is not the one that the scenario was resolved with, or it is
+            no class with the method that it needs.
+    """
+    found = _load(named)
+    if not inspect.isclass(found) or not callable(getattr(found, named.sort.method, None)):
+        raise no_class(named)
+    return found
+
+
+def options_of(named: NamedClass, found: type[Any]) -> Any:
+    """Validate the options that a scenario gives to a class.
+
+    Args:
+        named: The class's name, and its options.
+        found: The class.
+
+    Returns:
+        The options as the class's own model; an empty mapping where it has none.
+
+    Raises:
+        BadInput: The class does not take them.
+    """
+    given, field = dict(named.options), f"{named.sort.section}.options"
+    model = getattr(found, "Options", None)
+    if not (inspect.isclass(model) and issubclass(model, BaseModel)):
+        if given:
+            raise BadInput(f"{field} = {given}: {named.name} takes no options; leave them out")
+        return {}
+    known = ", ".join(model.model_fields) or "none"
+    for name, value in given.items():
+        if name not in model.model_fields and model.model_config.get("extra") != "allow":
+            raise BadInput(f"{field}.{name} = {value!r}: unknown key; {named.name} has the options {known}")
+    try:
+        return model.model_validate(given)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in (field, *first["loc"]))
+        value = first["input"]
+        raise BadInput(f"{where} = {value!r}: {first['msg']}; {named.name} has the options {known}") from None
+
+
+def entry_point_of(named: NamedClass) -> EntryPoint:
+    """Find the entry point by which an installed package offers a class; nothing of the package runs.
+
+    Args:
+        named: The class's name.
+
+    Raises:
+        BadInput: There is none of that name.
+    """
+    sort, name = named.sort, named.name
+    offered = {point.name: point for point in entry_points(group=sort.group)}
+    if name not in offered:
+        remedy = "or give package.module:Class or ./file.py:Class"
+        raise BadInput(
+            f"{named.field}: no such {sort.noun}; {_offer(name, [*sort.built_in, *sorted(offered)])}, {remedy}"
+        )
+    return offered[name]
+
+
+def check_digest(path: Path, named: NamedClass) -> str:
+    """Check that a class's file is the one that its scenario was resolved with.
+
+    Args:
+        path: The file.
+        named: The class.
+
+    Returns:
+        The SHA-256 (hex) of the file.
+
+    Raises:
+        BadInput: It is another, or cannot be read.
+    """
+    digest = file_digest(path, named.sort.field)
+    if named.sha256 is not None and digest != named.sha256:
+        raise BadInput(
+            f"{path}: is not the file that this scenario was resolved with (SHA-256 {digest[:12]}, it says "
+            f"{named.sha256[:12]}); restore it, or drop {named.sort.field}_sha256 to run with this one"
+        )
+    return digest
+
+
+def no_class(named: NamedClass) -> BadInput:
+    """The error for a name that stands for something else."""
+    return BadInput(f"{named.field}: is not a class with a method {named.sort.call}; name one that has it")
+
+
+def absent_module(named: NamedClass, what: str) -> BadInput:
+    """The error for a module that is not installed, or imports one that is not."""
+    return BadInput(f"{named.field}: {what}; install it, or give ./file.py:Class beside the scenario")
+
+
+def absent_class(named: NamedClass, name: str, classes: list[str]) -> BadInput:
+    """The error for a class that a module does not hold; it offers those that it holds."""
+    return BadInput(f"{named.field}: has no {name}; {_offer(name, classes)}")
+
+
+def _load(named: NamedClass) -> Any:
+    """What the name stands for."""
+    place, colon, name = named.sort.built_in.get(named.name, named.name).rpartition(":")
+    if not colon:
+        return _load_entry_point(named)
+    path = class_file(named.name)
+    try:
+        module = importlib.import_module(place) if path is None else _module_of(path, named)
+    except BadInput:
+        raise
+    except ModuleNotFoundError as error:
+        raise absent_module(named, str(error)) from None
+    except (Exception, SystemExit) as error:
+        raise BadInput(f"{named.field}: raises {type(error).__name__}: {error}; correct it") from error
+    if not hasattr(module, name):
+        method = named.sort.method
+        classes = [one for one, value in vars(module).items() if inspect.isclass(value) and hasattr(value, method)]
+        raise absent_class(named, name, classes)
+    return getattr(module, name)
+
+
+def _load_entry_point(named: NamedClass) -> Any:
+    point = entry_point_of(named)
+    try:
+        return point.load()
+    except (Exception, SystemExit) as error:
+        raise BadInput(f"{named.field} ({point.value}): raises {type(error).__name__}: {error}; correct it") from error
+
+
+def _module_of(path: Path, named: NamedClass) -> Any:
+    """A file as a module; loaded once in a process, as long as its bytes stay the same."""
+    name = f"fogwatch_{named.sort.noun}_{check_digest(path, named)[:16]}"
+    if name in sys.modules:
+        return sys.modules[name]
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise BadInput(f"{path}: is no Python file; give ./file.py:Class")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    return module
+
+
+def _offer(name: str, known: list[str]) -> str:
+    return did_you_mean(name, known) if known else "there is none in it"

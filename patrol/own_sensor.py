@@ -1,0 +1,248 @@
+"""The sensor of a scenario: one that comes with fogwatch, or one of one's own, found by name (`patrol.named_class`).
+
+A sensor of one's own runs in everything that computes looks: in the world, in every robot, and in commands that play a
+run again or judge it. Those open what others may have written, and must not run a stranger's code. So such a sensor is
+run only if this user has run a scenario with it on this machine (`allow_sensor`), of which a file in the user's cache
+folder is the record: its name is the SHA-256 of the sensor's file, or of the name of a class in an installed package.
+
+What it returns is checked, and what it raises becomes one line that names it (`SensorFailed`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path, PurePath
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.errors import BadInput
+from patrol.ground.footprint import Footprint, Sensor, SensorSetup, View
+from patrol.ground.sensors import footprint_of
+from patrol.named_class import ClassSort, NamedClass, check_digest, find, options_of
+from patrol.pose import Pose
+from patrol.scenario.class_file import class_file
+from patrol.scenario.sections import BUILT_IN_SENSORS, SensorSpec
+
+if TYPE_CHECKING:
+    from patrol.ground.terrain import Terrain
+
+SENSORS = ClassSort(
+    noun="sensor",
+    field="sensor.kind",
+    call="visible(pose)",
+    group="fogwatch.sensors",
+    built_in=MappingProxyType(dict.fromkeys(BUILT_IN_SENSORS, "patrol.ground.sensors:Sector")),
+)
+
+_allowed: set[str] = set()
+"""Records of this process, for a cache folder that cannot be written."""
+
+
+class SensorFailed(BadInput):
+    """A sensor of one's own has raised or returned something that is no view; one line says which."""
+
+
+def sensor_named(spec: SensorSpec) -> NamedClass:
+    """The sensor as a scenario names it; nothing of it is imported.
+
+    Args:
+        spec: The scenario's section.
+    """
+    return NamedClass(SENSORS, spec.kind, spec.kind_sha256, spec.options or {})
+
+
+def allow_sensor(spec: SensorSpec) -> None:
+    """Let this user's commands run a sensor of one's own, because this user runs a scenario with it.
+
+    Args:
+        spec: The scenario's section.
+
+    Raises:
+        BadInput: Its file cannot be read, or is not the one that the scenario was resolved with.
+    """
+    if spec.kind in BUILT_IN_SENSORS:
+        return
+    record = _record(sensor_named(spec))
+    _allowed.add(record)
+    if (folder := _folder()) is not None:
+        with suppress(OSError):
+            folder.mkdir(parents=True, exist_ok=True)
+            (folder / record).touch()
+
+
+def make_footprint(spec: SensorSpec, terrain: Terrain, remembered: int) -> Footprint:
+    """Make a scenario's sensor.
+
+    Args:
+        spec: The scenario's section.
+        terrain: The ground.
+        remembered: How many views to keep.
+
+    Raises:
+        BadInput: A sensor of one's own cannot be found or does not take its options, or this user has not run it yet.
+        SensorFailed: It cannot be made.
+    """
+    if spec.kind in BUILT_IN_SENSORS:
+        return footprint_of(terrain, spec.range, spec.angle, spec.line_of_sight, spec.quality, remembered)
+    named = sensor_named(spec)
+    _check_allowed(named)
+    found = find(named)
+    setup = SensorSetup(terrain, spec.range, spec.line_of_sight, options_of(named, found))
+    return Footprint(setup, CheckedSensor(found, setup, named.field), remembered)
+
+
+class CheckedSensor:
+    """A sensor of one's own whose views can be used by everything that computes with them.
+
+    Args:
+        made: Its class.
+        setup: What it is made from.
+        name: What errors call it.
+
+    Raises:
+        SensorFailed: It cannot be made, or lacks what a sensor has.
+    """
+
+    def __init__(self, made: type[Any], setup: SensorSetup, name: str) -> None:
+        self._setup, self._name = setup, name
+        try:
+            self._sensor: Sensor = made(setup)
+        except (Exception, SystemExit) as error:
+            raise self._failed("cannot be made", error) from error
+        self.all_round = self._flag("all_round")
+        self.leaves_age = self._flag("leaves_age")
+        offsets = np.arange(-setup.reach, setup.reach + 1)
+        self._beyond = offsets[:, None] ** 2 + offsets[None, :] ** 2 > setup.radius**2 + 1e-9
+
+    def visible(self, pose: Pose) -> View:
+        """The points seen from a pose, checked.
+
+        Args:
+            pose: As of any sensor.
+
+        Raises:
+            SensorFailed: The sensor raised, or returned something that is no view from this pose.
+        """
+        try:
+            view = self._sensor.visible(pose)
+        except (Exception, SystemExit) as error:
+            raise self._failed(f"from {_spelled(pose)}: raised", error) from error
+        if wrong := next(self._problems(view, pose), ""):
+            raise SensorFailed(f"{self._name}: visible(pose) from {_spelled(pose)} returned {wrong}")
+        quality = None if view.quality is None else np.array(view.quality, order="C")
+        return View(int(view.row0), int(view.col0), np.array(view.mask, order="C"), quality)
+
+    def _problems(self, view: object, pose: Pose) -> Iterator[str]:
+        """What is wrong with a view, and what it should be; what comes after the first was not looked at."""
+        setup, side = self._setup, 2 * self._setup.reach + 1
+        if not isinstance(view, View):
+            yield f"{type(view).__name__}; return patrol.ground.footprint.View"
+            return
+        mask, quality = view.mask, view.quality
+        row, col = setup.terrain.point_at(pose.x, pose.y)
+        corner = (row - setup.reach, col - setup.reach)
+        if (view.row0, view.col0) != corner:
+            yield f"a window at {(view.row0, view.col0)}; let it begin at {corner}, so that the pose is in its middle"
+        if not _is_grid(mask, side, np.uint8):
+            yield f"{_kind(mask)} as mask; return uint8 of shape ({side}, {side})"
+        if mask.max() > 1:
+            yield f"a mask that holds {mask.max()}; mark seen points with 1 and others with 0"
+        if mask[self._beyond].any():
+            yield f"a point farther than the range of {setup.range_m:g} m; leave it out, or give more as sensor.range"
+        rows, cols = np.nonzero(mask)
+        height, width = setup.terrain.shape
+        up, across = rows + corner[0], cols + corner[1]
+        outside = (up < 0) | (up >= height) | (across < 0) | (across >= width)
+        if (outside & ((up != row) | (across != col))).any():
+            yield "a point outside the terrain; leave it out"
+        if setup.terrain.inside(row, col) and setup.terrain.passable[row, col] and not view.shows(row, col):
+            yield "a view without the robot's own point; mark it"
+        if quality is None:
+            return
+        if not self.leaves_age:
+            yield "a quality, and its leaves_age is False; return None, or set leaves_age to True"
+        if not _is_grid(quality, side, np.float64):
+            yield f"{_kind(quality)} as quality; return float64 of shape ({side}, {side}), or None"
+        shares = quality[mask != 0]
+        if (bad := shares[~((shares > 0.0) & (shares <= 1.0))]).size:
+            yield f"the quality {bad[0]:g}; give more than 0 and at most 1"
+
+    def _flag(self, name: str) -> bool:
+        value = getattr(self._sensor, name, None)
+        if not isinstance(value, bool):
+            raise SensorFailed(f"{self._name}: {name} is {value!r}; give the class {name} = True or False")
+        return value
+
+    def _failed(self, what: str, error: BaseException) -> SensorFailed:
+        at = error.__traceback__
+        while at is not None and at.tb_next is not None:
+            at = at.tb_next
+        where = "" if at is None else f" ({PurePath(at.tb_frame.f_code.co_filename).name}:{at.tb_lineno})"
+        return SensorFailed(f"{self._name}: {what} {type(error).__name__}: {error}{where}; correct it")
+
+
+def _is_grid(grid: object, side: int, dtype: type[np.generic]) -> bool:
+    return isinstance(grid, np.ndarray) and grid.dtype == dtype and grid.shape == (side, side)
+
+
+def _kind(value: object) -> str:
+    if isinstance(value, np.ndarray):
+        array: NDArray[Any] = value
+        return f"{array.dtype} of shape {array.shape}"
+    return type(value).__name__
+
+
+def _spelled(pose: Pose) -> str:
+    return f"x = {pose.x:g} m, y = {pose.y:g} m, heading = {math.degrees(pose.heading):g} degrees"
+
+
+def _check_allowed(named: NamedClass) -> None:
+    """Refuse a sensor that this user has not run; it is not opened to find out.
+
+    Raises:
+        BadInput: The user has not run it, or its file is another by now.
+    """
+    path = class_file(named.name)
+    if path is not None and named.sha256 is None:
+        raise BadInput(f"{named.field}: the scenario has no sensor.kind_sha256, so the file is not run; run it first")
+    record = _text_digest(named.name) if path is None else str(named.sha256)
+    folder = _folder()
+    if record not in _allowed and not (folder is not None and _is_own_file(folder / record)):
+        where = f"~/.cache/fogwatch/sensors/{record}" if folder is None else str(folder / record)
+        raise BadInput(
+            f"{named.field}: is a program, and this user has not run a scenario with it here; read it, and if you "
+            f"trust it, make the file {where}, or run the scenario"
+        )
+
+
+def _is_own_file(path: Path) -> bool:
+    """Whether a file is there and this user has made it."""
+    try:
+        return path.stat().st_uid == os.geteuid()
+    except OSError:
+        return False
+
+
+def _record(named: NamedClass) -> str:
+    """The name of the file that records that a user runs a sensor."""
+    path = class_file(named.name)
+    return _text_digest(named.name) if path is None else check_digest(path, named)
+
+
+def _text_digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _folder() -> Path | None:
+    """The user's records; None without a home."""
+    own = os.environ.get("XDG_CACHE_HOME")
+    with suppress(RuntimeError):
+        return (Path(own) if own else Path("~/.cache").expanduser()) / "fogwatch" / "sensors"
+    return None

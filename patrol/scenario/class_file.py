@@ -1,0 +1,58 @@
+"""The file that a class comes from which a scenario names, without running it."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+from pydantic import ValidationInfo
+
+from patrol.errors import BadInput
+from patrol.untrusted import OWN_CLASS, read_untrusted
+from patrol.values.section import absolute
+
+
+def class_file(text: str) -> Path | None:
+    """The file in ``./file.py:Class``; None for a class that comes from an installed package."""
+    place, colon, _ = text.rpartition(":")
+    return Path(place) if colon and (place.endswith(".py") or "/" in place) else None
+
+
+def beside(text: str, info: ValidationInfo) -> str:
+    """The name of a class with its file's path resolved against the scenario's folder; any other as it is.
+
+    Args:
+        text: The name, as the scenario has it.
+        info: Of the validation.
+    """
+    path = class_file(text)
+    return text if path is None else f"{absolute(str(path), info)}:{text.rpartition(':')[2]}"
+
+
+def file_digest(path: Path, field: str) -> str:
+    """SHA-256 (hex) of a class's file.
+
+    Args:
+        path: The file.
+        field: The field of the scenario that names it, for errors.
+
+    Raises:
+        BadInput: It cannot be read.
+    """
+    return hashlib.sha256(class_source(path, field)).hexdigest()
+
+
+def class_source(path: Path, field: str) -> bytes:
+    """The content of a class's file.
+
+    Args:
+        path: The file.
+        field: The field of the scenario that names it, for errors.
+
+    Raises:
+        BadInput: It cannot be read.
+    """
+    try:
+        return read_untrusted(path, OWN_CLASS)
+    except OSError as error:
+        raise BadInput(f"{field} = {path}: cannot be read ({error.strerror}); correct it") from None
