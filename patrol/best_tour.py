@@ -19,12 +19,14 @@ import numpy as np
 
 from patrol.own_ground import OwnGround, own_grounds
 from patrol.prepare import sensor_footprint
+from patrol.scenario.sections import BUILT_IN_SENSORS
 
 if TYPE_CHECKING:
     from patrol.ground.footprint import Footprint
     from patrol.ground.terrain import BoolGrid, Terrain
     from patrol.prepare import Prepared
     from patrol.scenario import Scenario
+    from patrol.scenario.sections import SensorSpec
 
 VERSION = 1
 """Of the search: a change of `patrol.ground.tour` that gives other tours adds 1."""
@@ -56,7 +58,8 @@ class BestTour:
     """The tours of a fleet, one for each part of the terrain.
 
     Attributes:
-        parts: The tours; empty where the sensor does not look all around, or leaves some of a point's age.
+        parts: The tours; empty where the sensor does not look all around, leaves some of a point's age, or is a class
+            of an installed package.
     """
 
     parts: tuple[PartTour, ...]
@@ -108,8 +111,8 @@ def best_tour(prepared: Prepared) -> BestTour:
         The tours.
     """
     scenario, terrain = prepared.scenario, prepared.terrain
-    footprint = sensor_footprint(scenario, terrain)
-    if not footprint.all_round or footprint.leaves_age:
+    footprint, identity = sensor_footprint(scenario, terrain), _identity(scenario.sensor)
+    if not footprint.all_round or footprint.leaves_age or identity is None:
         return BestTour(())
     grounds = own_grounds(prepared)
     groups: dict[int, list[int]] = {}
@@ -123,15 +126,17 @@ def best_tour(prepared: Prepared) -> BestTour:
         wanted = own.patrolled & left
         left &= ~own.patrolled
         if wanted.any():
-            length_m = _length(terrain, own, wanted, prepared.fields[robots[0]].proxy, footprint)
+            length_m = _length(terrain, own, wanted, prepared.fields[robots[0]].proxy, footprint, identity)
             speed = min(specs[number].speed for number in robots)
             parts.append(PartTour(tuple(robots), speed, length_m))
     return BestTour(tuple(parts))
 
 
-def _length(terrain: Terrain, own: OwnGround, ground: BoolGrid, proxy: Any, footprint: Footprint) -> float | None:
+def _length(
+    terrain: Terrain, own: OwnGround, ground: BoolGrid, proxy: Any, footprint: Footprint, identity: tuple[str, ...]
+) -> float | None:
     """The length of a tour, m: known to this process, from the cache, or found now."""
-    digest = _digest(terrain, own.reach, ground, footprint)
+    digest = _digest(terrain, own.reach, ground, footprint, identity)
     if digest not in _known:
         file = _cache() / f"{digest}.json"
         try:
@@ -164,8 +169,19 @@ def _cache() -> Path:
     return Path(os.devnull)
 
 
-def _digest(terrain: Terrain, reach: BoolGrid, ground: BoolGrid, footprint: Footprint) -> str:
-    facts = (VERSION, terrain.shape, terrain.point, footprint.radius, footprint.line_of_sight)
+def _identity(sensor: SensorSpec) -> tuple[str, ...] | None:
+    """What tells a sensor of one's own from others of its range; None if its code may change under its name."""
+    if sensor.kind in BUILT_IN_SENSORS:
+        return ()
+    if sensor.kind_sha256 is None:
+        return None
+    return sensor.kind_sha256, sensor.kind.rpartition(":")[2], json.dumps(sensor.options, sort_keys=True)
+
+
+def _digest(
+    terrain: Terrain, reach: BoolGrid, ground: BoolGrid, footprint: Footprint, identity: tuple[str, ...]
+) -> str:
+    facts = (VERSION, terrain.shape, terrain.point, footprint.radius, footprint.line_of_sight, *identity)
     digest = hashlib.sha256(repr(facts).encode())
     for grid in (terrain.passable, reach, ground):
         digest.update(np.packbits(grid).tobytes())

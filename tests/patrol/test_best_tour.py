@@ -12,6 +12,7 @@ from patrol import best_tour as module
 from patrol.best_tour import BestTour, PartTour, best_tour
 from patrol.ground.fields import compute_fields
 from patrol.ground.terrain import Terrain
+from patrol.own_sensor import allow_sensor
 from patrol.pose import Pose
 from patrol.prepare import Prepared
 from patrol.scenario import load_scenario
@@ -56,6 +57,35 @@ def test_robots_of_one_part_share_a_tour_at_the_speed_of_the_slowest() -> None:
     assert tour.bound_s({1: 1.0, 2: 1.0}) == part.length_m / 2.0
     assert tour.bound_s({1: 1.0, 2: 0.5}) == part.length_m / 1.5
     assert tour.bound_s({}) is None
+
+
+SQUARE = """
+import numpy as np
+
+from patrol.ground.footprint import View
+from patrol.ground.sensors import Disc
+
+class Square(Disc):
+    def visible(self, pose):
+        view = super().visible(pose)
+        middle = len(view.mask) // 2
+        near = np.abs(np.arange(len(view.mask)) - middle) <= 0.7 * middle
+        return View(view.row0, view.col0, view.mask * (near & near[:, None]))
+"""
+
+
+def test_a_sensor_of_ones_own_has_a_tour_of_its_own(tmp_path: Path) -> None:
+    """It sees less than a disc of its range, so its tour is longer, and the two are kept apart."""
+    file = tmp_path / "square.py"
+    file.write_text(SQUARE, encoding="utf-8")
+    square = prepared(kind=f"{file}:Square")
+    allow_sensor(square.scenario.sensor)
+    of_disc, of_square = best_tour(prepared()).length_m, best_tour(square).length_m
+    assert of_disc is not None
+    assert of_square is not None
+    assert of_square > of_disc
+    assert best_tour(prepared()).length_m == of_disc
+    assert best_tour(square).length_m == of_square
 
 
 def test_parts_that_nobody_can_change_between_have_a_tour_each() -> None:
