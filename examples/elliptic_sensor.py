@@ -2,7 +2,7 @@
 
     fogwatch run yards --set sensor.kind=./examples/elliptic_sensor.py:Ellipse --set sensor.options.across=4
 
-docs/sensors.md says which rules a sensor has to keep.
+docs/sensors.md says which rules a sensor has to keep; `fogwatch.testing.check_sensor` checks them.
 """
 
 import math

@@ -1,0 +1,188 @@
+"""A check of a policy: small fleets in one process, in the situations that policies meet."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import zip_longest
+from typing import TYPE_CHECKING, Any
+
+from agent.policies.found import POLICIES
+from fogwatch.testing.broken import RuleBroken, class_of, disturb_chance, put_up
+from patrol.errors import BadInput
+
+if TYPE_CHECKING:
+    from agent.ports import Intent, Policy, PolicySetup
+    from agent.view import View
+    from worldsim.world import World
+
+TICKS = 60
+"""Ticks of each run."""
+
+FLEET: Mapping[str, Any] = {
+    "terrain": {"builtin": "yards"},
+    "point": 1.0,
+    "step": 0.5,
+    "robots": {"count": 3},
+    "patrol": {"give_way": True},
+}
+SITUATIONS: Mapping[str, Mapping[str, Any]] = {
+    "alone": {"robots.count": 1},
+    "beside silent robots": {
+        "faults": [{"kind": "silence", "at": 4, "who": ["r2", "r3"]}, {"kind": "kill", "at": 8, "who": ["r3"]}]
+    },
+    "at a wall": {"robots.count": 1, "robots.starts": [[1.6, 1.6, 3.9]]},
+    "with nothing in view": {"sensor.range": 1.0, "robots.speed": 2.0},
+    "off the ground that it knows": {
+        "faults": [{"kind": "drift", "at": 5, "for": 10, "who": ["r1"], "bias": [0, 40], "noise": 3}]
+    },
+    "after a restart": {
+        "faults": [{"kind": "kill", "at": 5, "who": ["r1"]}, {"kind": "restart", "at": 10, "who": ["r1"]}]
+    },
+    "beside an intruder": {"intruders": [{"place": [40, 20], "at": 5, "for": 10}]},
+}
+"""What is changed in the fleet, by what its robots are in it."""
+
+
+@dataclass(frozen=True, slots=True)
+class PolicyReport:
+    """What a policy did.
+
+    Attributes:
+        decisions: How many it took.
+        median_ms: Wall time of half of them at most, ms.
+        slowest_ms: Wall time of the slowest, ms; compiling counts. It is not judged: machines differ.
+    """
+
+    decisions: int
+    median_ms: float
+    slowest_ms: float
+
+    def __str__(self) -> str:
+        return f"{self.decisions} decisions, median {self.median_ms:.2f} ms, slowest {self.slowest_ms:.1f} ms"
+
+
+def check_policy(
+    policy: type[Any] | str,
+    *,
+    options: Mapping[str, Any] | None = None,
+    models: tuple[str, ...] = ("holonomic", "differential", "car"),
+    settings: Mapping[str, Any] | None = None,
+) -> PolicyReport:
+    """Check that a policy keeps the rules of `agent.ports.Policy`.
+
+    It is run in a fleet of three, twice, with other states of `random` and `numpy.random`: both runs must give the same
+    trace. Then it is run alone, beside silent robots, at a wall, with nothing in view, off the ground that its robot
+    knows, after a restart and beside an intruder: it must answer with an intent that its body can obey.
+
+    Args:
+        policy: The class, or its name as in a scenario (``./file.py:Class``).
+        options: What `patrol.options` says.
+        models: Body models that the policy is for.
+        settings: More of the scenario, by dotted field; for example ``{"patrol.give_way": False}``.
+
+    Returns:
+        How many decisions it took, and how long they lasted.
+
+    Raises:
+        RuleBroken: The policy breaks a rule; the message says which, in what situation, at which tick.
+        BadInput: Options or settings are wrong.
+    """
+    made = class_of(policy, POLICIES)
+    runs: list[_Run] = []
+    for model in models:
+        first, second = (
+            _run(made, options, {"robots.model": model, **(settings or {})}, f"a fleet ({model})", number)
+            for number in (1, 2)
+        )
+        _compare(first, second)
+        runs += [first, second]
+        for situation, changes in SITUATIONS.items():
+            changed = {"robots.model": model, **changes, **(settings or {})}
+            runs.append(_run(made, options, changed, f"{situation} ({model})", 0))
+    times = [spent for run in runs for spent in run.times_ms]
+    return PolicyReport(len(times), statistics.median(times), max(times))
+
+
+@dataclass(slots=True)
+class _Run:
+    """One run of a fleet.
+
+    Attributes:
+        where: The situation.
+        intents: In the order of the decisions, with tick and robot.
+        times_ms: Of the decisions.
+        trace: Its hash.
+    """
+
+    where: str
+    intents: list[tuple[int, str, Intent]] = field(default_factory=list)
+    times_ms: list[float] = field(default_factory=list)
+    trace: str = ""
+
+
+def _run(
+    policy: type[Any], options: Mapping[str, Any] | None, changes: Mapping[str, Any], where: str, chance: int
+) -> _Run:
+    """Run a fleet with a policy; raise RuleBroken where it fails."""
+    from experiments.inprocess import run_in_process
+    from patrol.scenario import load_scenario
+
+    run = _Run(where)
+    mapping = {**FLEET, "duration": TICKS * FLEET["step"], "patrol": {"policy": put_up(_watched(policy, run))}}
+    overrides = {f"patrol.options.{option}": value for option, value in (options or {}).items()}
+    scenario = load_scenario(mapping, {**overrides, **changes})
+    failures: list[tuple[str, BaseException | None]] = []
+
+    def fail(number: int, reason: str, error: BaseException | None) -> None:
+        failures.append((f"{scenario.roster[number - 1].name}: {reason}", error))
+
+    def disturb(world: World, _: object) -> None:
+        disturb_chance(1000 * world.tick + chance)
+
+    try:
+        run.trace = str(run_in_process(scenario, failure=fail, look=disturb).summary["trace_hash"])
+    except BadInput:
+        if not failures:
+            raise
+    if failures:
+        reason, error = failures[0]
+        raise RuleBroken(f"{policy.__name__}, {where}: it must always answer with an intent; {reason}") from error
+    return run
+
+
+def _watched(policy: type[Any], run: _Run) -> type[Any]:
+    """Make a class that decides as a policy does, and notes what it decides and how long that takes."""
+
+    class Watched:
+        def __init__(self, setup: PolicySetup) -> None:
+            self._policy: Policy = policy(setup)
+
+        def decide(self, view: View) -> Intent:
+            begun = time.perf_counter()
+            intent = self._policy.decide(view)
+            run.times_ms.append(1000.0 * (time.perf_counter() - begun))
+            run.intents.append((view.tick, view.spec.name, intent))
+            return intent
+
+    Watched.__name__ = policy.__name__
+    if hasattr(policy, "Options"):
+        Watched.Options = policy.Options  # type: ignore[attr-defined]
+    return Watched
+
+
+def _compare(first: _Run, second: _Run) -> None:
+    """Raise RuleBroken where two runs of the same scenario differ."""
+    nothing = (None, "", None)
+    for one, other in zip_longest(first.intents, second.intents, fillvalue=nothing):
+        if repr(one) != repr(other):
+            tick, robot, _ = one if one is not nothing else other
+            raise RuleBroken(
+                f"{first.where}: the same scenario must give the same decisions; at tick {tick}, {robot} answered "
+                f"{one[2]!r} in one run and {other[2]!r} in the next. Use view.draw for chance, no clock, and keep "
+                "state in self alone"
+            )
+    if first.trace != second.trace:
+        raise RuleBroken(f"{first.where}: the same scenario must give the same trace, and the intents are equal")

@@ -1,0 +1,207 @@
+"""A check of a robot: the calls that a mind's loop makes, in its order, with ticks from a list.
+
+    stop stop | 0 1 2 3 7 8 stop | 9 10 | none none | stop
+                ^ ^     ^ ^
+
+In each tick: sense, send and hear where the robot is its own radio, and, in the marked ticks, act.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fogwatch.testing.broken import RuleBroken
+from patrol.errors import BadInput
+from patrol.exchange import Sensed
+from patrol.ground.terrain import Terrain
+from patrol.pose import Command, Drive, Pose, Twist, Velocity
+
+if TYPE_CHECKING:
+    from agent.own_robot import Site
+    from agent.ports import Robot
+
+TICKS = (0, 1, 2, 3, 7, 8)
+"""Ticks that the clock gives; the gap is that of a decision that was too late."""
+
+COMMANDED = (0, 1, 7, 8)
+"""Ticks in which the robot is told to drive."""
+
+SLACK_M = 0.05
+"""By how much a robot may be off, m."""
+
+SPEED = 1.0
+STEP = 0.5
+
+
+def check_robot(make_robot: Callable[[Site], Robot], *, model: str = "differential") -> None:
+    """Check that a robot keeps the rules of `agent.ports.Robot`, by the calls that a mind's loop makes.
+
+    It is for robots that can be driven without anything around them: a driver with a pretended base, or a fake. Checked
+    are what it senses (the clock's tick, one for each call; a finite pose; None at the end, however often it is asked),
+    that it obeys a command for one step and stands when none comes, that it stops for good, may be stopped before its
+    first tick and again, and, where it is a radio too, what it hears.
+
+    Args:
+        make_robot: Makes it from a `agent.own_robot.Site`, as for `agent.own_robot.drive`; for example the class.
+        model: Of its body: ``holonomic``, ``differential`` or ``car``.
+
+    Raises:
+        RuleBroken: The robot breaks a rule; the message says which, at which tick and with what value.
+    """
+    _check_early_stop(make_robot, model)
+    clock = _Clock()
+    robot = _called("make_robot(site)", make_robot, _site(clock, model))
+    poses: dict[int, Pose] = {}
+    for k in TICKS:
+        poses[k] = _sense(robot, clock, k).pose
+        _check_moved(poses, k)
+        _transmit(robot, k)
+        if k in COMMANDED:
+            _act(robot, _ahead(model), k)
+    last = poses[TICKS[-1]]
+    _stop(robot, "a check stops it")
+    clock.more(9, 10)
+    for k in (9, 10):
+        sensed = _called(f"sense() at tick {k}, after stop", robot.sense)
+        if sensed is not None and _apart(sensed.pose, last) > SLACK_M:
+            moved = _apart(sensed.pose, last)
+            raise RuleBroken(f"stop ends the last command too: at tick {k} the robot has moved {moved:.3f} m since")
+    clock.more()
+    for _ in range(2):
+        clock.asked = 0
+        sensed = _called("sense() at the end", robot.sense)
+        if sensed is not None:
+            raise RuleBroken(f"sense() returned {sensed!r} when the clock had ended; return None")
+    _transmit(robot, None)
+    _stop(robot, "the driver ends")
+
+
+class _Clock:
+    """A fleet clock with the ticks of a list, then None for ever."""
+
+    def __init__(self) -> None:
+        self._ticks = [*TICKS]
+        self.asked = 0
+
+    def more(self, *ticks: int) -> None:
+        """Go on with other ticks."""
+        self._ticks = [*ticks]
+
+    def tick(self) -> int | None:
+        """The next tick."""
+        self.asked += 1
+        return self._ticks.pop(0) if self._ticks else None
+
+    def decide(self) -> bool:
+        """It is time at once."""
+        return True
+
+
+def _site(clock: _Clock, model: str) -> Site:
+    """A site without walls nearby, of a robot by itself."""
+    from agent.own_robot import Site
+    from patrol.ground.fog import Fog
+    from patrol.scenario import load_scenario
+
+    robots = [{"model": model, "speed": SPEED, "radius": 0.3, "turning_radius": 1.0}]
+    free = np.ones((60, 60), dtype=np.bool_)
+    terrain = Terrain("yard", free, 0.5)
+    scenario = load_scenario({"terrain": {"builtin": "open"}, "robots": robots, "step": STEP})
+
+    def orders() -> Any:
+        raise RuleBroken("a check has no operators; make the robot without site.orders")
+
+    spec = scenario.roster[0]
+    start = Pose(15.0, 15.0, 0.0)
+    return Site(spec, start, terrain, clock, STEP, 1.0, Fog(free), {}, None, {1: spec.radius}, orders)
+
+
+def _check_early_stop(make_robot: Callable[[Site], Robot], model: str) -> None:
+    clock = _Clock()
+    robot = _called("make_robot(site)", make_robot, _site(clock, model))
+    _stop(robot, "before its first tick")
+    _stop(robot, "again")
+
+
+def _sense(robot: Robot, clock: _Clock, k: int) -> Sensed:
+    clock.asked = 0
+    sensed = _called(f"sense() at tick {k}", robot.sense)
+    if not isinstance(sensed, Sensed):
+        raise RuleBroken(f"sense() returned {sensed!r} at tick {k}; return patrol.exchange.Sensed")
+    if clock.asked != 1:
+        raise RuleBroken(f"sense() waits for one tick; at tick {k} it called site.clock.tick() {clock.asked} times")
+    if sensed.k != k or type(sensed.k) is not int:
+        raise RuleBroken(f"sense() returned k = {sensed.k!r} at tick {k}; return the tick that the clock gave")
+    pose = sensed.pose
+    numbers = (pose.x, pose.y, pose.heading, sensed.clock_s) if isinstance(pose, Pose) else ()
+    if not numbers or not all(isinstance(one, int | float) and math.isfinite(one) for one in numbers):
+        raise RuleBroken(f"sense() returned pose = {pose!r}, clock_s = {sensed.clock_s!r} at tick {k}; give numbers")
+    if type(sensed.bumped) is not bool:
+        raise RuleBroken(f"sense() returned bumped = {sensed.bumped!r} at tick {k}; give True or False")
+    if not isinstance(sensed.contacts, tuple):
+        raise RuleBroken(f"sense() returned contacts = {sensed.contacts!r} at tick {k}; give a tuple of (x, y)")
+    return sensed
+
+
+def _check_moved(poses: dict[int, Pose], k: int) -> None:
+    """Compare where a robot is with what it was told in the tick before."""
+    if k - 1 not in poses:
+        return
+    moved = _apart(poses[k], poses[k - 1])
+    if k - 1 in COMMANDED:
+        if abs(moved - SPEED * STEP) > SLACK_M:
+            told = f"told to drive {SPEED * STEP:g} m, at tick {k} it has moved {moved:.3f} m"
+            raise RuleBroken(f"a command holds for one step: {told}")
+    elif moved > SLACK_M:
+        raise RuleBroken(f"without a command it must stand: at tick {k} it has moved {moved:.3f} m by itself")
+
+
+def _transmit(robot: Robot, k: int | None) -> None:
+    """What a loop does between sensing and acting, with a robot that is its own radio; at the end k is None."""
+    at = "at the end" if k is None else f"at tick {k}"
+    if callable(getattr(robot, "send", None)):
+        _called(f"send(()) {at}", robot.send, ())  # type: ignore[attr-defined]
+    if callable(getattr(robot, "hear", None)):
+        heard = _called(f"hear() {at}", robot.hear)  # type: ignore[attr-defined]
+        if heard is not None and not (isinstance(heard, list) and all(isinstance(frame, bytes) for frame in heard)):
+            raise RuleBroken(f"hear() returned {heard!r} {at}; return a list of bytes, or None")
+        if heard and k is None:
+            raise RuleBroken(f"hear() returned {len(heard)} frames at the end; return None")
+
+
+def _act(robot: Robot, command: Command, k: int) -> None:
+    _called(f"act({command!r}) at tick {k}", robot.act, command)
+
+
+def _stop(robot: Robot, reason: str) -> None:
+    _called(f"stop({reason!r})", robot.stop, reason)
+
+
+def _called(what: str, method: Callable[..., Any], *arguments: Any) -> Any:
+    """Call a method; what it raises breaks a rule."""
+    try:
+        return method(*arguments)
+    except RuleBroken:
+        raise
+    except (Exception, SystemExit) as error:
+        raise RuleBroken(f"{what} raised {type(error).__name__}: {error}; a robot raises nothing") from error
+
+
+def _ahead(model: str) -> Command:
+    """The command to drive ahead at full speed, from a heading of 0."""
+    match model:
+        case "holonomic":
+            return Velocity(SPEED, 0.0)
+        case "differential":
+            return Twist(SPEED, 0.0)
+        case "car":
+            return Drive(SPEED, 0.0)
+    raise BadInput(f"model = {model}: no such body; give holonomic, differential or car")
+
+
+def _apart(one: Pose, other: Pose) -> float:
+    return math.hypot(one.x - other.x, one.y - other.y)
