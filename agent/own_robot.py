@@ -173,7 +173,6 @@ def patrol_with(
     from patrol.net.keys import callers_of, check_radio
     from patrol.net.open_links import open_links
     from patrol.net.security.roles import Kind
-    from patrol.own_sensor import allow_sensor
     from patrol.process.exit_codes import INTERRUPTED
     from patrol.process.options import meeting, robot_named
 
@@ -186,7 +185,6 @@ def patrol_with(
     on_air = check_radio(where.radio, "radio", scenario.radio.via)
     # Its counts of frames begin anew, so whoever adds them up must not take it for the process before.
     incarnation = int(time.time()) % 2**31
-    allow_sensor(scenario.sensor)
     prepared, mind = _mind_of(scenario, spec.number, incarnation, say)
     callers = callers_of(keys, {one.name: one.number for one in scenario.roster})
     links = open_links(met.router, on_air, ticks.wait_s, say, lambda: bool(ending), met.credentials, callers)
@@ -211,12 +209,14 @@ def _mind_of(scenario: Scenario, number: int, incarnation: int, say: Callable[[s
     """The prepared scenario and one robot's mind."""
     from agent.build import build_mind
     from agent.ports import PolicyFailed
+    from patrol.own_sensor import allow_sensor
     from patrol.prepare import prepare
     from patrol.process.starting.seldom import seldom_kernels
     from patrol.process.starting.warmup import warm
     from patrol.radio.fleet_key import fleet_key
 
     warm(("patrol", "agent"), say, seldom_kernels(scenario))
+    allow_sensor(scenario.sensor)
     prepared = prepare(scenario)
     try:
         return prepared, build_mind(prepared, number, incarnation, fleet_key(scenario.radio.key))

@@ -100,12 +100,10 @@ def _run(options: argparse.Namespace, supervision: Supervision, ending: Ending) 
     """Check the input and find out who this is, then patrol; the exit code."""
     from patrol.net.keys import check_radio
     from patrol.net.security.roles import Kind
-    from patrol.own_sensor import allow_sensor
     from patrol.scenario import load_scenario
 
     met = meeting(options, Kind.ROBOT)
     scenario = load_scenario(options.scenario)
-    allow_sensor(scenario.sensor)
     on_air = check_radio(options.radio, "--radio", scenario.radio.via)
     spec = _spec(scenario, robot_named(options.robot, met.credentials))
     log = supervision.begin_log(spec.name)
@@ -209,9 +207,11 @@ def _mind(scenario: Scenario, spec: RobotSpec, process: _Process) -> Mind | None
     from agent.build import Shared, build_mind, radii_of, shared_by
     from agent.ports import PolicyFailed
     from agent.psi import load_psi
+    from patrol.own_sensor import allow_sensor
     from patrol.prepare import sensor_footprint
     from patrol.radio.fleet_key import fleet_key
 
+    allow_sensor(scenario.sensor)
     prepared = prepared_as_told(scenario, options, process.ending)
     if prepared is None:
         return None

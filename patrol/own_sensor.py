@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 
 from patrol.errors import BadInput
 from patrol.ground.footprint import Footprint, Sensor, SensorSetup, View
-from patrol.ground.sensors import footprint_of
 from patrol.named_class import ClassSort, NamedClass, check_digest, find, options_of
 from patrol.pose import Pose
 from patrol.scenario.class_file import class_file
@@ -59,17 +58,20 @@ def sensor_named(spec: SensorSpec) -> NamedClass:
 
 
 def allow_sensor(spec: SensorSpec) -> None:
-    """Let this user's commands run a sensor of one's own, because this user runs a scenario with it.
+    """Find a sensor of one's own, and let this user's commands run it, because this user runs a scenario with it.
 
     Args:
         spec: The scenario's section.
 
     Raises:
-        BadInput: Its file cannot be read, or is not the one that the scenario was resolved with.
+        BadInput: It cannot be found or does not take its options, or its file is not the one that the scenario was
+            resolved with.
     """
     if spec.kind in BUILT_IN_SENSORS:
         return
-    record = _record(sensor_named(spec))
+    named = sensor_named(spec)
+    options_of(named, find(named))
+    record = _record(named)
     _allowed.add(record)
     if (folder := _folder()) is not None:
         with suppress(OSError):
@@ -90,6 +92,8 @@ def make_footprint(spec: SensorSpec, terrain: Terrain, remembered: int) -> Footp
         SensorFailed: It cannot be made.
     """
     if spec.kind in BUILT_IN_SENSORS:
+        from patrol.ground.sensors import footprint_of  # here: its kernels take time to load
+
         return footprint_of(terrain, spec.range, spec.angle, spec.line_of_sight, spec.quality, remembered)
     named = sensor_named(spec)
     _check_allowed(named)

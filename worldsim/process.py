@@ -102,10 +102,10 @@ def _run(options: WorldOptions, met: Meeting, ending: Ending, vitals: Vitals) ->
     _check_process_control(scenario, options)
     radio = check_radio(options.radio, "--radio", scenario.radio.via)
     check(options.scenario, options.out)
-    allow_sensor(scenario.sensor)
     warm(("patrol", "worldsim"), _LOG.info, seldom_kernels(scenario))
     if scenario.sensor.kind in BUILT_IN_SENSORS:  # one of one's own may compile what needs scipy
         numba_alone()
+    allow_sensor(scenario.sensor)
 
     from worldsim.fleet.sessions import Interrupted, Missing
 

@@ -79,7 +79,7 @@ class FeedSource:
             so_far: The state of the run so far, from the world.
             now: Wall clock, s.
             key: The fleet's key, for the tags of frames; None where this viewer has none. A file that the feed names is
-                never opened.
+                never opened, but for that of a sensor which this user runs.
 
         Raises:
             BadInput: The world runs another version.

@@ -141,9 +141,11 @@ def test_an_installed_class_is_allowed_by_its_name() -> None:
     spec = scenario_with(kind="os:system").sensor
     with pytest.raises(BadInput, match="is a program"):
         make_footprint(spec, GROUND, 4)
-    allow_sensor(spec)
     with pytest.raises(BadInput, match="os:system: is not a class with a method visible"):
-        make_footprint(spec, GROUND, 4)
+        allow_sensor(spec)
+    installed = scenario_with(kind="examples.elliptic_sensor:Ellipse").sensor
+    allow_sensor(installed)
+    assert make_footprint(installed, GROUND, 4).visible(MIDDLE).shows(20, 20)
 
 
 def test_a_built_in_sensor_leaves_no_record(records: Path) -> None:
@@ -166,10 +168,8 @@ def test_options_are_checked() -> None:
         ({"acros": 2}, "sensor.options.acros = 2: unknown key"),
         ({"across": -1}, "sensor.options.across = -1: Input should be greater than 0"),
     ):
-        spec = own(options=options).sensor
-        allow_sensor(spec)
         with pytest.raises(BadInput, match=says):
-            make_footprint(spec, GROUND, 4)
+            allow_sensor(own(options=options).sensor)
 
 
 # --- what it returns --------------------------------------------------------------------------------------------------

@@ -20,6 +20,7 @@ from experiments.sweeps.stats import Estimate
 from fogwatch.launch.live_table import duration_text
 from fogwatch.progress import SweepProgress, print_failures
 from patrol.errors import BadInput
+from patrol.own_sensor import allow_sensor
 from patrol.scenario.policy_file import BUILT_IN
 
 FAILED = 1
@@ -72,7 +73,7 @@ def sweep(
     again.
     """
     plan = read_plan(file, seeds)
-    _check_policies(plan)
+    _check_classes(plan)
     folder = out or Path("runs") / file.stem
     console = Console()
     outcome = make_runs(plan, folder, workers_of(workers, cluster), console)
@@ -84,8 +85,8 @@ def sweep(
     return FAILED if outcome.failed else 0
 
 
-def _check_policies(plan: Plan) -> None:
-    """Find every policy of one's own, with its options, before any run is made."""
+def _check_classes(plan: Plan) -> None:
+    """Find every policy and sensor of one's own, with its options, before any run is made."""
     own = {
         repr((run.scenario.patrol.policy, run.scenario.patrol.options)): run.scenario
         for run in plan.runs
@@ -96,6 +97,8 @@ def _check_policies(plan: Plan) -> None:
 
         for scenario in own.values():
             policy_of(scenario)
+    for sensor in {repr(run.scenario.sensor): run.scenario.sensor for run in plan.runs}.values():
+        allow_sensor(sensor)
 
 
 def workers_of(workers: int | None, cluster: str | None) -> WorkerPool:
