@@ -39,6 +39,7 @@ SENSORS = ClassSort(
     group="fogwatch.sensors",
     built_in=MappingProxyType(dict.fromkeys(BUILT_IN_SENSORS, "patrol.ground.sensors:Sector")),
 )
+"""Sensors of scenarios. Those that come with fogwatch are made of several classes (`footprint_of`), not by name."""
 
 _allowed: set[str] = set()
 """Records of this process, for a cache folder that cannot be written."""
