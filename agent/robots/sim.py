@@ -279,7 +279,7 @@ class SimRobot:
     def _has_begun(self, message: PhaseA | PhaseB) -> bool:
         """Whether a message's tick has begun; the first run that proves one is this robot's own."""
         proofs = self._offers[message.run]
-        if not proofs.accepts(message.k + 1, message.proof):
+        if not proofs.accepts(message.k + 1, message.proof, self._now()):
             return False
         if self._run is None and isinstance(message, PhaseA):
             self._run = message.run
@@ -318,7 +318,7 @@ class SimRobot:
                 self._leave("another world has taken over this fleet", orderly=False)
             return
         if message.run not in self._offers:
-            self._offers[message.run] = TickProofs(message.k, message.proof, message.stride, self._now)
+            self._offers[message.run] = TickProofs(message.k, message.proof, message.stride, self._now())
         if len(self._offers) > _OFFERS:
             del self._offers[next(iter(self._offers))]
         self._hear_own_world()

@@ -9,7 +9,6 @@ only takes as many more hashes.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
 
 PROOF = 16
 """Bytes of a proof."""
@@ -56,31 +55,31 @@ class TickChain:
 class TickProofs:
     """A robot's side: checks proofs against the newest that it has found right."""
 
-    def __init__(self, begun: int, proof: bytes, stride: int, now: Callable[[], float]) -> None:
+    def __init__(self, begun: int, proof: bytes, stride: int, now: float) -> None:
         """Begin with a proof that is believed.
 
         Args:
             begun: Number of ticks that have begun by it.
             proof: The proof.
             stride: Ticks that share one link.
-            now: Monotonic clock, s.
+            now: Time, s.
         """
         self._stride = stride
         self._place = begun // stride
         self._proof = proof
-        self._now = now
-        self._costly_at = now()
+        self._costly_at = now
 
-    def accepts(self, begun: int, proof: bytes) -> bool:
-        """Whether a proof shows that so many ticks have begun.
+    def accepts(self, begun: int, proof: bytes, now: float) -> bool:
+        """Return whether a proof shows that so many ticks have begun.
 
         Args:
             begun: Number of ticks.
             proof: The proof.
+            now: Time, s.
         """
         place = begun // self._stride
         hashes = place - self._place
-        if abs(hashes) > LONGEST or not self._affords(abs(hashes)):
+        if abs(hashes) > LONGEST or not self._affords(abs(hashes), now):
             return False
         if hashes < 0:
             return _hashed(self._proof, -hashes) == proof
@@ -89,10 +88,9 @@ class TickProofs:
         self._place, self._proof = place, proof
         return True
 
-    def _affords(self, hashes: int) -> bool:
+    def _affords(self, hashes: int, now: float) -> bool:
         if hashes <= CHEAP:
             return True
-        now = self._now()
         if now < self._costly_at:
             return False
         self._costly_at = now + COSTLY_S

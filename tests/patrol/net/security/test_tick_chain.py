@@ -12,61 +12,52 @@ TICKS = 1000
 CHAIN = TickChain(b"secret", TICKS)
 
 
-class Clock:
-    def __init__(self) -> None:
-        self.time = 50.0
-
-    def __call__(self) -> float:
-        return self.time
+NOW = 50.0
 
 
-def proofs_from(begun: int, clock: Clock | None = None, chain: TickChain = CHAIN) -> TickProofs:
-    return TickProofs(begun, chain.proof(begun), chain.stride, clock or Clock())
+def proofs_from(begun: int, chain: TickChain = CHAIN) -> TickProofs:
+    return TickProofs(begun, chain.proof(begun), chain.stride, NOW)
 
 
 @given(st.lists(st.integers(0, TICKS), min_size=1, max_size=8).map(sorted))
 def test_each_tick_is_proved_whatever_was_missed(begun: list[int]) -> None:
-    clock = Clock()
-    proofs = proofs_from(begun[0], clock)
-    for number in begun:
-        clock.time += COSTLY_S
-        assert proofs.accepts(number, CHAIN.proof(number))
+    proofs = proofs_from(begun[0])
+    for seconds, number in enumerate(begun, 1):
+        assert proofs.accepts(number, CHAIN.proof(number), NOW + seconds * COSTLY_S)
 
 
 @given(st.integers(0, 200), st.integers(1, 200), st.integers(0, 200))
 def test_no_known_proof_proves_a_later_tick(known: int, more: int, earlier: int) -> None:
     proofs = proofs_from(known)
-    assert not proofs.accepts(known + more, CHAIN.proof(max(known - earlier, 0)))
-    assert proofs.accepts(known + 1, CHAIN.proof(known + 1))
+    assert not proofs.accepts(known + more, CHAIN.proof(max(known - earlier, 0)), NOW)
+    assert proofs.accepts(known + 1, CHAIN.proof(known + 1), NOW)
 
 
 @given(st.integers(0, 2**31), st.binary(min_size=PROOF, max_size=PROOF))
 def test_a_guess_proves_nothing(begun: int, proof: bytes) -> None:
-    assert not proofs_from(5).accepts(begun, proof)
+    assert not proofs_from(5).accepts(begun, proof, NOW)
 
 
 def test_what_has_been_passed_still_needs_its_own_proof() -> None:
     proofs = proofs_from(5)
-    assert proofs.accepts(9, CHAIN.proof(9))
-    assert proofs.accepts(9, CHAIN.proof(9))
-    assert proofs.accepts(7, CHAIN.proof(7))
-    assert not proofs.accepts(7, CHAIN.proof(6))
-    assert not proofs.accepts(9, CHAIN.proof(8))
-    assert not proofs.accepts(10, CHAIN.proof(9))
+    assert proofs.accepts(9, CHAIN.proof(9), NOW)
+    assert proofs.accepts(9, CHAIN.proof(9), NOW)
+    assert proofs.accepts(7, CHAIN.proof(7), NOW)
+    assert not proofs.accepts(7, CHAIN.proof(6), NOW)
+    assert not proofs.accepts(9, CHAIN.proof(8), NOW)
+    assert not proofs.accepts(10, CHAIN.proof(9), NOW)
 
 
 def test_another_run_has_other_proofs() -> None:
-    assert not proofs_from(5).accepts(6, TickChain(b"another", TICKS).proof(6))
+    assert not proofs_from(5).accepts(6, TickChain(b"another", TICKS).proof(6), NOW)
 
 
 def test_forged_proofs_do_not_keep_a_robot_busy() -> None:
-    clock = Clock()
-    proofs = proofs_from(0, clock)
-    assert not proofs.accepts(TICKS, bytes(PROOF))
-    assert not proofs.accepts(TICKS, CHAIN.proof(TICKS))  # right, but there was a costly one just now
-    assert proofs.accepts(CHEAP, CHAIN.proof(CHEAP))
-    clock.time += COSTLY_S
-    assert proofs.accepts(TICKS, CHAIN.proof(TICKS))
+    proofs = proofs_from(0)
+    assert not proofs.accepts(TICKS, bytes(PROOF), NOW)
+    assert not proofs.accepts(TICKS, CHAIN.proof(TICKS), NOW)  # right, but there was a costly one just now
+    assert proofs.accepts(CHEAP, CHAIN.proof(CHEAP), NOW)
+    assert proofs.accepts(TICKS, CHAIN.proof(TICKS), NOW + COSTLY_S)
 
 
 @pytest.mark.parametrize("ticks", [0, 1, LONGEST - 1, LONGEST, 3 * LONGEST + 7])
@@ -78,5 +69,5 @@ def test_a_long_run_has_a_chain_of_bounded_length(ticks: int) -> None:
     first = max(ticks - 10, 0)
     proofs = proofs_from(first, chain=chain)
     for begun in range(first, ticks + 1):
-        assert proofs.accepts(begun, chain.proof(begun))
-    assert not proofs.accepts(ticks + 2 * chain.stride, chain.proof(ticks))
+        assert proofs.accepts(begun, chain.proof(begun), NOW)
+    assert not proofs.accepts(ticks + 2 * chain.stride, chain.proof(ticks), NOW)
