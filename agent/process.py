@@ -118,10 +118,11 @@ def _patrol(mind: Mind, scenario: Scenario, met: Meeting, on_air: str | None, pr
     from agent.mind_loop import Both, TelemetrySender, TickFigures, run_mind
     from agent.policies.found import policy_of
     from agent.radios.direct import DirectRadio, tune_in
-    from agent.robots.sim import Identity, join
+    from agent.robots.sim import join
     from patrol.net.keys import callers_of
     from patrol.net.open_links import open_links
     from patrol.net.security.seats import own_instance
+    from patrol.net.session import Identity
     from patrol.scenario import scenario_hash
 
     options, ending, log = process.options, process.ending, process.log

@@ -1,12 +1,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
 
 from agent.ports import Decision, State
-from agent.robots.sim import SILENCE_S, Identity, SimRobot
+from agent.robots.sim import SimRobot
 from patrol.exchange import Reply, Sensed
 from patrol.net.keys import WORLD, FleetKeys
 from patrol.net.mailbox import Mailbox, Presence
@@ -30,6 +31,7 @@ from patrol.net.messages.phases import (
 )
 from patrol.net.security.tick_chain import TickChain
 from patrol.net.security.transcripts import LAST
+from patrol.net.session import SILENCE_S, Identity, RobotEnd, Send
 from patrol.pose import Drive, Pose, Velocity
 from patrol.process.lifeline import Ending
 
@@ -61,30 +63,32 @@ class Scene:
     def __init__(
         self, patience_s: float = 60.0, blind_s: float = math.inf, model: str = "holonomic", greeted: bool = True
     ) -> None:
+        self.payloads: list[bytes] = []
         self.sent: list[ToWorld] = []
+        self.answer: Callable[[ToWorld], None] = lambda _message: None
+        """What the world does when it is sent a message."""
         self.times: list[float] = []
         self.waited: list[float] = []
         self.ending = Ending()
         self.mailbox = Clocked((KEYS.tick("r1"), KEYS.alive(WORLD)), decode_to_robot, 1000)
+        self.session = RobotEnd(ME, patience_s, blind_s, self.mailbox.time)
         self.robot = SimRobot(
             self.mailbox,
             self.post,
-            ME,
+            self.session,
             self.ending,
-            patience_s,
             model=model,
-            blind_s=blind_s,
             waiting=self.waited.append,
             now=lambda: self.mailbox.time,
         )
         if greeted:
-            self.robot._take(hello())
-            self.sent.clear()
-            self.times.clear()
+            assert self.session.arrived(hello(), self.mailbox.time) == (Send(HelloReply(1, 77, 0, RUN, ME.scenario)),)
 
     def post(self, payload: bytes) -> None:
+        self.payloads.append(payload)
         self.sent.append(decode_to_world(payload))
         self.times.append(self.mailbox.time)
+        self.answer(self.sent[-1])
 
     def tell(self, *messages: ToRobot) -> None:
         for message in messages:
@@ -206,6 +210,18 @@ def test_it_leaves_when_told_to(orderly: bool) -> None:
     assert (scene.robot.farewell, scene.robot.orderly) == ("because", orderly)
 
 
+def test_it_begins_no_tick_and_answers_nothing_once_it_has_left() -> None:
+    scene = Scene()
+    scene.tick(0)
+    before = len(scene.sent)
+    scene.tell(a(1), Stop(1, 77, 1, RUN, orderly=True, reason=""), a(0), hello())
+    assert scene.robot.sense() is None
+    scene.tell(hello(), a(1), b(1), a(2, instance=78))
+    assert scene.robot.sense() is None
+    assert [type(message) for message in scene.sent[before:]] == [Report]
+    assert (scene.robot.orderly, scene.robot.refused) == (True, 0)
+
+
 def test_a_farewell_that_came_before_the_signal_counts() -> None:
     scene = Scene()
     scene.tick(0)
@@ -262,12 +278,7 @@ def test_a_world_that_does_not_greet_is_asked_to() -> None:
     scene = Scene(greeted=False, patience_s=1.0)
     scene.world(present=True)
     scene.mailbox.put(KEYS.tick("r1"), a(0, instance=5))
-
-    def world(payload: bytes) -> None:
-        scene.sent.append(decode_to_world(payload))
-        scene.ending.ask("enough")
-
-    scene.robot._post = world
+    scene.answer = lambda _message: scene.ending.ask("enough")
     assert scene.robot.sense() is None
     assert scene.sent == [HelloReply(1, 77, 0, NO_RUN, "a" * 64)]
 
@@ -277,15 +288,11 @@ def test_a_world_that_falls_silent_is_asked_whether_we_still_belong() -> None:
     scene.world(present=True)
     scene.tell(hello())
     scene.tick(4)
-    answers: list[ToWorld] = []
-
-    def world(payload: bytes) -> None:
-        answers.append(decode_to_world(payload))
-        scene.tell(Stop(1, 77, 4, RUN, False, "left out"))
-
-    scene.robot._post = world
+    before = len(scene.sent)
+    scene.answer = lambda _message: scene.tell(Stop(1, 77, 4, RUN, False, "left out"))
     began = scene.mailbox.time
     assert scene.robot.sense() is None
+    answers = scene.sent[before:]
     assert answers[:-1] == [HelloReply(1, 77, 4, 5, "a" * 64)]
     assert isinstance(answers[-1], Report)
     assert SILENCE_S <= scene.mailbox.time - began < SILENCE_S + 1.0

@@ -16,7 +16,6 @@ from patrol.net.messages.phases import (
     ReplyB,
     Report,
     Stop,
-    decode_to_world,
     encode,
 )
 from patrol.net.security.tick_chain import TickChain
@@ -117,18 +116,16 @@ def test_what_was_heard_in_a_tick_whose_phase_a_is_lost_is_heard_in_the_next() -
 
 def test_it_reports_what_it_has_sent_and_acted_on_every_few_ticks_and_when_it_leaves() -> None:
     scene = Scene()
-    payloads: list[bytes] = []
-    scene.robot._post = payloads.append
     for k in range(LINES + 3):
         scene.tick(k, (b"%d" % k,))
     scene.tell(Stop(1, 77, LINES + 3, RUN, True, "the run is over"))
     assert scene.robot.sense() is None
-    messages = [decode_to_world(payload) for payload in payloads]
+    messages = scene.sent
     first, last = (message for message in messages if isinstance(message, Report))
     assert [line.k for line in (*first.lines, *last.lines)] == list(range(LINES + 3))
     assert (first.since, first.k, last.since, last.k) == (0, first.lines[-1].k, first.k + 1, LAST)
     assert LINES - 1 <= len(first.lines) <= LINES
-    sent = {(type(message), message.k): payload for message, payload in zip(messages, payloads, strict=True)}
+    sent = {(type(message), message.k): payload for message, payload in zip(messages, scene.payloads, strict=True)}
     told_a, told_b = digest_of(encode(a(3))), digest_of(encode(b(3, (b"3",))))
     assert first.lines[3] == Line(3, (told_a, told_b, digest_of(sent[ReplyA, 3]), digest_of(sent[ReplyB, 3])))
 
