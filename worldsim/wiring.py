@@ -26,6 +26,7 @@ from patrol.net.messages.telemetry import EVENTS, METRICS, TRAPPED, pack_view, r
 from patrol.net.security.control_auth import ASK, CHALLENGE, MAX_REQUEST, NONCE, ControlGate
 from patrol.net.security.seats import seat_of
 from patrol.net.security.tick_chain import TickChain
+from patrol.net.session import WorldRun
 from patrol.process.reporting.logs import Log
 from patrol.process.reporting.vitals import MFOW, ROBOTS, ROUTER_SILENT, Vitals
 from patrol.radio.message import MAX_FRAME
@@ -33,7 +34,7 @@ from patrol.scenario import Scenario, scenario_hash
 from worldsim.controls.operator import Operator, RunState
 from worldsim.controls.requests import ControlMailbox, answer_challenge, keep_timeline
 from worldsim.faults.timeline import Timeline
-from worldsim.fleet.connection import FleetConnection, RunIdentity
+from worldsim.fleet.connection import FleetConnection
 from worldsim.fleet.lockstep import LockstepFleet
 from worldsim.fleet.paced import PacedFleet
 from worldsim.fleet.process_control import ControlFailed, LauncherControl, has_ended
@@ -151,13 +152,13 @@ class Wiring:
         sessions.gather(math.inf if options.launched else options.wait, waiting)
         return sessions
 
-    def _identity(self, token: str | None, names: Mapping[int, str]) -> RunIdentity:
+    def _identity(self, token: str | None, names: Mapping[int, str]) -> WorldRun:
         def seat(number: int, incarnation: int) -> int:
             return seat_of(token or "", self.keys.fleet, names[number], incarnation)
 
         chain = TickChain(os.urandom(32), self.scenario.ticks)
         launched = token is not None and self.options.process_control is not None
-        return RunIdentity(self.run, scenario_hash(self.scenario), chain, seat if launched else None)
+        return WorldRun(self.run, scenario_hash(self.scenario), chain, seat if launched else None)
 
     def listener(self) -> Listener | None:
         """What hears a direct radio; None where the world carries the frames."""

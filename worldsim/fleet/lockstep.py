@@ -7,9 +7,8 @@ from typing import Any, TypeVar
 
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Status
-from patrol.net.messages.phases import PhaseA, PhaseB, ReplyA, ReplyB, ToRobot
+from patrol.net.messages.phases import ReplyA, ReplyB
 from patrol.process.deadline import ANSWER_S
-from worldsim.fleet.connection import Addressee
 from worldsim.fleet.router_watch import RouterWatch
 from worldsim.fleet.sessions import POLL_S, Sessions
 
@@ -19,8 +18,6 @@ QUIET_S = 0.5
 _DRAINED = 16
 
 T = TypeVar("T", ReplyA, ReplyB)
-Make = Callable[[Addressee], ToRobot]
-"""Builds a message for a process."""
 
 
 class LockstepFleet:
@@ -61,7 +58,7 @@ class LockstepFleet:
         Returns:
             The frames of the robots that answer in time, by number.
         """
-        answers = self._ask(k, "A", {number: tell(k, report) for number, report in reports.items()}, ReplyA)
+        answers = self._ask(k, "A", reports, ReplyA)
         return {number: answer.frames for number, answer in answers.items()}
 
     def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply]:
@@ -74,8 +71,7 @@ class LockstepFleet:
         Returns:
             The replies of the robots that answer in time, by number.
         """
-        asked = {number: pass_on(k, frames) for number, frames in heard.items()}
-        answers = self._ask(k, "B", asked, ReplyB, self.aside)
+        answers = self._ask(k, "B", heard, ReplyB, self.aside)
         return {number: answer.reply for number, answer in answers.items()}
 
     def lost(self) -> list[tuple[int, Status, str]]:
@@ -102,13 +98,13 @@ class LockstepFleet:
         self,
         k: int,
         phase: str,
-        messages: Mapping[int, Make],
+        tell: Mapping[int, Sensed | list[bytes]],
         kind: type[T],
         aside: Callable[[], None] = lambda: None,
     ) -> dict[int, T]:
-        """Send each robot its message, do what can be done aside, and wait for all answers."""
+        """Tell each robot what it senses or hears, do what can be done aside, and wait for all answers."""
         sessions = self._sessions
-        sent = {number: sessions.send(number, make) for number, make in messages.items()}
+        sent = {number: sessions.send(number, k, told) for number, told in tell.items()}
         aside()
         answers: dict[int, T] = {}
         deadline_s = self._deadline_s if k else max(self._deadline_s, ANSWER_S)
@@ -144,7 +140,7 @@ class LockstepFleet:
                 for number in waiting:
                     if number in sent:
                         sessions.repeat(number, sent[number])
-        return {number: answers[number] for number in messages if number in answers}
+        return {number: answers[number] for number in tell if number in answers}
 
     def _router_answers(self) -> bool:
         return self._router is None or self._router.answers()
@@ -170,13 +166,3 @@ def drain(sessions: Sessions) -> None:
     """Handle messages that arrived between two ticks, when no answer is due."""
     for _ in range(_DRAINED):
         sessions.take(0.0)
-
-
-def tell(k: int, sensed: Sensed) -> Make:
-    """Build phase A of tick k for one robot."""
-    return lambda to: PhaseA(to.incarnation, to.instance, k, to.run, sensed, to.proof(k + 1))
-
-
-def pass_on(k: int, frames: list[bytes]) -> Make:
-    """Build phase B of tick k for one robot."""
-    return lambda to: PhaseB(to.incarnation, to.instance, k, to.run, tuple(frames), to.proof(k + 1))

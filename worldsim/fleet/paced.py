@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Status
 from patrol.net.messages.phases import PHASE_B_SHARE, ReplyA, ReplyB
-from worldsim.fleet.lockstep import drain, pass_on, router_notes, tell
+from worldsim.fleet.lockstep import drain, router_notes
 from worldsim.fleet.sessions import Sessions
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ class PacedFleet:
         self._held_up_s = 0.0
         self._begin()
         for number, report in reports.items():
-            self._sessions.send(number, tell(k, report))
+            self._sessions.send(number, k, report)
         told = self._sessions.now
         self.aside()
         frames: dict[int, Sequence[bytes]] = {}
@@ -113,7 +113,7 @@ class PacedFleet:
     def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply | None]:
         """The newest commands that have come when the step ends, None for robots that sent none."""
         for number, frames in heard.items():
-            self._sessions.send(number, pass_on(k, frames))
+            self._sessions.send(number, k, frames)
         self._collect({}, self._sessions.now, 1.0, COMMAND_SHARE)
         commands, self._commands = self._commands, {}
         self.late_commands.update(number for number in heard if number not in commands or commands[number].k != k)

@@ -21,8 +21,9 @@ from patrol.net.messages.phases import (
     decode_to_robot,
 )
 from patrol.net.security.tick_chain import TickChain
+from patrol.net.session import WorldRun
 from patrol.pose import Pose, Velocity
-from worldsim.fleet.connection import FleetConnection, RunIdentity
+from worldsim.fleet.connection import FleetConnection
 from worldsim.fleet.lockstep import LockstepFleet
 from worldsim.fleet.sessions import Sessions
 
@@ -59,8 +60,7 @@ class Net:
             lambda: self.ending,
             self.ended.__contains__ if launched else None,
         )
-        identity = RunIdentity(RUN, HASH, CHAIN, seat)
-        self.sessions = Sessions(self.wire, identity)
+        self.sessions = Sessions(self.wire, WorldRun(RUN, HASH, CHAIN, seat))
 
     @property
     def waiting(self) -> int:

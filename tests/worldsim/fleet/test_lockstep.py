@@ -25,11 +25,12 @@ from patrol.net.messages.phases import (
     Stop,
 )
 from patrol.net.security.transcripts import LAST
+from patrol.net.session import GRACE_S, RETURN_S
 from patrol.pose import Pose, Velocity
 from patrol.process.deadline import ANSWER_S
 from tests.worldsim.fleet.net import CHAIN, HASH, NAMES, RUN, Net, fleet_of, heard, sensed
 from worldsim.fleet.paced import PacedFleet
-from worldsim.fleet.sessions import DISMISSAL_S, GRACE_S, RECOVERY_S, RETURN_S, Interrupted, Missing
+from worldsim.fleet.sessions import DISMISSAL_S, RECOVERY_S, Interrupted, Missing
 
 # --- gathering -------------------------------------------------------------------------------------------------------
 

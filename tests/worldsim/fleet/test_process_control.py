@@ -23,10 +23,10 @@ from patrol.net.messages.phases import (
     decode_to_robot,
 )
 from patrol.net.security.tick_chain import TickChain
+from patrol.net.session import WorldRun
 from patrol.pose import Pose
 from worldsim.faults.lifecycle import STOPPED, UNSEEN, process_name
-from worldsim.fleet.connection import FleetConnection, RunIdentity
-from worldsim.fleet.lockstep import tell
+from worldsim.fleet.connection import FleetConnection
 from worldsim.fleet.process_control import (
     ENDED,
     START_S,
@@ -66,7 +66,7 @@ class Stage:
         posts = {number: self.post_of(number) for number in NAMES}
         ended = partial(has_ended, self.ask)
         wire = FleetConnection(KEYS, NAMES, posts, self, lambda: True, lambda: self.time, lambda: self.ending, ended)
-        self.sessions = Sessions(wire, RunIdentity(RUN, HASH, TickChain(b"secret", 100)), absent)
+        self.sessions = Sessions(wire, WorldRun(RUN, HASH, TickChain(b"secret", 100)), absent)
         self.control = LauncherControl(self.ask, self.sessions, waits=waits)
         for number in self.incarnation:
             self.presence(number, True)
@@ -118,7 +118,7 @@ class Stage:
 
     def reach(self, number: int) -> tuple[int, int]:
         """Incarnation and instance of the process that the world speaks to."""
-        self.sessions.send(number, tell(5, Sensed(5, Pose(0.0, 0.0, 0.0))))
+        self.sessions.send(number, 5, Sensed(5, Pose(0.0, 0.0, 0.0)))
         message = self.sent[-1][1]
         return message.incarnation, message.instance
 

@@ -6,11 +6,11 @@ from collections.abc import Callable
 
 from patrol.journal import Status
 from patrol.net.messages.phases import ReplyA
+from patrol.net.session import RETURN_S
 from tests.worldsim.fleet.net import NAMES, RUN, Net, heard, sensed
 from worldsim.fleet.lockstep import LockstepFleet
 from worldsim.fleet.paced import PacedFleet
 from worldsim.fleet.router_watch import EVERY_S, SETTLING_S, SILENT_S, RouterWatch
-from worldsim.fleet.sessions import RETURN_S
 
 
 class Router:
