@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.ground.kernels import swept_path as sweep
 from patrol.net.messages.phases import PHASE_B_SHARE
 from patrol.pose import Pose
 from patrol.random import Purpose, draw, gauss, mix
@@ -38,6 +37,7 @@ from patrol.scenario.faults.kinds import (
     Wait,
 )
 from worldsim.kernels.draws import below
+from worldsim.kernels.walls import walls_on_line
 
 if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain
@@ -319,7 +319,7 @@ class RadioRules:
             return True
         x, y = self._terrain.origin
         line = (self._opaque, self._terrain.point, x, y, a.x, a.y, b.x, b.y, BEAM)
-        return not fault.through_walls and float(sweep.free_fraction_line(*line)) < 1.0
+        return not fault.through_walls and walls_on_line(*line) > 0
 
     def _is_in_a_burst(self, entry: Entry, rate: float, mean_burst: float, origin: int, destination: int) -> bool:
         key = (entry.index, origin, destination)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.scenario.faults.kinds import Range
+from worldsim.kernels.sightlines import crossings, touched
 from worldsim.verdict.common.faults import NO_ROBOT, FrameFaultCheck
 from worldsim.verdict.frames.airborne import causes_before, fates, fault_of, kind_of
 
@@ -27,6 +28,9 @@ ROUNDING_M = 1e-9
 GRAZING_M = 1e-5
 """A line that passes a wall's corner this closely may or may not count as a line of sight, m."""
 
+_DIAGONAL = 1e-6
+"""Lines whose sides differ by less are as steep as a diagonal, points: they may be cut into columns or rows."""
+
 _BEFORE_RANGE = causes_before(Range)
 """Causes that stop a frame before its reach matters."""
 
@@ -34,7 +38,7 @@ Place = tuple[float, float]
 
 
 class Sightlines:
-    """Counts the points of wall on a line, from running sums along each column and each row of the terrain."""
+    """Counts walls on lines, from running sums along each column and each row of the terrain."""
 
     def __init__(self, terrain: Terrain) -> None:
         opaque = ~terrain.passable
@@ -53,26 +57,34 @@ class Sightlines:
         Returns:
             The number of points.
         """
+        sums, ends = self._cuts(a, b)[0]
+        return int(touched(sums, *ends, margin / self._point).sum())
+
+    def crossings(self, a: Place, b: Place) -> tuple[int, int]:
+        """Count the walls that a line crosses, each once however thick it is.
+
+        The line is cut into columns, or into rows where it is steeper than its diagonals. A wall is an unbroken stretch
+        of these in which the line touches points of wall. One in which the line only grazes them may count or not.
+
+        Args:
+            a: One end, m.
+            b: The other end, m.
+
+        Returns:
+            The least and the greatest number of walls.
+        """
+        counts = [crossings(sums, *ends, GRAZING_M / self._point) for sums, ends in self._cuts(a, b)]
+        return min(least for least, _ in counts), max(most for _, most in counts)
+
+    def _cuts(self, a: Place, b: Place) -> list[tuple[NDArray[np.int64], tuple[float, float, float, float]]]:
+        """The running sums to use and the ends in points; a line that is nearly a diagonal may be cut both ways."""
         (x0, y0), (x1, y1) = (
             tuple((place[axis] - self._origin[axis]) / self._point for axis in (0, 1)) for place in (a, b)
         )
         by_column, by_row = self._sums
-        sums = by_column
-        if abs(y1 - y0) > abs(x1 - x0):
-            sums, x0, y0, x1, y1 = by_row, y0, x0, y1, x1
-        if x0 > x1:
-            x0, y0, x1, y1 = x1, y1, x0, y0
-        more = margin / self._point
-        begin, end = x0 - more, x1 + more
-        if begin > end:
-            return 0
-        height, width = sums.shape[0] - 1, sums.shape[1]
-        columns = np.arange(max(math.floor(begin), 0), min(math.floor(end), width - 1) + 1)
-        slope = (y1 - y0) / (x1 - x0) if x1 > x0 else 0.0
-        enters, leaves = (y0 + slope * (np.clip(columns + side, begin, end) - x0) for side in (0, 1))
-        low = np.clip(np.floor(np.minimum(enters, leaves) - more), 0, height).astype(np.int64)
-        high = np.clip(np.floor(np.maximum(enters, leaves) + more) + 1.0, low, height).astype(np.int64)
-        return int(np.sum(sums[high, columns] - sums[low, columns]))
+        steeper = abs(y1 - y0) - abs(x1 - x0)
+        cuts = [(by_column, (x0, y0, x1, y1)), (by_row, (y0, x0, y1, x1))]
+        return cuts if abs(steeper) < _DIAGONAL else cuts[1:] if steeper > 0.0 else cuts[:1]
 
 
 class WithinReach(FrameFaultCheck):
@@ -124,4 +136,4 @@ class WithinReach(FrameFaultCheck):
 
 def _running(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Counts of set points below each row, column by column; int64 (h + 1, w)."""
-    return np.pad(np.cumsum(mask, axis=0, dtype=np.int64), ((1, 0), (0, 0)))
+    return np.ascontiguousarray(np.pad(np.cumsum(mask, axis=0, dtype=np.int64), ((1, 0), (0, 0))))

@@ -1,0 +1,84 @@
+"""Kernel of the verdict's lines of sight, from running sums of walls; the world's are in `walls.py`."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit, types
+
+_SUMS = types.Array(types.int64, 2, "C", readonly=True)
+_COUNTS = types.Array(types.int64, 1, "C")
+_F = types.float64
+
+
+@njit(_COUNTS(_SUMS, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
+def touched(sums, x0, y0, x1, y1, margin):
+    """Count the points of wall that a line touches in each column of a grid.
+
+    Args:
+        sums: int64 (h + 1, w), how many points of wall there are below each row, column by column.
+        x0: Of one end, in points, and so are all that follow.
+        y0: Of one end.
+        x1: Of the other end; the line is no steeper than a diagonal.
+        y1: Of the other end.
+        margin: By how much the line is widened or, where negative, narrowed.
+
+    Returns:
+        int64 (w,).
+    """
+    height, width = sums.shape[0] - 1, sums.shape[1]
+    counts = np.zeros(width, dtype=np.int64)
+    if x0 > x1:
+        x0, y0, x1, y1 = x1, y1, x0, y0
+    begin, end = x0 - margin, x1 + margin
+    if begin > end:
+        return counts
+    slope = (y1 - y0) / (x1 - x0) if x1 > x0 else 0.0
+    for column in range(max(math.floor(begin), 0), min(math.floor(end), width - 1) + 1):
+        enters = y0 + slope * (min(max(column, begin), end) - x0)
+        leaves = y0 + slope * (min(max(column + 1, begin), end) - x0)
+        low = min(max(math.floor(min(enters, leaves) - margin), 0), height)
+        high = min(max(math.floor(max(enters, leaves) + margin) + 1, low), height)
+        counts[column] = sums[high, column] - sums[low, column]
+    return counts
+
+
+@njit(
+    "UniTuple(i8, 2)(Array(i8, 2, 'C', True, aligned=True), f8, f8, f8, f8, f8)",
+    cache=True,
+    nogil=True,
+    error_model="numpy",
+)
+def crossings(sums, x0, y0, x1, y1, margin):
+    """Count the unbroken stretches of columns in which a line touches walls.
+
+    A column in which the widened line touches walls and the narrowed one does not may count or not.
+
+    Args:
+        sums: As for `touched`, like the ends of the line.
+        x0: As for `touched`.
+        y0: As for `touched`.
+        x1: As for `touched`.
+        y1: As for `touched`.
+        margin: By how much the line is widened and narrowed, in points, above 0.
+
+    Returns:
+        The least and the greatest number.
+    """
+    widened = touched(sums, x0, y0, x1, y1, margin)
+    narrowed = touched(sums, x0, y0, x1, y1, -margin)
+    never = np.int64(sums.shape[1] + 1)
+    # The least and the greatest number up to a column, if that is in a wall and if it is in none.
+    least_in, most_in, least_out, most_out = never, -never, np.int64(0), np.int64(0)
+    for column in range(widened.size):
+        least_gap, most_gap = min(least_in, least_out), max(most_in, most_out)
+        if widened[column] > 0:
+            least_in, most_in = min(least_in, least_out + 1), max(most_in, most_out + 1)
+        else:
+            least_in, most_in = never, -never
+        if narrowed[column] > 0:
+            least_out, most_out = never, -never
+        else:
+            least_out, most_out = least_gap, most_gap
+    return min(least_in, least_out), max(most_in, most_out)
