@@ -28,6 +28,7 @@ from patrol.process.starting.warmup import warm
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import Scenario, load_scenario, open_scenario
 from patrol.scenario.policy_file import BUILT_IN
+from patrol.scenario.radio_spec import MODELS
 
 if TYPE_CHECKING:
     from fogwatch.launch.clerk_child import ClerkChild
@@ -192,6 +193,10 @@ def execute(scenario: Scenario, options: RunOptions) -> Result:
 
         policy_of(scenario)
     allow_sensor(scenario.sensor)
+    if scenario.radio.model not in MODELS:
+        from worldsim.radio.models.found import model_class
+
+        model_class(scenario)
     folder = make_folder(scenario, options.out, datetime.now().astimezone())
     try:
         fill(folder, scenario, options.out)

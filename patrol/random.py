@@ -39,6 +39,7 @@ class Purpose(IntEnum):
     POLICY = 11
     STRANGER = 12
     ODOMETRY = 13
+    RADIO = 14
 
 
 def mix(*values: SupportsIndex) -> int:

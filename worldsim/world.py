@@ -15,6 +15,7 @@ from patrol.prepare import check_intruder, sensor_footprint
 from patrol.radio.message import MAX_FRAMES
 from worldsim.faults.timeline import Timeline
 from worldsim.radio.ether import Delivery, ether_of, there
+from worldsim.radio.models.found import model_of
 from worldsim.robots.bodies import Body, overlap, standstill
 from worldsim.robots.intruders import Intruders
 from worldsim.robots.motion import move, within_limits
@@ -62,7 +63,7 @@ class World:
             operated: Whether `amend` may add faults during the run.
 
         Raises:
-            BadInput: A fault needs the fleet's key, which cannot be read.
+            BadInput: A fault needs the fleet's key, which cannot be read, or the radio model cannot be made.
         """
         scenario = prepared.scenario
         self.prepared = prepared
@@ -80,7 +81,8 @@ class World:
         self.truth = Truth(footprint or sensor_footprint(scenario, self.terrain), prepared.patrolled)
         self._intruders = Intruders(scenario, self.truth.footprint)
         self.senses = Senses(scenario, self.timeline, self.terrain)
-        self.ether = ether_of(scenario, self.timeline, self.terrain, self.senses, operated=operated)
+        model = model_of(scenario, self.terrain)
+        self.ether = ether_of(scenario, self.timeline, self.terrain, self.senses, model=model, operated=operated)
         self._waits = scenario.factor is None
         self._carries = scenario.radio.via == "ether"
         self._frames: tuple[tuple[int, bytes], ...] = ()

@@ -170,7 +170,7 @@ def _by_content(leaves: dict[str, object], run: Run) -> dict[str, object]:
 
     For example "Greedy (sha256 5f2a9c81d3b0)" in place of "elsewhere/my_policy.py:Greedy".
     """
-    for field in ("patrol.policy", "sensor.kind"):
+    for field in ("patrol.policy", "sensor.kind", "radio.model"):
         if digest := leaves.pop(f"{field}_sha256", None):
             leaves[field] = f"{str(leaves[field]).rpartition(':')[2]} (sha256 {str(digest)[:12]})"
     if leaves.get("terrain.map"):

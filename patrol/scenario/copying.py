@@ -21,12 +21,13 @@ FILE = "scenario.yaml"
 MAP = "map"
 POLICY = "policy"
 SENSOR = "sensor"
+MODEL = "model"
 
 AnySection = TypeVar("AnySection", bound=Section)
 
 
 def keep_scenario(scenario: Scenario, folder: Path) -> Path:
-    """Write the resolved scenario into a folder, with copies of its map and of the files of its policy and sensor.
+    """Write the resolved scenario into a folder, with copies of its map and its own classes' files.
 
     Args:
         scenario: Resolved.
@@ -45,6 +46,7 @@ def keep_scenario(scenario: Scenario, folder: Path) -> Path:
         update={
             "patrol": _with_own_class(own.patrol, "patrol.policy", folder / POLICY),
             "sensor": _with_own_class(own.sensor, "sensor.kind", folder / SENSOR),
+            "radio": _with_own_class(own.radio, "radio.model", folder / MODEL),
         }
     )
     path.write_text(dump_scenario(own), encoding="utf-8")

@@ -17,7 +17,7 @@ from patrol.scenario.faults.targets import Some
 from patrol.scenario.model import Scenario
 from patrol.scenario.policies import CommittedOptions, PatrolSpec, PotentialFieldOptions
 from patrol.scenario.policy_file import COMMITTED, PAPER
-from patrol.scenario.radio_spec import AdaptiveSpec, BudgetSpec, RadioSpec
+from patrol.scenario.radio_spec import MODEL_OPTIONS, AdaptiveSpec, BudgetSpec, RadioSpec
 from patrol.scenario.sections import (
     IntruderSpec,
     RobotEntry,
@@ -36,9 +36,10 @@ _SECTIONS: dict[str, type[Section]] = {
     "faults": Fault,
     "nemesis": NemesisSpec,
 }
-_OF_PATROL: dict[str, type[Section]] = {
+_OPTIONS: dict[str, type[Section]] = {
     f"={COMMITTED}": CommittedOptions,
     f"={PAPER}": PotentialFieldOptions,
+    **{f"={model}": options for model, options in MODEL_OPTIONS.items()},
 }
 _OF_RADIO: dict[str, type[Section]] = {"budget": BudgetSpec, "adaptive": AdaptiveSpec}
 _OF_FAULTS: dict[str, type[Section]] = {
@@ -175,10 +176,10 @@ def _known_at(location: Sequence[int | str]) -> tuple[type[Section], str]:
             section = _SECTIONS.get(part, Scenario)
         elif top == "faults":
             section = _OF_FAULTS.get(part, section)
+        elif part == "options":
+            section = _OPTIONS.get(tag, section)
         elif top == "radio":
             section = _OF_RADIO.get(part, section)
-        elif top == "patrol" and part == "options":
-            section = _OF_PATROL.get(tag, section)
     return section, note
 
 
@@ -201,12 +202,17 @@ def _unknown_key(key: str, section: type[Section]) -> str:
 
 def _nearest_key(key: str, section: type[Section]) -> str:
     """The known key that is nearest, of this section or with the section that it belongs under; or this section's."""
-    of_radio = {f"radio.{name}": other for name, other in _OF_RADIO.items()}
-    of_policy = {"patrol.options": PotentialFieldOptions}
-    everywhere: dict[str, type[Section]] = {"robots": RobotGroup, **_SECTIONS, **of_policy, **of_radio, "": Scenario}
+    everywhere: list[tuple[str, type[Section]]] = [
+        ("robots", RobotGroup),
+        *_SECTIONS.items(),
+        ("patrol.options", PotentialFieldOptions),
+        *(("radio.options", options) for options in MODEL_OPTIONS.values()),
+        *((f"radio.{name}", other) for name, other in _OF_RADIO.items()),
+        ("", Scenario),
+    ]
     spelled = {
         name: f"{home}.{name}" if home else f"{name} at the top level"
-        for home, other in everywhere.items()
+        for home, other in everywhere
         for name in _keys(other)
     }
     spelled |= {name: name for name in _keys(section)}

@@ -34,6 +34,7 @@ from patrol.scenario.nemesis import written_out
 from patrol.scenario.older import translate_field, translate_overrides, translate_patrol
 from patrol.scenario.policies import OPTION_LENGTHS, PatrolOptions
 from patrol.scenario.policy_file import COMMITTED
+from patrol.scenario.radio_spec import IDEAL
 from patrol.scenario.robots import RobotSpec
 from patrol.scenario.sections import BUILT_IN_SENSORS, RobotEntry, RobotGroup
 from patrol.untrusted import IMAGE, read_untrusted
@@ -48,7 +49,7 @@ _ENTRIES = {
     "intruders": "{place: [10, 10], at: 60}",
 }
 """The lists that are empty unless given, and what an entry looks like."""
-_OWN_CLASSES = (("patrol", "policy"), ("sensor", "kind"))
+_OWN_CLASSES = (("patrol", "policy"), ("sensor", "kind"), ("radio", "model"))
 """Sections that may name a class of one's own, and the fields that do."""
 _IMAGES = (".pgm", ".png", ".jpg", ".jpeg", ".bmp")
 
@@ -72,7 +73,7 @@ def load_scenario(
             relative to the file's folder.
         called: What errors call a mapping.
         aliases: What errors call a field instead of its dotted name.
-        opens_classes: Whether the files of policy and sensor may be opened, for their hashes; False for a stranger's
+        opens_classes: Whether the files of such classes may be opened, for their hashes; False for a stranger's
             scenario that is only looked at. No other file that a scenario names is opened here.
 
     Returns:
@@ -246,6 +247,9 @@ def _meaning(scenario: Scenario) -> dict[str, Any]:
     if scenario.sensor.kind in BUILT_IN_SENSORS:  # their other settings say it all
         for field in ("kind", "kind_sha256", "options"):
             del meaning["sensor"][field]
+    if scenario.radio.model == IDEAL:  # as before there were others, so that hashes stay
+        for field in ("model", "model_sha256", "options"):
+            del meaning["radio"][field]
     meaning["robots"] = [_robot_meaning(spec) for spec in scenario.roster]
     return meaning
 
@@ -298,6 +302,11 @@ def _resolve(
     if "sensor.kind" in overrides and isinstance(raw.get("sensor"), dict):
         for field in ("kind_sha256", "options"):
             raw["sensor"].pop(field, None)
+    radio = raw.get("radio")
+    if "radio.model" in overrides and isinstance(radio, dict):
+        radio.pop("model_sha256", None)
+        if overrides["radio.model"] != radio.get("model", IDEAL):
+            radio.pop("options", None)
     for field, value in overrides.items():
         _override(raw, field, value)
     if "patrol" in overrides and isinstance(raw["patrol"], dict):
@@ -383,7 +392,7 @@ def _set(node: Any, parts: list[str], value: object, field: str) -> None:
 
 
 def _with_digests(scenario: Scenario) -> Scenario:
-    """The scenario with the SHA-256 of the files of policy and sensor, where it has one and does not say it yet."""
+    """The scenario with the SHA-256 of the files of classes of one's own, where it does not say them yet."""
     digests: dict[str, Any] = {}
     for name, field in _OWN_CLASSES:
         section = getattr(scenario, name)

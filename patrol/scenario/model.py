@@ -22,7 +22,7 @@ from patrol.scenario.faults.nemesis_spec import NemesisSpec, room_for
 from patrol.scenario.faults.roster import check_faults
 from patrol.scenario.lengths import BodyLengths, check_refinement, resolve_lengths
 from patrol.scenario.policies import CommittedPatrol, Patrol
-from patrol.scenario.radio_spec import RadioSpec, check_radio_spec
+from patrol.scenario.radio_spec import IdealRadio, Radio, check_radio_spec
 from patrol.scenario.robots import RobotSpec, roster_of
 from patrol.scenario.sections import IntruderSpec, RobotGroup, Robots, SensorSpec, TerrainSpec
 from patrol.values.section import Section, wrong
@@ -45,7 +45,7 @@ class Scenario(Section):
     )
     sensor: SensorSpec = Field(default_factory=SensorSpec, description="what a robot sees")
     patrol: Patrol = Field(default_factory=CommittedPatrol, description="how a robot decides where to go")
-    radio: RadioSpec = Field(default_factory=RadioSpec, description="what robots send")
+    radio: Radio = Field(default_factory=IdealRadio, description="what robots send")
     intruders: tuple[IntruderSpec, ...] = Field(
         (), description="{place: [x, y] m, at: s, for: s or null}, standing still"
     )

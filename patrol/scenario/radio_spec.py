@@ -1,21 +1,61 @@
-"""The scenario's section about the radio: how positions travel, and how much of it the fleet may use."""
+"""The scenario's section about the radio: how positions travel, what reaches whom, and how much the fleet may send.
+
+    radio: {trail: 4}                                             every frame reaches everybody
+    radio: {model: path-loss, options: {wall: 10, redraw: 60}}    distance, walls and interference
+    radio: {model: ./mine.py:Mine, options: {reach: 40}}          a model of one's own, which checks its options
+
+The section is one of three classes, chosen by `model`, like the section `patrol` by `policy`.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Literal
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Annotated, Any, Final, Literal, Self
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from patrol.radio.allowance import BITS, Share
 from patrol.radio.message import MAX_STEP_CM, longest_frame
 from patrol.radio.replay_window import SPAN
 from patrol.radio.units import cm_to_m, m_to_cm
+from patrol.scenario.class_file import beside, class_file
 from patrol.scenario.robots import RobotSpec
 from patrol.scenario.sections import BUILT_IN_SENSORS, SensorSpec
 from patrol.values.section import Section, absolute, wrong
-from patrol.values.types import FrameBytes, NotNegative, Overhead, PathText, Positive, Trail, TrailEvery
+from patrol.values.types import (
+    CLASS_NAME,
+    Decibels,
+    Digest,
+    FrameBytes,
+    NotNegative,
+    Overhead,
+    PathLossExponent,
+    PathText,
+    Positive,
+    Power,
+    Trail,
+    TrailEvery,
+    expecting,
+)
+
+IDEAL: Final = "ideal"
+"""The default model: every frame reaches everybody."""
+
+PATH_LOSS: Final = "path-loss"
+"""The model of distance, walls and interference."""
+
+MODELS: Mapping[str, str] = MappingProxyType(
+    {IDEAL: "worldsim.radio.models.found:Ideal", PATH_LOSS: "worldsim.radio.models.path_loss:PathLoss"}
+)
+"""The classes of the models that come with fogwatch, by name."""
+
+RadioModelText = Annotated[
+    str,
+    Field(pattern=CLASS_NAME),
+    expecting(f"{', '.join(MODELS)}, package.module:Class, ./file.py:Class or the name of an entry point"),
+]
 
 _BUCKET_S = 1.0
 """How much of its share a robot may save up, s; or a tick, or the longest frame and a contact's, if these are more."""
@@ -38,6 +78,25 @@ class AdaptiveSpec(Section):
     silence: Positive = Field(4.0, description="s, after which a robot sends anyway")
 
 
+class PathLossOptions(Section):
+    """Settings of `path-loss`; docs/radio.md has the formula, and says where the defaults are from."""
+
+    power: Power = Field(0.0, description="dBm, of a sender")
+    reference: Decibels = Field(40.0, description="dB, path loss at 1 m")
+    exponent: PathLossExponent = Field(2.5, description="n, path loss grows by 10 n dB for each tenfold distance")
+    wall: Decibels = Field(6.0, description="dB, loss of each wall on the line")
+    shadowing: Decibels = Field(4.0, description="dB, standard deviation of the shadowing of each directed link")
+    redraw: Positive | None = Field(None, description="s, after which shadowing is drawn anew; null: never")
+    sensitivity: Power = Field(-90.0, description="dBm, at which half of the frames are received")
+    edge: Decibels = Field(1.0, description="dB, width of the packet error curve; 0: all or none")
+    noise: Power = Field(-100.0, description="dBm, noise at a receiver; interference adds to it")
+    airtime: NotNegative = Field(0.002, description="s, that a frame takes on the air; 0: no interference")
+
+
+RADIO_MODEL = f"{' | '.join(MODELS)} | package.module:Class | ./file.py:Class beside this file | entry point"
+"""Values of `model`, as files and `--help` describe them."""
+
+
 class RadioSpec(Section):
     """How positions travel, what the radio adds to them, and when a silent robot's claim ends."""
 
@@ -45,6 +104,9 @@ class RadioSpec(Section):
         "ether",
         description="ether (the world carries frames) | direct (robots hear each other; not in lockstep)",
     )
+    model: RadioModelText = Field(IDEAL, description=RADIO_MODEL)
+    model_sha256: Digest | None = Field(None, description="of the model's file; filled in when this file is loaded")
+    options: Any = Field(None, description="settings of the model, by name")
     trail: Trail = Field(0, description="number of past positions in each message")
     trail_every: TrailEvery = Field(1, description="ticks between the past positions of a message")
     key: PathText | None = Field(None, description="file with the key of the messages' tags, relative to this file")
@@ -56,6 +118,22 @@ class RadioSpec(Section):
     @classmethod
     def _from_the_files_folder(cls, value: str | None, info: ValidationInfo) -> str | None:
         return absolute(value, info)
+
+    @field_validator("model")
+    @classmethod
+    def _from_the_files_folder_too(cls, value: str, info: ValidationInfo) -> str:
+        return beside(value, info)
+
+    @model_validator(mode="after")
+    def _a_file_has_a_hash(self) -> Self:
+        if self.model_sha256 is not None and class_file(self.model) is None:
+            raise wrong("model_sha256", "only a model that is a file has a hash; drop it")
+        if self.via == "direct" and self.model != IDEAL:
+            problem = (
+                "decides what reaches whom in the ether, and radio.via is direct; leave it out, or set via to ether"
+            )
+            raise wrong("model", problem)
+        return self
 
     @property
     def spares_frames(self) -> bool:
@@ -92,6 +170,47 @@ class RadioSpec(Section):
         return Share(per_tick=per_s * step, most=most, overhead=overhead, frame=longest)
 
 
+class IdealRadio(RadioSpec):
+    """The section with the default model."""
+
+    model: Literal["ideal"] = Field(IDEAL, description=RADIO_MODEL)
+    options: Annotated[None, expecting("none: the model ideal has no settings; set radio.model to path-loss")] = Field(
+        None, description="ideal has none"
+    )
+
+
+class PathLossRadio(RadioSpec):
+    """The section with the model of distance, walls and interference."""
+
+    model: Literal["path-loss"] = Field(description=RADIO_MODEL)
+    options: PathLossOptions = Field(default_factory=PathLossOptions, description="settings of path-loss")
+
+
+class OwnRadio(RadioSpec):
+    """The section with a model of one's own."""
+
+    model: RadioModelText = Field(description=RADIO_MODEL, json_schema_extra={"not": {"enum": list(MODELS)}})
+    options: dict[str, Any] | None = Field(None, description="settings of a model of one's own, by name")
+
+
+MODEL_OPTIONS: Mapping[str, type[Section]] = MappingProxyType({PATH_LOSS: PathLossOptions})
+"""The settings of models that come with fogwatch and have some, by name."""
+
+
+def _tag(section: Any) -> str:
+    model = section.get("model", IDEAL) if isinstance(section, dict) else getattr(section, "model", IDEAL)
+    return f"={model}" if isinstance(model, str) and model in MODELS else "=own"
+
+
+Radio = Annotated[
+    Annotated[IdealRadio, Tag("=ideal")]
+    | Annotated[PathLossRadio, Tag("=path-loss")]
+    | Annotated[OwnRadio, Tag("=own")],
+    Discriminator(_tag),
+]
+"""The section `radio` of a scenario."""
+
+
 def check_radio_spec(
     radio: RadioSpec, roster: Sequence[RobotSpec], step: float, sensor: SensorSpec, *, intruders: bool
 ) -> None:
@@ -107,6 +226,9 @@ def check_radio_spec(
     Raises:
         PydanticCustomError: When they do not fit together.
     """
+    if isinstance(radio, PathLossRadio) and radio.options.airtime > step:
+        limit = f"longer than one step of {step:g} s, in which a robot sends anew; give less"
+        raise wrong("radio.options.airtime", limit, radio.options.airtime)
     if radio.trail:
         _check_trail(radio, roster, step, sensor)
     if radio.adaptive is not None and not step <= radio.adaptive.silence <= radio.forget_after:

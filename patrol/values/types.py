@@ -110,6 +110,9 @@ Share = Annotated[float, Strict(), Field(gt=0, le=1), _bare("a number above 0 an
 Burst = Annotated[float, Strict(), Field(ge=1, le=LARGEST), _bare("a number from 1 to 1e9")]
 Growth = Annotated[float, Strict(), Field(gt=-1, le=1), _bare("a number above -1 and at most 1")]
 Degrees = Annotated[float, Strict(), Field(gt=0, le=360), _bare("a number above 0 and at most 360")]
+Power = Annotated[float, Strict(), Field(ge=-200, le=100), _bare("a number from -200 to 100")]
+Decibels = Annotated[float, Strict(), Field(ge=0, le=200), _bare("a number from 0 to 200")]
+PathLossExponent = Annotated[float, Strict(), Field(ge=1, le=10), _bare("a number from 1 to 10")]
 Tolerance = Annotated[float, Strict(), Field(ge=0, lt=1), _bare("a number from 0 to below 1")]
 Seed = Annotated[int, Strict(), Field(ge=0, le=MAX_SEED), _bare("a whole number from 0 to 2^63 - 1")]
 Count = Annotated[int, Strict(), Field(ge=1, le=MAX_ROBOTS), _bare(f"a whole number from 1 to {MAX_ROBOTS}")]
@@ -122,15 +125,15 @@ Overhead = Annotated[int, Strict(), Field(ge=0, le=1000), _bare("a whole number 
 FrameBytes = Annotated[int, Strict(), Field(ge=1, le=MAX_FRAME), _bare(f"a whole number from 1 to {MAX_FRAME}")]
 Flag = Annotated[bool, Strict(), _bare("true or false")]
 PathText = Annotated[str, Field(min_length=1, pattern=r"^[^\x00-\x1f]+$"), expecting("the path of a file")]
-_CLASS_NAME = r"^([A-Za-z0-9][A-Za-z0-9._-]{0,63}|[^\x00-\x1f:][^\x00-\x1f]*:[A-Za-z_][A-Za-z0-9_]*)$"
+CLASS_NAME = r"^([A-Za-z0-9][A-Za-z0-9._-]{0,63}|[^\x00-\x1f:][^\x00-\x1f]*:[A-Za-z_][A-Za-z0-9_]*)$"
 PolicyText = Annotated[
     str,
-    Field(pattern=_CLASS_NAME),
+    Field(pattern=CLASS_NAME),
     expecting("committed, potential-field, package.module:Class, ./file.py:Class or the name of an entry point"),
 ]
 SensorText = Annotated[
     str,
-    Field(pattern=_CLASS_NAME),
+    Field(pattern=CLASS_NAME),
     expecting("sector, disc, package.module:Class, ./file.py:Class or the name of an entry point"),
 ]
 Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$"), expecting("64 hex digits")]

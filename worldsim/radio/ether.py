@@ -18,6 +18,7 @@ from patrol.radio.heard import Heard
 from patrol.scenario.faults.kinds import Spoof
 from worldsim.radio.fates import Fates, Sent
 from worldsim.radio.forging import MEMORY, Forged, Forger
+from worldsim.radio.models.port import OnAir, cause_of
 from worldsim.radio.rules import NOBODY, RadioRules, arrival
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from patrol.pose import Pose
     from patrol.scenario import Scenario
     from worldsim.faults.timeline import Timeline
+    from worldsim.radio.models.port import RadioModel
     from worldsim.robots.senses import Senses
 
 OVERSIZED = "oversized"
@@ -80,7 +82,7 @@ class _Flying:
 
 
 class Ether:
-    """The radio between robots: every frame to every other robot within the tick, less what the faults do to it.
+    """The radio between robots: each frame to every other robot within the tick, less what faults and the model drop.
 
     A frame's sequence says in which tick the world took it and which of its sender's frames it was
     (`patrol.journal.records.frame_sequence`). Its fate on a link is fixed when it is sent, except that it is lost
@@ -88,15 +90,26 @@ class Ether:
     and frames without one are still in flight.
     """
 
-    def __init__(self, step: float = 0.5, rules: RadioRules | None = None, forger: Forger | None = None) -> None:
-        """Make a radio; without rules and forger every frame arrives within its tick.
+    def __init__(
+        self,
+        step: float = 0.5,
+        rules: RadioRules | None = None,
+        forger: Forger | None = None,
+        model: RadioModel | None = None,
+        model_cause: str = "",
+    ) -> None:
+        """Make a radio; without rules, forger and model every frame arrives within its tick.
 
         Args:
             step: Length of a tick, s.
             rules: What faults do to frames, or None.
             forger: What forges frames, or None.
+            model: What gets through, or None for all.
+            model_cause: How the journal names what the model has lost.
         """
         self._step = step
+        self._model = model
+        self._model_cause = model_cause
         self._rules = rules
         self._forger = forger
         self._flying: dict[int, list[_Flying]] = defaultdict(list)
@@ -144,7 +157,7 @@ class Ether:
         receivers = tuple(number for number in sorted(statuses) if there(statuses[number]))
         everybody = to_others(tuple(sent.source.tolist()), receivers)
         deaf = {number: _DEAF[statuses[number]] for number in receivers if statuses[number] in _DEAF}
-        if rules is None and not (forged or self._flying or deaf or sent.oversized.any()):
+        if rules is None and self._model is None and not (forged or self._flying or deaf or sent.oversized.any()):
             heard = Heard(sent.frames, receivers, everybody.reaches)
             return Delivery(heard, WholeLinks(everybody.pairs, sent.sequence), NO_DROPS)
         numbers = np.array(receivers, dtype=np.int64)
@@ -155,8 +168,12 @@ class Ether:
         delayed: list[tuple[int, int, int, str]] = []
         if rules is not None:
             rules.stop(sent, numbers, fates)
-            if rules.delays_or_copies:
-                self._hold_up(tick, sent, receivers, fates, rules, copies, delayed)
+        if self._model is not None and sent.frames:
+            on_the_way = fates.on_the_way.copy()
+            air = OnAir(tick, sent.frames, sent.origin, sent.source, sent.sequence, numbers, on_the_way, poses)
+            fates.stop(self._model.lost(air), self._model_cause)
+        if rules is not None and rules.delays_or_copies:
+            self._hold_up(tick, sent, receivers, fates, rules, copies, delayed)
         for cause in (RECEIVER_PAUSED, RECEIVER_ABSENT, RECEIVER_DEAD):
             fates.stop(np.array([deaf.get(number) == cause for number in receivers], dtype=np.bool_), cause)
         landing = sorted(self._flying.pop(tick, ()))
@@ -235,7 +252,13 @@ def _arrived(
 
 
 def ether_of(
-    scenario: Scenario, timeline: Timeline, terrain: Terrain, senses: Senses, *, operated: bool = False
+    scenario: Scenario,
+    timeline: Timeline,
+    terrain: Terrain,
+    senses: Senses,
+    *,
+    model: RadioModel | None = None,
+    operated: bool = False,
 ) -> Ether:
     """Make the ether of a scenario.
 
@@ -244,6 +267,7 @@ def ether_of(
         timeline: Its faults.
         terrain: Its terrain.
         senses: What makes robots report wrong places and times.
+        model: Its radio model (`worldsim.radio.models.found.model_of`), or None where every frame gets through.
         operated: Whether operators may add faults, so that it must be able to `follow` other timelines.
 
     Returns:
@@ -252,15 +276,16 @@ def ether_of(
     Raises:
         BadInput: A robot forges and the fleet's key cannot be read.
     """
+    model_cause = cause_of(scenario.radio.model)
     if not timeline.entries and not operated:
-        return Ether(scenario.step)
+        return Ether(scenario.step, None, None, model, model_cause)
     spoofs = [entry for entry in timeline.entries if isinstance(entry.fault, Spoof)]
     forger = None
     if spoofs or operated:
         insiders = any(entry.sources[0] != NOBODY for entry in spoofs)
         key = fleet_key(scenario.radio.key) if insiders else None
         forger = Forger(scenario, timeline, terrain, senses, key, MEMORY if operated else 0)
-    return Ether(scenario.step, RadioRules(scenario, timeline, terrain), forger)
+    return Ether(scenario.step, RadioRules(scenario, timeline, terrain), forger, model, model_cause)
 
 
 def there(status: Status) -> bool:

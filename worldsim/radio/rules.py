@@ -232,7 +232,8 @@ class RadioRules:
         if fault.mean_burst is not None:
             return self._each(links, sent, receivers, partial(self._is_in_a_burst, entry, fault.rate, fault.mean_burst))
         states = [mix(self._seed, Purpose.ETHER, entry.index, source) for source in sent.source.tolist()]
-        lost = below(np.array(states, dtype=np.uint64), receivers, sent.sequence, fault.rate)
+        rates = np.broadcast_to(fault.rate, links.shape)
+        lost = below(np.array(states, dtype=np.uint64), receivers, sent.sequence, rates)
         links &= lost.view(np.bool_)
         return links
 

@@ -15,6 +15,7 @@ from worldsim.verdict.frames.direct_links import DirectLinks
 from worldsim.verdict.frames.drops import DropsExplained, NothingCrossed
 from worldsim.verdict.frames.forgeries import SpoofsAsAsked
 from worldsim.verdict.frames.hearing import ForgedAsConfigured, Hearing
+from worldsim.verdict.frames.path_loss import PathLossAsAsked
 from worldsim.verdict.frames.reach import WithinReach
 from worldsim.verdict.frames.recomputed import Replay, WithinBandwidth
 from worldsim.verdict.frames.sent import FramesAreTrue, LinksAddUp
@@ -63,6 +64,7 @@ CHECKS: tuple[type[Check], ...] = (
     SpoofsAsAsked,
     NothingCrossed,
     WithinReach,
+    PathLossAsAsked,
     WithinBandwidth,
     WithinBudget,
     LossesAsAsked,

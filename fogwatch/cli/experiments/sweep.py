@@ -22,6 +22,7 @@ from fogwatch.progress import SweepProgress, print_failures
 from patrol.errors import BadInput
 from patrol.own_sensor import allow_sensor
 from patrol.scenario.policy_file import BUILT_IN
+from patrol.scenario.radio_spec import MODELS
 
 FAILED = 1
 """The exit code when some of the runs failed."""
@@ -86,7 +87,7 @@ def sweep(
 
 
 def _check_classes(plan: Plan) -> None:
-    """Find every policy and sensor of one's own, with its options, before any run is made."""
+    """Find every policy, sensor and radio model of one's own, with its options, before any run is made."""
     own = {
         repr((run.scenario.patrol.policy, run.scenario.patrol.options)): run.scenario
         for run in plan.runs
@@ -99,6 +100,13 @@ def _check_classes(plan: Plan) -> None:
             policy_of(scenario)
     for sensor in {repr(run.scenario.sensor): run.scenario.sensor for run in plan.runs}.values():
         allow_sensor(sensor)
+    scenarios = (run.scenario for run in plan.runs if run.scenario.radio.model not in MODELS)
+    models = {repr((scenario.radio.model, scenario.radio.options)): scenario for scenario in scenarios}
+    if models:
+        from worldsim.radio.models.found import model_class
+
+        for scenario in models.values():
+            model_class(scenario)
 
 
 def workers_of(workers: int | None, cluster: str | None) -> WorkerPool:

@@ -15,6 +15,7 @@ from patrol.printable import printable
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import Scenario, dump_scenario, open_scenario, parse_overrides, scenario_hash, scenario_schema
 from patrol.scenario.policy_file import BUILT_IN
+from patrol.scenario.radio_spec import MODELS
 from patrol.scenario.sections import BUILT_IN_SENSORS
 
 if TYPE_CHECKING:
@@ -45,8 +46,9 @@ def print_scenario(what: What, settings: Settings = None) -> None:
 def check(what: What, settings: Settings = None) -> None:
     """Check whether a scenario can run, and list its faults.
 
-    The check covers the values, the terrain, the fleet's key, and the room for all robots at the start. A policy or
-    sensor of one's own is looked for and not run, so its options are checked only when the scenario runs.
+    The check covers the values, the terrain, the fleet's key, and the room for all robots at the start. A policy,
+    sensor or radio model of one's own is looked for and not run, so its options are checked only when the scenario
+    runs.
     """
     scenario = open_scenario(what, parse_overrides(settings or []))
     digest = scenario_hash(scenario)
@@ -61,6 +63,10 @@ def check(what: What, settings: Settings = None) -> None:
         from agent.policies.found import policy_named
 
         check_without_running(policy_named(scenario))
+    if scenario.radio.model not in MODELS:
+        from worldsim.radio.models.found import model_named
+
+        check_without_running(model_named(scenario))
     area = float(prepared.patrolled.sum()) * scenario.point**2
     given = sum(spec.start is not None for spec in scenario.roster)
     typer.echo(printable(f"{what}: can run"))
@@ -69,6 +75,8 @@ def check(what: What, settings: Settings = None) -> None:
         typer.echo(f"  policy {printable(scenario.patrol.policy)}, not run: a run checks its options")
     if scenario.sensor.kind not in BUILT_IN_SENSORS:
         typer.echo(f"  sensor {printable(scenario.sensor.kind)}, not run: a run checks its options")
+    if scenario.radio.model not in MODELS:
+        typer.echo(f"  radio model {printable(scenario.radio.model)}, not run: a run checks its options")
     typer.echo(f"  {area:.0f} m² to patrol on {prepared.terrain.name}, points of {scenario.point:g} m")
     ticks = "1 tick" if scenario.ticks == 1 else f"{scenario.ticks} ticks"
     typer.echo(f"  {scenario.duration:g} s in {ticks} of {scenario.step:g} s")

@@ -14,7 +14,9 @@ from patrol.journal.links import drops_of
 from patrol.journal.records import FORGED, MAX_TICKS, sent_at
 from patrol.radio.message import MAX_FRAME
 from patrol.scenario.faults.kinds import Bandwidth, Loss, Partition, Range, Silence
+from patrol.scenario.radio_spec import IDEAL
 from worldsim.radio.ether import OVERSIZED, OWN, RECEIVER_ABSENT, RECEIVER_DEAD, RECEIVER_PAUSED
+from worldsim.radio.models.port import cause_of
 from worldsim.verdict.common.check import Check
 from worldsim.verdict.common.faults import NO_ROBOT, FrameFaultCheck, active, forgers_of, on_link
 from worldsim.verdict.common.robots_there import RobotsThere
@@ -39,8 +41,8 @@ class DropsExplained(Check):
     """Every frame that was dropped was dropped for a cause that applies to it.
 
     That is a fault that is active and acts on its sender or its link; a receiver that cannot hear; a frame that is too
-    long; or a receiver that forged it. Whether a silence, a partition, a range or a bandwidth had reason to stop this
-    very frame is judged by their own checks.
+    long; a receiver that forged it; or the radio model. Whether a silence, a partition, a range, a bandwidth or the
+    model `path-loss` had reason to stop this very frame is judged by their own checks.
     """
 
     name = "drops"
@@ -52,6 +54,8 @@ class DropsExplained(Check):
         self._names = run.senders
         self._entries = {entry.id: entry for entry in run.timeline.entries}
         self._forgers = forgers_of(run.timeline)
+        model = run.prepared.scenario.radio.model
+        self._of_model = "" if model == IDEAL else cause_of(model)
         self._explained = 0
 
     def _tick(self, record: TickRecord) -> None:
@@ -103,6 +107,8 @@ class DropsExplained(Check):
         """Return True if a cause that acts when a frame is sent can act on this one."""
         if why == OWN:
             return source == FORGED and origin == to
+        if why == self._of_model:
+            return True
         entry = self._entries.get(fault_of(why))
         if entry is None or entry.fault.kind != kind_of(why) or not active(entry, k):
             return False

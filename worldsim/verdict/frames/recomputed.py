@@ -7,12 +7,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
 from patrol.errors import BadInput
 from patrol.journal import Status, TickRecord
 from patrol.journal.records import FORGED
 from patrol.pose import Pose
 from patrol.scenario.faults.kinds import Bandwidth
+from patrol.scenario.radio_spec import MODELS
 from worldsim.radio.ether import RECEIVER_DEAD, Delivery, Ether, Link, ether_of, there
+from worldsim.radio.models.found import model_of
+from worldsim.radio.models.port import OWN_MODEL, OnAir, RadioModel
 from worldsim.radio.rules import LEAST_BUCKET
 from worldsim.robots.senses import Senses
 from worldsim.verdict.common.check import Check, CheckResult
@@ -21,11 +27,30 @@ from worldsim.verdict.common.robots_there import RobotsThere
 from worldsim.verdict.frames.airborne import BEFORE_THE_AIR, fates, fault_of, kind_of, origins_of
 
 if TYPE_CHECKING:
+    from patrol.prepare import Prepared
     from worldsim.faults.timeline import Entry
     from worldsim.verdict.common.check import JudgedRun, Readings
 
 ROUNDING_BYTES = 1e-6
 """A bucket that is this nearly full counts as full and as not full."""
+
+
+class _Stated:
+    """A radio model that loses what the journal says that the run's model has lost.
+
+    Attributes:
+        record: The tick that it is asked about next.
+    """
+
+    record: TickRecord | None = None
+
+    def lost(self, air: OnAir) -> NDArray[np.bool_]:
+        assert self.record is not None
+        lost = {row[:3] for row in self.record.dropped if row[3] == OWN_MODEL}
+        sent = list(zip(air.source.tolist(), air.sequence.tolist(), strict=True))
+        receivers = air.receivers.tolist()
+        rows = [[(source, to, sequence) in lost for to in receivers] for source, sequence in sent]
+        return np.array(rows, dtype=np.bool_).reshape(air.on_the_way.shape)
 
 
 class Replay(Check):
@@ -48,9 +73,10 @@ class Replay(Check):
         self._unknown = ""
         self._fates = 0
         self.delivery: Delivery | None = None
+        self._stated: _Stated | None = None
         try:
             senses = Senses(scenario, run.timeline, prepared.terrain)
-            self._ether = ether_of(scenario, run.timeline, prepared.terrain, senses)
+            self._ether = ether_of(scenario, run.timeline, prepared.terrain, senses, model=self._model(prepared))
         except BadInput as bad:
             self._unknown = f"not judged: the forged frames cannot be recomputed: {bad}"
 
@@ -75,6 +101,8 @@ class Replay(Check):
                 return
         statuses |= dict.fromkeys(self._gone(record), Status.LOST)
         poses = {row.number: Pose(row.x, row.y, row.heading) for row in record.robots if there(row.status)}
+        if self._stated is not None:
+            self._stated.record = record
         self.delivery = self._ether.carry(record.k, frames, statuses, poses)
         self._fail(self._differs(record, self.delivery))
         self._fates += len(record.deliveries) + len(record.dropped)
@@ -84,7 +112,15 @@ class Replay(Check):
         return self._not_judged(self._unknown) if self._unknown else super().result()
 
     def _good(self) -> str:
-        return f"the fates of {self._fates} frames are as recomputed"
+        of_model = "" if self._stated is None else ", but for what the radio model has lost, which is code of one's own"
+        return f"the fates of {self._fates} frames are as recomputed{of_model}"
+
+    def _model(self, prepared: Prepared) -> RadioModel | None:
+        """The scenario's radio model; of one's own nothing runs in a verdict, and it is taken at its word."""
+        if prepared.scenario.radio.model in MODELS:
+            return model_of(prepared.scenario, prepared.terrain)
+        self._stated = _Stated()
+        return self._stated
 
     def _gone(self, record: TickRecord) -> set[int]:
         """Robots lost in a tick before they could hear anything; their status is LOST from the next tick on."""

@@ -1,0 +1,1 @@
+"""Radio models: which frames get from one radio to another."""
