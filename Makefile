@@ -35,6 +35,10 @@ browser: ## install Chromium, for the tests of the page (needs root and apt-get)
 				chromium fonts-dejavu-core >/dev/null; \
 		else false; fi; } || { echo "there is no chromium, and make cannot install it: install it by hand" >&2; false; }
 
+.PHONY: layout
+layout: develop ## make the position frame's layout in C and its table in docs/radio.md from its declaration
+	$(BIN)/python deploy/c/layout.py
+
 .PHONY: pictures
 pictures: develop ## make the README's pictures of the page again (needs Chromium)
 	$(BIN)/python docs/pictures/make.py

@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-enum { FIELDS = 7, TAG = 8, TAG_ALL = 10, BLOCK = 128 };
+enum { FIELDS = FW_FIELDS + 1, TAG = FW_TAG, TAG_ALL = TAG + 2, BLOCK = 128 };
 
 /* --- the tag: BLAKE2b (RFC 7693) of a key and one short message ------------------------------------------------- */
 
@@ -65,9 +65,14 @@ static uint8_t *put_number(uint8_t *at, int64_t value) {
     return value >= -128 ? put(at, 0xd0, bits, 1) : value >= -32768 ? put(at, 0xd1, bits, 2) : put(at, 0xd2, bits, 4);
 }
 
+static int fits(int64_t value, int64_t low, int64_t high) { return value >= low && value <= high; }
+
+#define FITS(type, name, least, most) && fits(p->name, least, most)
+#define VALUE(type, name, least, most) p->name,
+
 size_t fw_encode(const fw_position *p, fw_key key, uint8_t frame[FW_MAX_FRAME]) {
-    if (p->heading_mrad > FW_MAX_HEADING || p->steps > FW_MAX_TRAIL || key.bytes > FW_MAX_KEY) return 0;
-    const int64_t fields[FIELDS] = {FW_VERSION, p->robot, p->sequence, p->time_ms, p->x_cm, p->y_cm, p->heading_mrad};
+    if (!(p->steps <= FW_MAX_TRAIL && key.bytes <= FW_MAX_KEY FW_EACH_FIELD(FITS))) return 0;
+    const int64_t fields[FIELDS] = {FW_VERSION, FW_EACH_FIELD(VALUE)};
     uint8_t *at = frame;
     *at++ = (uint8_t)(0x90 + FIELDS + (p->steps > 0) + (key.bytes > 0));
     for (int i = 0; i < FIELDS; i++) at = put_number(at, fields[i]);
@@ -112,7 +117,7 @@ static int64_t number(reader *r, int64_t low, int64_t high) {
             else value = (int64_t)bits;
         } else value = bits < sign ? (int64_t)bits : -(int64_t)(2 * sign - bits - 1) - 1;
     } else r->ok = 0;
-    if (value < low || value > high) r->ok = 0;
+    if (!fits(value, low, high)) r->ok = 0;
     return r->ok ? value : 0;
 }
 
@@ -125,17 +130,14 @@ static size_t array(reader *r) {
     return (size_t)(r->ok = 0);
 }
 
+#define READ(type, name, least, most) p->name = (type)number(&r, least, most);
+
 int fw_decode(const uint8_t *frame, size_t bytes, fw_key key, fw_position *p) {
     reader r = {frame, frame + bytes, bytes <= FW_MAX_FRAME && key.bytes <= FW_MAX_KEY};
     size_t values = r.ok ? array(&r) : 0;
     if (values < FIELDS || values > FIELDS + 2) return 0;
     number(&r, FW_VERSION, FW_VERSION);
-    p->robot = (uint16_t)number(&r, 0, UINT16_MAX);
-    p->sequence = (uint32_t)number(&r, 0, UINT32_MAX);
-    p->time_ms = (uint32_t)number(&r, 0, UINT32_MAX);
-    p->x_cm = (int32_t)number(&r, INT32_MIN, INT32_MAX);
-    p->y_cm = (int32_t)number(&r, INT32_MIN, INT32_MAX);
-    p->heading_mrad = (uint16_t)number(&r, 0, FW_MAX_HEADING);
+    FW_EACH_FIELD(READ)
     p->steps = 0;
     if (!r.ok) return 0;
     int tagged = values > FIELDS && r.at < r.end && *r.at >= 0xc4 && *r.at <= 0xc6;
@@ -143,7 +145,7 @@ int fw_decode(const uint8_t *frame, size_t bytes, fw_key key, fw_position *p) {
         size_t numbers = array(&r);
         if (!r.ok || numbers == 0 || numbers > 2 * FW_MAX_TRAIL || numbers % 2) return 0;
         p->steps = (uint8_t)(numbers / 2);
-        for (size_t i = 0; i < numbers; i++) p->trail[i / 2][i % 2] = (int16_t)number(&r, INT16_MIN, INT16_MAX);
+        for (size_t i = 0; i < numbers; i++) p->trail[i / 2][i % 2] = (fw_step)number(&r, FW_MIN_STEP, FW_MAX_STEP);
         tagged = values == FIELDS + 2;
     } else if (values == FIELDS + 2) return 0; /* a tag is the last */
     if (tagged) {

@@ -7,25 +7,20 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "layout.h" /* version, sizes, and the numbers of a frame: robot, sequence, time_ms, ... */
+
 enum {
-    FW_VERSION = 1,
-    FW_CONTACT = 0,      /* the robot number of an intruder's position */
-    FW_MAX_FRAME = 64,   /* bytes */
-    FW_MAX_TRAIL = 4,    /* past positions */
-    FW_MAX_KEY = 64,     /* bytes */
-    FW_MAX_HEADING = 6283,
+    FW_MAX_HEADING = FW_MAX_HEADING_MRAD,
     FW_MAX_PACKET = FW_MAX_FRAME + 4 /* bytes on a serial line */
 };
 
+#define FW_MEMBER(type, name, least, most) type name;
 typedef struct {
-    uint16_t robot;        /* 1 and up, or FW_CONTACT */
-    uint32_t sequence;     /* the fleet's tick */
-    uint32_t time_ms;      /* of the sender's clock */
-    int32_t x_cm, y_cm;
-    uint16_t heading_mrad; /* 0 to FW_MAX_HEADING */
-    uint8_t steps;         /* past positions: 0 to FW_MAX_TRAIL */
-    int16_t trail[FW_MAX_TRAIL][2]; /* cm: the first step leads from this position to the one before it, and so on */
+    FW_EACH_FIELD(FW_MEMBER)
+    uint8_t steps;                   /* past positions: 0 to FW_MAX_TRAIL */
+    fw_step trail[FW_MAX_TRAIL][2]; /* cm: the first step leads from this position to the one before it, and so on */
 } fw_position;
+#undef FW_MEMBER
 
 /* The fleet's key, or none where `bytes` is 0. */
 typedef struct {

@@ -1,11 +1,10 @@
 /* Sends and receives positions: over a serial line (standard output and input) or a multicast group.
  *
- * A position is a line of text: robot sequence time_ms x_cm y_cm heading_mrad [dx dy]... */
+ * A position is a line of text: the frame's numbers in their order, robot first (layout.h), then [dx dy]... */
 #define _DEFAULT_SOURCE
 #include "position.h"
 
 #include <arpa/inet.h>
-#include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -41,29 +40,30 @@ static int next(char **text, int64_t low, int64_t high, int64_t *value) {
     return found;
 }
 
+#define PARSE(type, name, least, most) \
+    if (!next(&text, least, most, &x)) return 0; \
+    p->name = (type)x;
+
 static int parse(char *text, fw_position *p) {
-    int64_t v[6], x, y;
-    static const int64_t low[6] = {0, 0, 0, INT32_MIN, INT32_MIN, 0};
-    static const int64_t high[6] = {UINT16_MAX, UINT32_MAX, UINT32_MAX, INT32_MAX, INT32_MAX, FW_MAX_HEADING};
-    for (int i = 0; i < 6; i++)
-        if (!next(&text, low[i], high[i], &v[i])) return 0;
-    *p = (fw_position){.robot = (uint16_t)v[0], .sequence = (uint32_t)v[1], .time_ms = (uint32_t)v[2],
-                       .x_cm = (int32_t)v[3], .y_cm = (int32_t)v[4], .heading_mrad = (uint16_t)v[5], .steps = 0};
-    for (; p->steps < FW_MAX_TRAIL && next(&text, INT16_MIN, INT16_MAX, &x); p->steps++) {
-        if (!next(&text, INT16_MIN, INT16_MAX, &y)) return 0;
-        p->trail[p->steps][0] = (int16_t)x;
-        p->trail[p->steps][1] = (int16_t)y;
+    int64_t x, y;
+    FW_EACH_FIELD(PARSE)
+    for (p->steps = 0; p->steps < FW_MAX_TRAIL && next(&text, FW_MIN_STEP, FW_MAX_STEP, &x); p->steps++) {
+        if (!next(&text, FW_MIN_STEP, FW_MAX_STEP, &y)) return 0;
+        p->trail[p->steps][0] = (fw_step)x;
+        p->trail[p->steps][1] = (fw_step)y;
     }
     return text[strspn(text, " \n")] == 0;
 }
+
+#define SAY(type, name, least, most) printf("%s%lld", before, (long long)p.name), before = " ";
 
 static void say(const uint8_t *frame, size_t bytes) {
     fw_position p;
     if (!fw_decode(frame, bytes, key, &p)) {
         puts("refused");
     } else {
-        printf("%" PRIu16 " %" PRIu32 " %" PRIu32 " %" PRId32 " %" PRId32 " %" PRIu16, p.robot, p.sequence, p.time_ms,
-               p.x_cm, p.y_cm, p.heading_mrad);
+        const char *before = "";
+        FW_EACH_FIELD(SAY)
         for (int i = 0; i < p.steps; i++) printf(" %d %d", p.trail[i][0], p.trail[i][1]);
         putchar('\n');
     }

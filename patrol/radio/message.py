@@ -4,11 +4,12 @@ A frame is one msgpack array
 
     [version, robot, sequence, time_ms, x_cm, y_cm, heading_mrad]  +  [trail]  +  [tag]
 
-of small integers. `trail`, when there, is a flat array ``[dx1, dy1, dx2, dy2, ...]`` of centimetres: ``(dx1, dy1)``
-leads from this position to the one before it, ``(dx2, dy2)`` from there to the one before that. `tag`, when there, is
-an 8-byte msgpack *bin*: keyed BLAKE2b over every byte before the bin's own two-byte header. An array and a bin cannot
-be confused, so no flag says which of the two a frame carries. The longest bare frame is 28 bytes, with the longest
-trail and a tag 63; no frame above `MAX_FRAME` is looked at.
+of small integers. `Position` declares them: encoder, decoder, limits, the layout in C (`deploy/c/layout.h`) and the
+table in docs/radio.md follow from it. `trail`, when there, is a flat array ``[dx1, dy1, dx2, dy2, ...]`` of
+centimetres: ``(dx1, dy1)`` leads from this position to the one before it, ``(dx2, dy2)`` from there to the one before
+that. `tag`, when there, is an 8-byte msgpack *bin*: keyed BLAKE2b over every byte before the bin's own two-byte header.
+An array and a bin cannot be confused, so no flag says which of the two a frame carries. The longest bare frame is 28
+bytes, with the longest trail and a tag 63; no frame above `MAX_FRAME` is looked at.
 
 Numbers are rounded to the nearest unit (ties to even), headings to the nearest milliradian round the circle.
 """
@@ -16,10 +17,13 @@ Numbers are rounded to the nearest unit (ties to even), headings to the nearest 
 from __future__ import annotations
 
 import hmac
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from hashlib import blake2b
-from typing import Any
+from operator import attrgetter
+from types import MappingProxyType
+from typing import Annotated, Any, get_type_hints
 
 import msgpack
 
@@ -48,20 +52,9 @@ MAX_STEP_CM = 0x7FFF
 MIN_STEP_CM = -MAX_STEP_CM - 1
 MAX_HEADING_MRAD = 6283
 
-_RANGES = {
-    "robot": (0, MAX_ROBOT),
-    "sequence": (0, MAX_SEQUENCE),
-    "time_ms": (0, MAX_TIME_MS),
-    "x_cm": (MIN_CM, MAX_CM),
-    "y_cm": (MIN_CM, MAX_CM),
-    "heading_mrad": (0, MAX_HEADING_MRAD),
-}
-_FIELDS = 7
-_LONGEST_BARE = 28
-_LONGEST_STEP = 6
-_TAG_BYTES = 8
-_TAG_HEADER = b"\xc4\x08"
-_TAG_LENGTH = len(_TAG_HEADER) + _TAG_BYTES
+TAG_BYTES = 8
+_TAG_HEADER = bytes((0xC4, TAG_BYTES))
+_TAG_LENGTH = len(_TAG_HEADER) + TAG_BYTES
 _NEARER_TO_ZERO = (MAX_HEADING_MRAD + rad_to_mrad(TAU)) / 2.0
 """Headings beyond it, mrad, are nearer to a whole turn than to the largest heading."""
 
@@ -89,44 +82,53 @@ class Rejected(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Position:
-    """Where a robot says it is, in the units of the wire.
+class WireField:
+    """An integer of the frame.
 
     Attributes:
-        robot: 1..65535, or 0 for a *contact* (an intruder's position reported by a robot).
-        sequence: 0..2^32-1, one more each step.
-        time_ms: 0..2^32-1, ms of the sender's clock.
-        x_cm: cm, signed 32 bits.
-        y_cm: cm, signed 32 bits.
-        heading_mrad: 0..6283.
-        trail: Up to `MAX_TRAIL` pairs of cm, signed 16 bits, newest first.
-
-    Raises:
-        ValueError: For anything else.
+        least: Smallest value.
+        most: Largest value.
+        unit: For people; empty for none.
+        means: What it says, for people.
     """
 
-    robot: int
-    sequence: int
-    time_ms: int
-    x_cm: int
-    y_cm: int
-    heading_mrad: int
+    least: int
+    most: int
+    unit: str
+    means: str
+
+
+@dataclass(frozen=True, slots=True)
+class Position:
+    """Where a robot says it is, in the units and the order of the wire.
+
+    Attributes:
+        robot: The sender, or `CONTACT` for a *contact* (an intruder's position reported by a robot).
+        sequence: One more each step.
+        time_ms: Of the sender's clock.
+        x_cm: Of the robot's centre.
+        y_cm: Of the robot's centre.
+        heading_mrad: Counter-clockwise from the x axis.
+        trail: Up to `MAX_TRAIL` pairs of `STEP`, newest first.
+
+    Raises:
+        ValueError: For a number that is none, or outside the range of its field.
+    """
+
+    robot: Annotated[int, WireField(0, MAX_ROBOT, "", "its number from 1, or 0 for an intruder that the sender sees")]
+    sequence: Annotated[int, WireField(0, MAX_SEQUENCE, "", "the fleet's tick")]
+    time_ms: Annotated[int, WireField(0, MAX_TIME_MS, "ms", "of the sender's clock")]
+    x_cm: Annotated[int, WireField(MIN_CM, MAX_CM, "cm", "of the robot's centre")]
+    y_cm: Annotated[int, WireField(MIN_CM, MAX_CM, "cm", "of the robot's centre")]
+    heading_mrad: Annotated[
+        int, WireField(0, MAX_HEADING_MRAD, "mrad", "counter-clockwise from the x axis, round the circle")
+    ]
     trail: tuple[tuple[int, int], ...] = ()
 
     def __post_init__(self) -> None:
-        robot, sequence, time_ms, heading_mrad = self.robot, self.sequence, self.time_ms, self.heading_mrad
-        x_cm, y_cm = self.x_cm, self.y_cm
-        # All at once, without the table: every frame is checked, and hardly any is wrong.
-        if not (
-            type(robot) is type(sequence) is type(time_ms) is type(x_cm) is type(y_cm) is type(heading_mrad) is int
-            and 0 <= robot <= MAX_ROBOT
-            and 0 <= sequence <= MAX_SEQUENCE
-            and 0 <= time_ms <= MAX_TIME_MS
-            and MIN_CM <= x_cm <= MAX_CM
-            and MIN_CM <= y_cm <= MAX_CM
-            and 0 <= heading_mrad <= MAX_HEADING_MRAD
-        ):
-            raise ValueError(next(wrong for name in _RANGES if (wrong := _wrong(name, getattr(self, name)))))
+        for number, (least, most) in zip(_numbers_of(self), _RANGES, strict=True):
+            if type(number) is not int or not least <= number <= most:
+                raise ValueError(next(wrong for name in FIELDS if (wrong := _wrong(name, getattr(self, name)))))
         if self.trail:
             self._check_trail()
 
@@ -157,7 +159,7 @@ class Position:
             time_ms = round(s_to_ms(time_s))
         except (OverflowError, ValueError):
             raise ValueError(f"the time {time_s} s is not finite") from None
-        return cls(robot, sequence, time_ms, *_rounded(pose), trail)
+        return cls(robot, sequence, time_ms, *_rounded(pose), trail=trail)
 
     @classmethod
     def of_contact(cls, sequence: int, time_s: float, x: float, y: float) -> Position:
@@ -192,6 +194,28 @@ class Position:
         return tuple(places)
 
 
+FIELDS: Mapping[str, WireField] = MappingProxyType(
+    {
+        name: hint.__metadata__[0]
+        for name, hint in get_type_hints(Position, include_extras=True).items()
+        if hasattr(hint, "__metadata__")
+    }
+)
+"""The numbers of a frame after its version, by name and in their order."""
+
+STEP = WireField(MIN_STEP_CM, MAX_STEP_CM, "cm", "from a position to the one before it, along x or y")
+"""A number of a trail."""
+
+_numbers_of = attrgetter(*FIELDS)
+_RANGES = tuple((field.least, field.most) for field in FIELDS.values())
+_FIELDS = 1 + len(FIELDS)
+
+
+def _longest(field: WireField) -> int:
+    """The most bytes that a number of a field can have in msgpack."""
+    return max(len(_packed(number)) for number in (field.least, field.most))
+
+
 def as_received(pose: Pose) -> Pose:
     """A pose as every receiver of its frame computes with it: rounded to centimetres and milliradians.
 
@@ -219,7 +243,8 @@ def longest_frame(trail: int, *, tagged: bool) -> int:
         trail: How many past positions it carries.
         tagged: Whether it carries a tag.
     """
-    return _LONGEST_BARE + (1 + _LONGEST_STEP * trail if trail else 0) + (_TAG_LENGTH if tagged else 0)
+    bare = 1 + len(_packed(VERSION)) + sum(_longest(field) for field in FIELDS.values())
+    return bare + (1 + 2 * _longest(STEP) * trail if trail else 0) + (_TAG_LENGTH if tagged else 0)
 
 
 def encode(position: Position, key: bytes | None = None) -> bytes:
@@ -233,20 +258,12 @@ def encode(position: Position, key: bytes | None = None) -> bytes:
         ValueError: For a key of another length.
     """
     _check_key(key)
-    body: list[object] = [
-        VERSION,
-        position.robot,
-        position.sequence,
-        position.time_ms,
-        position.x_cm,
-        position.y_cm,
-        position.heading_mrad,
-    ]
+    body: list[object] = [VERSION, *_numbers_of(position)]
     if position.trail:
         body.append([delta for step in position.trail for delta in step])
     if key is None:
         return _packed(body)
-    untagged = _packed([*body, bytes(_TAG_BYTES)])[:-_TAG_LENGTH]
+    untagged = _packed([*body, bytes(TAG_BYTES)])[:-_TAG_LENGTH]
     return untagged + _TAG_HEADER + _tag(untagged, key)
 
 
@@ -273,19 +290,18 @@ def decode(frame: bytes, key: bytes | None = None) -> Position:
         raise Rejected(RejectReason.MALFORMED, "wrong number of values")
     try:
         trail = _trail(rest[0]) if rest else ()
-        _, robot, sequence, time_ms, x_cm, y_cm, heading_mrad = values[:_FIELDS]
-        position = Position(robot, sequence, time_ms, x_cm, y_cm, heading_mrad, trail)
+        position = Position(*values[1:_FIELDS], trail=trail)  # type: ignore[misc]  # as many numbers as fields
     except ValueError as error:
         raise Rejected(RejectReason.MALFORMED, str(error)) from None
-    if tagged and frame[-_TAG_LENGTH:-_TAG_BYTES] != _TAG_HEADER:
-        raise Rejected(RejectReason.MALFORMED, f"a tag is a bin of {_TAG_BYTES} bytes")
+    if tagged and frame[-_TAG_LENGTH:-TAG_BYTES] != _TAG_HEADER:
+        raise Rejected(RejectReason.MALFORMED, f"a tag is a bin of {TAG_BYTES} bytes")
     if key is not None and not (tagged and _genuine(frame, key)):
         raise Rejected(RejectReason.TAG, "the tag is wrong" if tagged else "no tag")
     return position
 
 
-def _packed(values: list[object]) -> bytes:
-    packed: bytes = msgpack.packb(values)
+def _packed(value: object) -> bytes:
+    packed: bytes = msgpack.packb(value)
     return packed
 
 
@@ -314,10 +330,10 @@ def _trail(flat: object) -> tuple[tuple[int, int], ...]:
 
 def _wrong(name: str, value: object) -> str:
     """What is wrong with a number of a position; nothing where it fits."""
-    least, most = _RANGES[name]
+    field = FIELDS[name]
     if type(value) is not int:
         return f"{name} is not an integer"
-    return "" if least <= value <= most else f"{name} is {value}, outside {least}..{most}"
+    return "" if field.least <= value <= field.most else f"{name} is {value}, outside {field.least}..{field.most}"
 
 
 def _check_key(key: bytes | None) -> None:
@@ -335,8 +351,8 @@ def _rounded(pose: Pose) -> tuple[int, int, int]:
 
 
 def _tag(body: bytes, key: bytes) -> bytes:
-    return blake2b(body, key=key, digest_size=_TAG_BYTES).digest()
+    return blake2b(body, key=key, digest_size=TAG_BYTES).digest()
 
 
 def _genuine(frame: bytes, key: bytes) -> bool:
-    return hmac.compare_digest(frame[-_TAG_BYTES:], _tag(frame[:-_TAG_LENGTH], key))
+    return hmac.compare_digest(frame[-TAG_BYTES:], _tag(frame[:-_TAG_LENGTH], key))

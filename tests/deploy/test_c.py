@@ -7,6 +7,7 @@ import os
 import shutil
 import socket
 import subprocess
+import sys
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -110,6 +111,58 @@ def test_the_first_vector_is_right_byte_by_byte() -> None:
     # An array of seven: version 1, robot 1 and sequence 7 in a byte each; 3500 ms, 600 cm, 613 cm, 5283 mrad in three.
     frame = VECTORS["frames"][0]["frame"]
     assert bytes.fromhex(frame) == b"\x97\1\1\7" + b"".join(b"\xcd" + n.to_bytes(2) for n in (3500, 600, 613, 5283))
+
+
+def test_the_layout_in_c_and_the_table_are_those_of_the_declaration() -> None:
+    checked = laid_out(SOURCES.parents[1], "--check")
+    assert (checked.returncode, checked.stdout) == (0, "")
+
+
+def laid_out(root: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, str(root / "deploy" / "c" / "layout.py"), *words]
+    environment = {**os.environ, "PYTHONPATH": str(root)}
+    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=root, env=environment)
+
+
+BATTERY = '    battery: Annotated[int, WireField(-5, 300, "%", "charge")] = 0\n'
+ASKS = """
+import sys
+from patrol.radio.message import Position, decode, encode
+frame = encode(Position(1, 7, 3500, 600, 613, 5283, 250, ((3, -4),)))
+assert decode(frame).battery == 250
+print(frame.hex())
+"""
+
+
+@needs_cc
+def test_a_field_that_is_declared_is_in_both_and_in_the_table(tmp_path: Path) -> None:
+    root = SOURCES.parents[1]
+    for folder in ("patrol", "deploy/c"):
+        shutil.copytree(root / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__", "radio*"))
+    shutil.copytree(root / "patrol" / "radio", tmp_path / "patrol" / "radio")
+    shutil.copy(root / "deploy" / "c" / "radio.c", tmp_path / "deploy" / "c")
+    (tmp_path / "docs").mkdir()
+    shutil.copy(root / "docs" / "radio.md", tmp_path / "docs")
+    declared = tmp_path / "patrol" / "radio" / "message.py"
+    trail = "    trail: tuple[tuple[int, int], ...] = ()\n"
+    declared.write_text(declared.read_text(encoding="utf-8").replace(trail, BATTERY + trail), encoding="utf-8")
+    assert laid_out(tmp_path, "--check").returncode == 1
+    made = laid_out(tmp_path)
+    assert made.returncode == 0, made.stderr
+    assert "| `battery` | -5 to 300 | % | charge |" in (tmp_path / "docs" / "radio.md").read_text(encoding="utf-8")
+    built = subprocess.run(["make", "-C", tmp_path / "deploy" / "c", "check"], capture_output=True, check=False)
+    assert built.returncode == 0, built.stderr
+    asked = [sys.executable, "-c", ASKS]
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    python = subprocess.run(asked, capture_output=True, text=True, check=True, cwd=tmp_path, env=environment)
+    frame = python.stdout.strip()
+    radio = tmp_path / "deploy" / "c" / "radio-checked"
+    line = "1 7 3500 600 613 5283 250 3 -4"
+    assert through(radio, ["frames"], f"{line}\n".encode()).decode().strip() == frame
+    assert read(radio, [bytes.fromhex(frame)]) == [line]
+    assert read(radio, [bytes.fromhex(VECTORS["frames"][0]["frame"])]) == ["refused"]  # it lacks the new field
+    with pytest.raises(Rejected):
+        decode(bytes.fromhex(frame))
 
 
 def test_python_refuses_and_accepts_the_others() -> None:
