@@ -8,7 +8,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.routes.kernels.join import stand_on
 from agent.routes.kernels.wave import BLOCKED, HEMMED, OPEN
 from patrol.ground.fields import anchor
 from patrol.ground.terrain import Terrain
@@ -197,11 +196,11 @@ class Ground:
         self._apply()
         if self._static is not None and self._state is self._static._state:
             return self._static.join_each(places)  # which remembers for all that borrow its grids
-        elements = np.empty((len(places), 2), dtype=np.int64)
-        point = self.terrain.point
-        if not stand_on(np.ascontiguousarray(places), self._is_open, *self.terrain.origin, point, elements):
-            return elements
-        for index in np.flatnonzero(elements[:, 0] < 0):
+        # The frame, which is closed, stands for all that lies off the terrain.
+        outside = np.array(self._is_open.shape) - 1
+        points = np.floor((places - self.terrain.origin)[:, ::-1] / self.terrain.point) + 1.0
+        elements: NDArray[np.int64] = np.clip(points, 0, outside).astype(np.int64)
+        for index in np.flatnonzero(~self._is_open[elements[:, 0], elements[:, 1]]):
             x, y = places[index].tolist()
             beside = self._beside.get((x, y), _UNKNOWN) if self._closed == ((), ()) else self.join(x, y)
             if beside == _UNKNOWN:
