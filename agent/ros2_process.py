@@ -152,7 +152,7 @@ def _patrol(
 ) -> int:
     """Patrol with a robot that was found; the exit code."""
     from agent.own_robot import Ticks, Where, patrol_with
-    from agent.robots.ros2.driver import Failed
+    from agent.robots.ros2.driver import DriverFailed
 
     name = log.process
     numbers = {spec.name: spec.number for spec in scenario.roster}
@@ -170,7 +170,7 @@ def _patrol(
 
     try:
         return patrol_with(make, scenario, name, where, ticks, ending, vitals)
-    except Failed as failed:
+    except DriverFailed as failed:
         log.error(str(failed))
         return FAILED
     finally:

@@ -25,7 +25,7 @@ from tests.routers import PATIENCE_S
 from worldsim.ros2.node import Habits, RobotNode
 from worldsim.ros2.odometry import Errors
 from worldsim.ros2.robot import Build, SimulatedRobot
-from worldsim.ros2.simulation import STEP_S, Ground, Simulation
+from worldsim.ros2.simulation import STEP_S, CollisionGround, Simulation
 
 NAME = "robot1"
 RADIUS, SPEED = 0.25, 0.5
@@ -65,7 +65,7 @@ class Bench:
         errors = Errors(noise_m=0.01, noise_rad=0.002, drift=0.01, drift_rad=0.002)
         self.robot = SimulatedRobot(Build(spec, Pose(1.5, 1.5, 0.3), errors, 5.0, watchdog_s, 7))
         self.node = RobotNode(link, self.robot, habits, terrain)
-        ground = Ground(terrain, footprint_of(terrain, 3.0, 360.0, True, 1.0), terrain.passable, 0.5)
+        ground = CollisionGround(terrain, footprint_of(terrain, 3.0, 360.0, True, 1.0), terrain.passable, 0.5)
         self.simulation = Simulation({NAME: self.node}, ground, time.time())
         self.said: list[str] = []
         self.agents: list[subprocess.Popen[str]] = []

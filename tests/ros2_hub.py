@@ -8,7 +8,7 @@ from typing import Any
 
 from patrol.ros2.formats import Format, RmwZenoh
 from patrol.ros2.mailbox import Received, RosMailbox
-from patrol.ros2.names import USUAL, Entity, Kind, NodeName, Qos, full_name
+from patrol.ros2.names import USUAL, Entity, EntityKind, NodeName, Qos, full_name
 from patrol.ros2.ports import Asked
 
 
@@ -73,7 +73,7 @@ class HubLink:
         """A publisher."""
         full = self.resolve(topic)
         number = len(self._hub.entities) + 1
-        self._hub.entities.append(Entity(0, "z", 1, number, Kind.PUBLISHER, self.node, full, kind.__name__))
+        self._hub.entities.append(Entity(0, "z", 1, number, EntityKind.PUBLISHER, self.node, full, kind.__name__))
         return HubSender(self._hub, full, qos)
 
     def subscribe(self, topic: str, kind: type[Any], mailbox: RosMailbox[Any], qos: Qos = USUAL) -> None:

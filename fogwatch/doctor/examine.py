@@ -14,7 +14,7 @@ from patrol.ros2 import messages as ros
 from patrol.ros2.codec import CODINGS, decode
 from patrol.ros2.definitions import ACTION, NO_HASH
 from patrol.ros2.formats import Bridge, Format, RmwZenoh
-from patrol.ros2.names import ADMIN_SPACE, Entity, Kind, entity_of, full_name
+from patrol.ros2.names import ADMIN_SPACE, Entity, EntityKind, entity_of, full_name
 from patrol.ros2.packing import BadMessage
 
 SLOW_HZ = 5.0
@@ -228,9 +228,9 @@ def _of_pose(seen: Survey, topics: Sequence[Topic]) -> Iterator[Finding]:
 def _of_commands(seen: Survey, topics: Sequence[Topic], entities: Sequence[Entity]) -> Iterator[Finding]:
     name = full_name(seen.namespace, seen.wanted.topic("cmd_vel"))
     action = f"{full_name(seen.namespace, seen.wanted.topic('navigate_to_pose'))}/_action/send_goal"
-    obeys = [entity for entity in entities if entity.topic == name and entity.kind is Kind.SUBSCRIPTION]
+    obeys = [entity for entity in entities if entity.topic == name and entity.kind is EntityKind.SUBSCRIPTION]
     types = sorted({entity.type_name for entity in obeys})
-    nav2 = any(entity.topic == action and entity.kind is Kind.SERVER for entity in entities)
+    nav2 = any(entity.topic == action and entity.kind is EntityKind.SERVER for entity in entities)
     if nav2:
         yield Finding(Level.OK, f"Nav2 takes goals ({ACTION})")
     known = [printable(kind) for kind in types if kind in _COMMANDS]
@@ -244,7 +244,9 @@ def _of_commands(seen: Survey, topics: Sequence[Topic], entities: Sequence[Entit
         remedy = f"allow {ADMIN_SPACE}/** to us on the router, to see who obeys"
         yield Finding(Level.WARNING, f"nobody says whether the robot obeys commands on {name}", remedy)
     elif not nav2:
-        wanting = [entity for entity in entities if entity.type_name in _COMMANDS and entity.kind is Kind.SUBSCRIPTION]
+        wanting = [
+            entity for entity in entities if entity.type_name in _COMMANDS and entity.kind is EntityKind.SUBSCRIPTION
+        ]
         yield Finding(Level.MISSING, f"nobody obeys commands on {name}", _elsewhere(wanting, "cmd_vel"))
     rivals = sum(topic.messages for topic in topics if topic.name == name)
     if rivals:

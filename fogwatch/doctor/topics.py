@@ -13,7 +13,7 @@ from patrol.ros2.codec import CODINGS, decode
 from patrol.ros2.definitions import NO_HASH, type_hash
 from patrol.ros2.ear import Overheard
 from patrol.ros2.formats import Bridge, Format, Origin
-from patrol.ros2.names import Entity, Kind
+from patrol.ros2.names import Entity, EntityKind
 from patrol.ros2.packing import BadMessage
 
 ARROW = " -> "
@@ -64,11 +64,13 @@ def topics_of(seen: Survey, form: Format, entities: Sequence[Entity]) -> Iterato
         else:
             keys = [key for key in seen.heard if key.startswith(f"{form.domain}/{name.strip('/')}/") and "::" in key]
         about = [entity for entity in entities if entity.topic == name]
-        publishers = sum(entity.kind is Kind.PUBLISHER for entity in about)
-        subscribers = sum(entity.kind is Kind.SUBSCRIPTION for entity in about)
+        publishers = sum(entity.kind is EntityKind.PUBLISHER for entity in about)
+        subscribers = sum(entity.kind is EntityKind.SUBSCRIPTION for entity in about)
         for key in keys or [""]:
             origin = form.origin(key) if key else Origin()
-            publisher = next((entity for entity in about if entity.kind is Kind.PUBLISHER), about[0] if about else None)
+            publisher = next(
+                (entity for entity in about if entity.kind is EntityKind.PUBLISHER), about[0] if about else None
+            )
             type_name = origin.type_name or (publisher.type_name if publisher else "")
             hashed = origin.type_hash or (publisher.type_hash if publisher else "")
             heard = seen.heard.get(key)

@@ -17,7 +17,7 @@ from typing import Any
 from patrol.net.security.roles import COMMON_NAMES, Rights, rules_of
 from patrol.ros2.formats import Bridge, Format
 from patrol.ros2.goals import NAME
-from patrol.ros2.names import ADMIN_SPACE, Kind, full_name, mangled
+from patrol.ros2.names import ADMIN_SPACE, EntityKind, full_name, mangled
 
 COMMANDS = ("cmd_vel", "ackermann_cmd")
 """Topics by which an agent drives its robot, relative to its namespace."""
@@ -78,7 +78,7 @@ def viewer_rights(form: Format, namespace: str) -> Rights:
     """
     heard = _heard(form, namespace)
     latched = _latched(heard)
-    node = _tokens(form, namespace, f"*/*/*/{Kind.NODE}", "*")
+    node = _tokens(form, namespace, f"*/*/*/{EntityKind.NODE}", "*")
     return Rights(hear=heard, ask=latched, announce=node, watch=(*latched, form.graph), answered=heard)
 
 

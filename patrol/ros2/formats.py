@@ -16,18 +16,18 @@ from typing import Protocol
 
 from patrol.errors import BadInput
 from patrol.ros2.definitions import NO_HASH, type_hash
-from patrol.ros2.names import ADMIN_SPACE, Entity, Kind, NodeName, dds_name, entity_of, ros_name
+from patrol.ros2.names import ADMIN_SPACE, Entity, EntityKind, NodeName, dds_name, entity_of, ros_name
 
 _ATTACHMENT = struct.Struct("<qqB16s")
 _GID = 16
 _SLASH = "§"
 _BRIDGED = {
-    "MP": (Kind.PUBLISHER, ""),
-    "MS": (Kind.SUBSCRIPTION, ""),
-    "SS": (Kind.SERVER, ""),
-    "SC": (Kind.CLIENT, ""),
-    "AS": (Kind.SERVER, "/_action/send_goal"),
-    "AC": (Kind.CLIENT, "/_action/send_goal"),
+    "MP": (EntityKind.PUBLISHER, ""),
+    "MS": (EntityKind.SUBSCRIPTION, ""),
+    "SS": (EntityKind.SERVER, ""),
+    "SC": (EntityKind.CLIENT, ""),
+    "AS": (EntityKind.SERVER, "/_action/send_goal"),
+    "AC": (EntityKind.CLIENT, "/_action/send_goal"),
 }
 """The character for a slash in the tokens of a bridge, and their kinds of entities."""
 

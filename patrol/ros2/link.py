@@ -24,7 +24,7 @@ from patrol.ros2.definitions import NO_HASH, store
 from patrol.ros2.ear import Ear
 from patrol.ros2.formats import Attachment, Format, Origin, attachment_of, gid_of
 from patrol.ros2.mailbox import Received, RosMailbox
-from patrol.ros2.names import SERVICE, USUAL, Entity, Kind, NodeName, Qos, full_name
+from patrol.ros2.names import SERVICE, USUAL, Entity, EntityKind, NodeName, Qos, full_name
 from patrol.ros2.packing import BadMessage
 from patrol.ros2.ports import Asked, Sender, Service
 
@@ -65,7 +65,7 @@ class ZenohRos2Link:
         self._node_number = next(self._numbers)
         self._declared: list[Any] = []
         self._clients: dict[str, _Attacher] = {}
-        self._show(Entity(self._format.domain, self._id, self._node_number, self._node_number, Kind.NODE, node))
+        self._show(Entity(self._format.domain, self._id, self._node_number, self._node_number, EntityKind.NODE, node))
 
     @property
     def format(self) -> Format:
@@ -116,7 +116,7 @@ class ZenohRos2Link:
                 express=True,
             )
         self._declared.append(publisher)
-        attacher = self._attacher(self._entity(Kind.PUBLISHER, full, type_name, qos))
+        attacher = self._attacher(self._entity(EntityKind.PUBLISHER, full, type_name, qos))
         return _Publisher(publisher, attacher)
 
     def subscribe(self, topic: str, kind: type[M], mailbox: RosMailbox[M], qos: Qos = USUAL) -> None:
@@ -140,7 +140,7 @@ class ZenohRos2Link:
         else:
             subscriber = self._session.declare_subscriber(heard, handler)
         self._declared.append(subscriber)
-        self._show(self._entity(Kind.SUBSCRIPTION, full, coding.type_name, qos))
+        self._show(self._entity(EntityKind.SUBSCRIPTION, full, coding.type_name, qos))
 
     def call(self, name: str, service: Service[Q, A], request: Q, limit_s: float) -> RosMailbox[A]:
         """Ask a service, without waiting for the response (`patrol.ros2.ports.Ros2Link`).
@@ -151,7 +151,7 @@ class ZenohRos2Link:
         full = self.resolve(name)
         payload = encode(request)
         if full not in self._clients:
-            self._clients[full] = self._attacher(self._entity(Kind.CLIENT, full, service.type_name, SERVICE))
+            self._clients[full] = self._attacher(self._entity(EntityKind.CLIENT, full, service.type_name, SERVICE))
         mailbox: RosMailbox[A] = RosMailbox()
 
         def receive(reply: zenoh.Reply) -> None:
@@ -187,7 +187,7 @@ class ZenohRos2Link:
 
         handler: Any = zenoh.handlers.Callback(receive, indirect=False)
         self._declared.append(self._session.declare_queryable(key, handler, complete=True))
-        self._show(self._entity(Kind.SERVER, full, service.type_name, SERVICE))
+        self._show(self._entity(EntityKind.SERVER, full, service.type_name, SERVICE))
 
     def graph(self, limit_s: float) -> list[Entity]:
         """Return the ROS graph's entities now, as far as the format tells; waits (`patrol.ros2.ports.Ros2Link`)."""
@@ -237,7 +237,7 @@ class ZenohRos2Link:
         """
         return close_session(self._session, self._declared, limit_s)
 
-    def _entity(self, kind: Kind, full: str, type_name: str, qos: Qos) -> Entity:
+    def _entity(self, kind: EntityKind, full: str, type_name: str, qos: Qos) -> Entity:
         type_hash = self._format.hash_of(type_name)
         numbers = self._node_number, next(self._numbers)
         return Entity(self._format.domain, self._id, *numbers, kind, self._node, full, type_name, type_hash, qos)

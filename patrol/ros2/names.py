@@ -168,7 +168,7 @@ def qos_of(text: str) -> Qos | None:
     return Qos(parts[0] != _BEST_EFFORT, parts[1] == _TRANSIENT_LOCAL, kept, history == _KEEP_ALL)
 
 
-class Kind(StrEnum):
+class EntityKind(StrEnum):
     """The kinds of entities in the graph."""
 
     NODE = "NN"
@@ -212,7 +212,7 @@ class Entity:
     session: str
     node_number: int
     number: int
-    kind: Kind
+    kind: EntityKind
     node: NodeName
     topic: str = ""
     type_name: str = ""
@@ -225,7 +225,7 @@ class Entity:
         inside = self.node.namespace.strip("/")
         node = f"%/{mangled(f'/{inside}') if inside else '%'}/{mangled(self.node.name)}"
         begin = f"{ADMIN_SPACE}/{self.domain}/{self.session}/{self.node_number}/{self.number}/{self.kind}/{node}"
-        if self.kind is Kind.NODE:
+        if self.kind is EntityKind.NODE:
             return begin
         end = self.qos.text if self.qos is not None else Qos().text
         return f"{begin}/{mangled(self.topic)}/{dds_name(self.type_name)}/{self.type_hash}/{end}"
@@ -241,14 +241,14 @@ def entity_of(token: str) -> Entity | None:
         The entity; None for what is none.
     """
     parts = token.split("/")
-    if len(parts) < 9 or parts[0] != ADMIN_SPACE or parts[5] not in list(Kind):
+    if len(parts) < 9 or parts[0] != ADMIN_SPACE or parts[5] not in list(EntityKind):
         return None
     numbers = (parts[1], parts[3], parts[4])
     if not all(part.isascii() and part.isdigit() and len(part) < 20 for part in numbers):
         return None
     domain, node_number, number = map(int, numbers)
-    kind, node = Kind(parts[5]), NodeName(unmangled(parts[8]), unmangled(parts[7]))
-    if kind is Kind.NODE:
+    kind, node = EntityKind(parts[5]), NodeName(unmangled(parts[8]), unmangled(parts[7]))
+    if kind is EntityKind.NODE:
         return Entity(domain, parts[2], node_number, number, kind, node)
     if len(parts) < 13:
         return None

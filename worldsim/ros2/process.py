@@ -108,7 +108,7 @@ def _simulation(
     from patrol.ros2.names import NodeName, check_name
     from worldsim.ros2.node import RobotNode
     from worldsim.ros2.robot import Build, SimulatedRobot
-    from worldsim.ros2.simulation import Ground, Simulation
+    from worldsim.ros2.simulation import CollisionGround, Simulation
 
     scenario, terrain = prepared.scenario, prepared.terrain
     specs = {spec.name: spec for spec in scenario.roster}
@@ -141,7 +141,7 @@ def _simulation(
             raise BadInput(f"--connect {options.connect}: {down}; start one: python -m fogwatch.router") from None
         stack.callback(link.close)
         nodes[named.name] = RobotNode(link, SimulatedRobot(build), habits, terrain)
-    ground = Ground(terrain, sensor_footprint(scenario, terrain), prepared.patrolled, scenario.step)
+    ground = CollisionGround(terrain, sensor_footprint(scenario, terrain), prepared.patrolled, scenario.step)
     return Simulation(nodes, ground, time.time())
 
 

@@ -20,7 +20,7 @@ STEP_S = 0.02
 
 
 @dataclass(frozen=True, slots=True)
-class Ground:
+class CollisionGround:
     """The terrain of the simulated robots, and what they collide with.
 
     Attributes:
@@ -57,7 +57,7 @@ class Simulation:
         epoch_s: What the robots' time is at the beginning, s since the epoch.
     """
 
-    def __init__(self, nodes: Mapping[str, RobotNode], ground: Ground, epoch_s: float) -> None:
+    def __init__(self, nodes: Mapping[str, RobotNode], ground: CollisionGround, epoch_s: float) -> None:
         self.nodes = nodes
         self.time_s = 0.0
         self._ground = ground

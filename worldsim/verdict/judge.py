@@ -28,7 +28,7 @@ from worldsim.verdict.run.exit_codes import ExitCodes
 from worldsim.verdict.run.fault_times import FaultsOnTime
 from worldsim.verdict.run.fog_check import FogIsTrue
 from worldsim.verdict.run.journal_checks import Complete, TraceAgrees
-from worldsim.verdict.run.progress import Progress, RunProgress
+from worldsim.verdict.run.progress import ProgressCheck, RunProgress
 from worldsim.verdict.run.recovery import Recovers
 from worldsim.verdict.run.transcripts import TranscriptsAgree
 
@@ -75,7 +75,7 @@ CHECKS: tuple[type[Check], ...] = (
     Hearing,
     ForgedAsConfigured,
     Recovers,
-    Progress,
+    ProgressCheck,
 )
 """All checks, in the order in which a verdict lists their results; each says which runs call for it."""
 
@@ -166,7 +166,7 @@ class Judge:
     def verdict(self) -> Verdict:
         """Return the verdict, once all ticks are in and the journal has ended."""
         checks = tuple(check.result() for check in self._checks)
-        progress = [check.facts() for check in self._checks if isinstance(check, Progress)]
+        progress = [check.facts() for check in self._checks if isinstance(check, ProgressCheck)]
         return Verdict(_outcome(self._journal, checks), checks, progress[0] if progress else None)
 
 

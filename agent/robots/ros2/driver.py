@@ -36,7 +36,7 @@ _JOIN_S = 1.0
 _LOCK_S = 0.2
 
 
-class Failed(Exception):
+class DriverFailed(Exception):
     """The thread that drives has failed, so the robot was stopped for good."""
 
 
@@ -137,11 +137,11 @@ class Ros2Robot:
         """Wait for the next tick in which it is known where the robot is; None when it is time to leave.
 
         Raises:
-            Failed: The robot can no longer be driven.
+            DriverFailed: The robot can no longer be driven.
         """
         while (k := self._clock.tick()) is not None:
             if self._failed:
-                raise Failed(self._failed)
+                raise DriverFailed(self._failed)
             with self._lock:
                 fix = self._hardware.fix()
                 if fix is None:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from threading import Event, Thread
 
 from patrol.printable import printable
-from patrol.ros2.names import Entity, Kind, full_name
+from patrol.ros2.names import Entity, EntityKind, full_name
 from patrol.ros2.ports import Ros2Link
 
 LOOK_S = 1.0
@@ -38,9 +38,9 @@ def rivals(entities: Sequence[Entity], topic: str | None, is_ours: Callable[[Ent
         if is_ours(one):
             continue
         name = full_name(one.node.namespace, one.node.name)
-        if one.kind is Kind.NODE and name == node:
+        if one.kind is EntityKind.NODE and name == node:
             found.add(f"another agent, {node}")
-        elif one.kind is Kind.PUBLISHER and one.topic == topic and name != node:
+        elif one.kind is EntityKind.PUBLISHER and one.topic == topic and name != node:
             found.add(f"{printable(name[:_LONGEST]) if one.node.name else 'somebody'} on {topic}")
     return sorted(found)[:_MOST]
 

@@ -22,7 +22,7 @@ from patrol.ground.fog import Fog
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from patrol.ros2.messages import OccupancyGrid, Path
-from patrol.ros2.names import LATCHED, Kind
+from patrol.ros2.names import LATCHED, EntityKind
 from patrol.ros2.ports import Ros2Link
 
 EVERY_S = 2.0
@@ -98,7 +98,7 @@ def show_map(link: Ros2Link, settings: DriveSettings, terrain: Terrain, stamp_ns
         Whether it was published.
     """
     topic = link.resolve(settings.topic("map"))
-    if any(one.kind is Kind.PUBLISHER and one.topic == topic for one in link.graph(GRAPH_S)):
+    if any(one.kind is EntityKind.PUBLISHER and one.topic == topic for one in link.graph(GRAPH_S)):
         return False
     cells = np.where(terrain.free, 0, OCCUPIED).astype(np.int8)
     link.publisher(topic, OccupancyGrid, LATCHED).send(grid_of(terrain, cells, 1, settings.map_frame, stamp_ns))

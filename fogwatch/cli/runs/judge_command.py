@@ -104,7 +104,9 @@ def _same_scenario(loaded: Prepared, journal: Journal) -> bool:
     """Return whether the folder's scenario is the one that the journal was written for."""
     from patrol.scenario import load_scenario, same_but_for_files
 
-    journalled = load_scenario(journal.header.scenario, base=loaded.scenario.base, called="journal", opens_classes=False)
+    journalled = load_scenario(
+        journal.header.scenario, base=loaded.scenario.base, called="journal", opens_classes=False
+    )
     return same_but_for_files(loaded.scenario, journalled)
 
 

@@ -13,7 +13,7 @@ from patrol.ros2 import messages as ros
 from patrol.ros2.codec import CODINGS, encode
 from patrol.ros2.ear import Overheard
 from patrol.ros2.formats import Bridge, Format, RmwZenoh
-from patrol.ros2.names import USUAL, Entity, Kind, NodeName
+from patrol.ros2.names import USUAL, Entity, EntityKind, NodeName
 
 NOW_NS = 1_700_000_000_000_000_000
 ODOMETRY = ros.Odometry(NOW_NS, "odom", "base_link", Pose(0.0, 0.0, 0.0), ros.Twist(0.0, 0.0, 0.0))
@@ -41,7 +41,7 @@ class Robot:
         self.seen.heard[self.form.key(topic, CODINGS[type(message)].type_name)] = heard
         return self
 
-    def has(self, kind: Kind, topic: str, type_name: str, type_hash: str = "") -> Robot:
+    def has(self, kind: EntityKind, topic: str, type_name: str, type_hash: str = "") -> Robot:
         type_hash = type_hash or self.form.hash_of(type_name)
         if isinstance(self.form, Bridge):
             name, inside = (part.replace("/", "§") for part in (topic.strip("/"), type_name))
@@ -54,7 +54,7 @@ class Robot:
     def whole(self) -> Robot:
         """A robot that lacks nothing."""
         self.sends("/robot1/odom", ODOMETRY).sends("/tf", PLACE).sends("/map", MAP, rate=0.0)
-        return self.has(Kind.SUBSCRIPTION, "/robot1/cmd_vel", "geometry_msgs/msg/TwistStamped")
+        return self.has(EntityKind.SUBSCRIPTION, "/robot1/cmd_vel", "geometry_msgs/msg/TwistStamped")
 
     def examined(self) -> Examined:
         return examine(self.seen)
@@ -98,9 +98,9 @@ def test_another_domain_and_another_namespace_are_named() -> None:
 
 def test_topics_of_other_names_are_named() -> None:
     robot = Robot(RmwZenoh())
-    robot.has(Kind.PUBLISHER, "/robot1/base/odometry", "nav_msgs/msg/Odometry")
-    robot.has(Kind.SUBSCRIPTION, "/robot1/base/cmd_vel_out", "geometry_msgs/msg/Twist").sends("/tf", PLACE)
-    robot.has(Kind.SUBSCRIPTION, "/robot1/cmd_vel", "std_msgs/msg/String")
+    robot.has(EntityKind.PUBLISHER, "/robot1/base/odometry", "nav_msgs/msg/Odometry")
+    robot.has(EntityKind.SUBSCRIPTION, "/robot1/base/cmd_vel_out", "geometry_msgs/msg/Twist").sends("/tf", PLACE)
+    robot.has(EntityKind.SUBSCRIPTION, "/robot1/cmd_vel", "std_msgs/msg/String")
     found = robot.examined()
     assert "no odometry comes on /robot1/odom; give --topic odom=/robot1/base/odometry" in says(found, Level.MISSING)
     assert "/robot1/cmd_vel: the robot wants std_msgs/msg/String, which we do not send" in says(found, Level.MISSING)
@@ -112,10 +112,10 @@ def test_topics_of_other_names_are_named() -> None:
 
 def test_nav2_is_enough_to_be_sent_somewhere() -> None:
     robot = Robot(RmwZenoh()).sends("/robot1/odom", ODOMETRY).sends("/tf", PLACE).sends("/map", MAP)
-    robot.has(Kind.PUBLISHER, "/robot1/odom", "nav_msgs/msg/Odometry")
+    robot.has(EntityKind.PUBLISHER, "/robot1/odom", "nav_msgs/msg/Odometry")
     assert not robot.examined().fit
     server = "nav2_msgs/action/NavigateToPose_SendGoal"
-    found = robot.has(Kind.SERVER, "/robot1/navigate_to_pose/_action/send_goal", server).examined()
+    found = robot.has(EntityKind.SERVER, "/robot1/navigate_to_pose/_action/send_goal", server).examined()
     assert found.fit
     assert "Nav2 takes goals" in says(found, Level.OK)
 
@@ -153,7 +153,7 @@ def test_slow_doubled_and_rival_topics_are_warned_of() -> None:
 
 def test_a_robot_without_a_map_can_patrol_and_one_without_a_place_cannot() -> None:
     robot = Robot(RmwZenoh()).sends("/robot1/odom", ODOMETRY)
-    robot.has(Kind.SUBSCRIPTION, "/robot1/cmd_vel", "geometry_msgs/msg/Twist")
+    robot.has(EntityKind.SUBSCRIPTION, "/robot1/cmd_vel", "geometry_msgs/msg/Twist")
     found = robot.examined()
     assert "there is no latched map; give the agent a map's file with --map" in says(found, Level.WARNING)
     assert "nothing says where the robot is on the map: no map -> odom on tf, and no pose" in says(found, Level.MISSING)

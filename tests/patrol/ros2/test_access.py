@@ -27,7 +27,7 @@ from patrol.ros2.goals import GoalClient, GoalServer, Going
 from patrol.ros2.link import open_ros2
 from patrol.ros2.mailbox import RosMailbox
 from patrol.ros2.messages import OccupancyGrid, Odometry, PoseStamped, TwistStamped
-from patrol.ros2.names import LATCHED, Kind, NodeName
+from patrol.ros2.names import LATCHED, EntityKind, NodeName
 from tests.ros2_site import Site, command, odometry, reach
 from tests.routers import PATIENCE_S, make_local_fleet, needs_openssl
 
@@ -81,9 +81,9 @@ def test_the_agent_drives_its_robot_and_shows_what_it_knows(site: Site) -> None:
 
     if site.form.attaches:
         seen = {(one.kind, one.node.name, one.topic) for one in robot.graph(PATIENCE_S)}
-        assert (Kind.PUBLISHER, "fogwatch_r1", "/robot1/cmd_vel") in seen
+        assert (EntityKind.PUBLISHER, "fogwatch_r1", "/robot1/cmd_vel") in seen
         seen = {(one.kind, one.node.name, one.topic) for one in agent.graph(PATIENCE_S)}
-        assert (Kind.PUBLISHER, "base", "/robot1/odom") in seen
+        assert (EntityKind.PUBLISHER, "base", "/robot1/odom") in seen
 
 
 def test_a_stranger_gets_no_session(site: Site) -> None:

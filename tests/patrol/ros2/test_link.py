@@ -14,7 +14,7 @@ from patrol.ros2.formats import Bridge, Format, RmwZenoh
 from patrol.ros2.link import ZenohRos2Link, open_ros2
 from patrol.ros2.mailbox import Received, RosMailbox
 from patrol.ros2.messages import Bool, CancelRequest, CancelResponse, OccupancyGrid, Odometry, Twist, TwistStamped
-from patrol.ros2.names import LATCHED, Kind, NodeName
+from patrol.ros2.names import LATCHED, EntityKind, NodeName
 from patrol.ros2.packing import BadMessage
 from patrol.ros2.ports import Asked, Sender, Service
 from tests.routers import PATIENCE_S, free_endpoint, routed
@@ -117,11 +117,11 @@ def test_the_graph_shows_nodes_and_what_they_have(join: Join) -> None:
     us.publisher("stop", Bool, LATCHED)
     other = join(RmwZenoh(5), "stranger")
     wanted = {
-        (Kind.NODE, "robot", ""),
-        (Kind.NODE, "fogwatch", ""),
-        (Kind.PUBLISHER, "robot", "/robot1/odom"),
-        (Kind.SUBSCRIPTION, "fogwatch", "/robot1/odom"),
-        (Kind.PUBLISHER, "fogwatch", "/robot1/stop"),
+        (EntityKind.NODE, "robot", ""),
+        (EntityKind.NODE, "fogwatch", ""),
+        (EntityKind.PUBLISHER, "robot", "/robot1/odom"),
+        (EntityKind.SUBSCRIPTION, "fogwatch", "/robot1/odom"),
+        (EntityKind.PUBLISHER, "fogwatch", "/robot1/stop"),
     }
     end = time.monotonic() + PATIENCE_S
     while {(one.kind, one.node.name, one.topic) for one in us.graph(PATIENCE_S)} != wanted:

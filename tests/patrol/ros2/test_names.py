@@ -13,7 +13,7 @@ from patrol.ros2.names import (
     SENSOR,
     USUAL,
     Entity,
-    Kind,
+    EntityKind,
     NodeName,
     Qos,
     check_domain,
@@ -35,18 +35,20 @@ ADD_TYPE, ADD_DDS = "example_interfaces/srv/AddTwoInts", "example_interfaces::sr
 ADDING = "add_two_ints_server"
 
 TOKENS = [
-    (f"@ros2_lv/2/{ONE}/0/0/NN/%/%/listener", Entity(2, ONE, 0, 0, Kind.NODE, LISTENER)),
+    (f"@ros2_lv/2/{ONE}/0/0/NN/%/%/listener", Entity(2, ONE, 0, 0, EntityKind.NODE, LISTENER)),
     (
         f"@ros2_lv/2/{ONE}/0/10/MS/%/%/listener/%chatter/std_msgs::msg::dds_::String_/{STRING}/::,10:,:,:,,",
-        Entity(2, ONE, 0, 10, Kind.SUBSCRIPTION, LISTENER, "/chatter", "std_msgs/msg/String", STRING, Qos(depth=10)),
+        Entity(
+            2, ONE, 0, 10, EntityKind.SUBSCRIPTION, LISTENER, "/chatter", "std_msgs/msg/String", STRING, Qos(depth=10)
+        ),
     ),
     (
         f"@ros2_lv/2/{TWO}/0/10/MP/%/%/talker/%chatter/std_msgs::msg::dds_::String_/{STRING}/::,7:,:,:,,",
-        Entity(2, TWO, 0, 10, Kind.PUBLISHER, TALKER, "/chatter", "std_msgs/msg/String", STRING, Qos(depth=7)),
+        Entity(2, TWO, 0, 10, EntityKind.PUBLISHER, TALKER, "/chatter", "std_msgs/msg/String", STRING, Qos(depth=7)),
     ),
     (
         f"@ros2_lv/2/{ADDER}/0/10/SS/%/%/{ADDING}/%add_two_ints/{ADD_DDS}/{ADD}/::,10:,:,:,,",
-        Entity(2, ADDER, 0, 10, Kind.SERVER, NodeName(ADDING), "/add_two_ints", ADD_TYPE, ADD, USUAL),
+        Entity(2, ADDER, 0, 10, EntityKind.SERVER, NodeName(ADDING), "/add_two_ints", ADD_TYPE, ADD, USUAL),
     ),
 ]
 """Those of the design text."""
@@ -79,7 +81,7 @@ def test_the_bridge_s_keys_are_names() -> None:
 def test_an_entity_in_a_namespace() -> None:
     node = NodeName("fogwatch", "/fleet/robot1")
     entity = Entity(
-        0, ONE, 3, 4, Kind.PUBLISHER, node, "/fleet/robot1/cmd_vel", "geometry_msgs/msg/Twist", TWIST, USUAL
+        0, ONE, 3, 4, EntityKind.PUBLISHER, node, "/fleet/robot1/cmd_vel", "geometry_msgs/msg/Twist", TWIST, USUAL
     )
     assert entity.token == (
         f"@ros2_lv/0/{ONE}/3/4/MP/%/%fleet%robot1/fogwatch/%fleet%robot1%cmd_vel/"

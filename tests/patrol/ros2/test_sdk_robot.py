@@ -19,7 +19,7 @@ from patrol.ros2.formats import RmwZenoh
 from patrol.ros2.link import open_ros2
 from patrol.ros2.mailbox import RosMailbox
 from patrol.ros2.messages import Odometry, Twist, TwistStamped
-from patrol.ros2.names import Kind, NodeName
+from patrol.ros2.names import EntityKind, NodeName
 from tests.patrol.ros2 import sdk_robot
 from tests.routers import PATIENCE_S, routed
 
@@ -74,7 +74,10 @@ def test_we_drive_a_robot_that_is_not_ours_and_see_where_it_is(robot: tuple[str,
     assert not odometry.refused
 
     kinds = {(one.kind, one.topic, one.type_hash) for one in us.graph(PATIENCE_S) if one.node.name != "fogwatch"}
-    for kind, topic, ours in ((Kind.PUBLISHER, "odom", Odometry), (Kind.SUBSCRIPTION, "cmd_vel", TwistStamped)):
+    for kind, topic, ours in (
+        (EntityKind.PUBLISHER, "odom", Odometry),
+        (EntityKind.SUBSCRIPTION, "cmd_vel", TwistStamped),
+    ):
         type_name = sdk_robot.ODOMETRY if ours is Odometry else sdk_robot.COMMAND
         assert (kind, f"/robot1/{topic}", RmwZenoh().hash_of(type_name)) in kinds
 

@@ -31,7 +31,7 @@ from worldsim.ros2.nav2 import Navigator
 from worldsim.ros2.node import Habits, RobotNode
 from worldsim.ros2.odometry import DriftingOdometry, Errors
 from worldsim.ros2.robot import Build, SimulatedRobot
-from worldsim.ros2.simulation import STEP_S, Ground, Simulation
+from worldsim.ros2.simulation import STEP_S, CollisionGround, Simulation
 
 EPOCH_S = 1_700_000_000.0
 PLACE = Pose(2.0, 5.0, 0.0)
@@ -63,7 +63,7 @@ def simulated(hub: Hub, *robots: SimulatedRobot, habits: Habits = USUAL) -> Simu
         one.build.spec.name: RobotNode(hub.link("robot_sim", one.build.spec.name), one, habits, terrain())
         for one in robots
     }
-    ground = Ground(terrain(), footprint_of(terrain(), 3.0, 360.0, True, 1.0), terrain().passable, 0.5)
+    ground = CollisionGround(terrain(), footprint_of(terrain(), 3.0, 360.0, True, 1.0), terrain().passable, 0.5)
     return Simulation(nodes, ground, EPOCH_S)
 
 

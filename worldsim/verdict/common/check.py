@@ -87,7 +87,7 @@ class JudgedRun:
         return {**self.names, FORGED: "a forger"}
 
 
-class Reading(ABC):
+class JournalReading(ABC):
     """A reader of a journal's ticks, in order, that can be asked about them.
 
     Attributes:
@@ -96,7 +96,7 @@ class Reading(ABC):
         needed: These readings.
     """
 
-    needs: ClassVar[tuple[type[Reading], ...]] = ()
+    needs: ClassVar[tuple[type[JournalReading], ...]] = ()
 
     def __init__(self, run: JudgedRun, readings: Readings) -> None:
         """Prepare to read a run.
@@ -122,14 +122,14 @@ class Reading(ABC):
         """
 
 
-R = TypeVar("R", bound=Reading)
+R = TypeVar("R", bound=JournalReading)
 
 
 class Readings:
     """The readings of one run, by their classes."""
 
     def __init__(self) -> None:
-        self._made: dict[type[Reading], Reading] = {}
+        self._made: dict[type[JournalReading], JournalReading] = {}
 
     def __getitem__(self, kind: type[R]) -> R:
         """Return the reading of that class."""
@@ -137,7 +137,7 @@ class Readings:
         assert isinstance(found, kind)
         return found
 
-    def add(self, kind: type[Reading], run: JudgedRun) -> None:
+    def add(self, kind: type[JournalReading], run: JudgedRun) -> None:
         """Make a reading, and before it those that it needs; none twice.
 
         Args:
@@ -149,12 +149,12 @@ class Readings:
                 self.add(needed, run)
             self._made[kind] = kind(run, self)
 
-    def in_order(self) -> list[Reading]:
+    def in_order(self) -> list[JournalReading]:
         """All readings, each after those that it needs."""
         return list(self._made.values())
 
 
-class Check(Reading):
+class Check(JournalReading):
     """A check of the verdict. A subclass implements `_tick` and `_good`, and reports problems by `_fail`.
 
     Attributes:

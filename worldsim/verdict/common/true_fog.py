@@ -8,7 +8,7 @@ from patrol.journal import Status
 from patrol.pose import Pose
 from patrol.prepare import sensor_footprint
 from worldsim.truth import Truth
-from worldsim.verdict.common.check import Reading
+from worldsim.verdict.common.check import JournalReading
 from worldsim.verdict.common.robots_there import RobotsThere
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from worldsim.verdict.common.check import JudgedRun, Readings
 
 
-class TrueFog(Reading):
+class TrueFog(JournalReading):
     """The fog, recomputed from the poses; or that of the world, where the verdict does not verify it.
 
     Attributes:

@@ -9,7 +9,7 @@ from patrol.journal import RobotTick, Status, TickRecord
 from patrol.pose import Pose
 from worldsim.faults.lifecycle import APPLIES
 from worldsim.robots.bodies import overlap
-from worldsim.verdict.common.check import Reading
+from worldsim.verdict.common.check import JournalReading
 from worldsim.verdict.common.robots_there import RobotsThere
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from worldsim.verdict.common.check import JudgedRun, Readings
 
 
-class ExpectedStatuses(Reading):
+class ExpectedStatuses(JournalReading):
     """The statuses that a run's robots should have, tick by tick.
 
     In lockstep a robot that is started takes part at once, or as soon as its place is free. At any other pace the world

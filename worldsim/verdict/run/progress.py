@@ -123,7 +123,7 @@ class RunProgress:
     trapped: tuple[TrappedRobot, ...]
 
 
-class Progress(Check):
+class ProgressCheck(Check):
     """Warns of robots that are trapped, of fog that grows to the end, and of ground that was never seen.
 
     A patrol without progress is no error of the run: its numbers are right, and they say how bad the policy is. So this

@@ -108,7 +108,7 @@ class VelocitySteering:
         self._governor = governor
         self._others = others
         self._send = _sender(hardware)
-        self._progress = Progress()
+        self._progress = MotionCheck()
         self._steps = 0
         self._held = 0
         self._halted = False
@@ -162,7 +162,7 @@ class VelocitySteering:
         return ""
 
 
-class Progress:
+class MotionCheck:
     """The check that a robot goes where it was told to go."""
 
     def __init__(self) -> None:

@@ -14,7 +14,7 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from agent.robots.ros2.pose.odometer import REMEMBERED, Odometer, Reading
+from agent.robots.ros2.pose.odometer import REMEMBERED, Odometer, OdometryReading
 from patrol.pose import Pose
 from patrol.ros2.frames import composed, inverted, travelled
 
@@ -223,7 +223,7 @@ class Localisation:
         age_s = max(0.0, now_s - newest.stamp_s)
         return Fix(travelled(composed(correction.pose, newest.pose), newest.twist, age_s), newest.twist, age_s)
 
-    def _odometry_fault(self, newest: Reading | None, now_s: float) -> str:
+    def _odometry_fault(self, newest: OdometryReading | None, now_s: float) -> str:
         if newest is None:
             return "no odometry has come"
         if doubt := self._odometer.doubt(now_s):
@@ -238,7 +238,7 @@ class Localisation:
             return f"odometry is {-age_s:.1f} s ahead by its stamps; set NTP on both machines, or give --delay"
         return ""
 
-    def _correction_fault(self, newest: Reading | None, now_s: float) -> str:
+    def _correction_fault(self, newest: OdometryReading | None, now_s: float) -> str:
         found, frame = self._correction(), self._odometer.frame
         source, wanted = self._settings.source, f"{self._settings.map_frame} -> {frame}"
         if found is None and self._lost:

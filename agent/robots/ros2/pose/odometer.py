@@ -42,7 +42,7 @@ _MOST_SENDERS = 16
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class OdometryReading:
     """A message of odometry.
 
     Attributes:
@@ -77,7 +77,7 @@ class Odometer:
     """
 
     def __init__(self, speed: float, turn_rate: float, fresh_s: float, delay_s: float | None) -> None:
-        self.readings: deque[Reading] = deque(maxlen=REMEMBERED)
+        self.readings: deque[OdometryReading] = deque(maxlen=REMEMBERED)
         self.frame = ""
         self.jumped_m = 0.0
         self._speed = speed
@@ -85,12 +85,12 @@ class Odometer:
         self._fresh_s = fresh_s
         self._delay_s = delay_s
         self._senders: dict[bytes, float] = {}
-        self._astray: Reading | None = None
+        self._astray: OdometryReading | None = None
         self._astray_since_s = 0.0
         self._strayed_s = -math.inf
 
     @property
-    def newest(self) -> Reading | None:
+    def newest(self) -> OdometryReading | None:
         """The newest message, as far as it is believed."""
         return self.readings[-1] if self.readings else None
 
@@ -141,13 +141,13 @@ class Odometer:
             return f"odometry has jumped by {self.jumped_m:.1f} m"
         return ""
 
-    def _read(self, message: Odometry, arrived_s: float, last: Reading | None) -> Reading:
+    def _read(self, message: Odometry, arrived_s: float, last: OdometryReading | None) -> OdometryReading:
         stamp_s = message.stamp_ns / 1e9 if self._delay_s is None else arrived_s - self._delay_s
         driven_m = 0.0
         if last is not None:
             lapsed_s = min(max(0.0, arrived_s - last.arrived_s), _DRIVEN_S)
             driven_m = last.driven_m + _speed(message.twist) * lapsed_s
-        return Reading(stamp_s, arrived_s, message.pose, message.twist, driven_m)
+        return OdometryReading(stamp_s, arrived_s, message.pose, message.twist, driven_m)
 
     def _note(self, sender: bytes, arrived_s: float) -> None:
         self._senders.pop(sender, None)
@@ -155,24 +155,24 @@ class Odometer:
         if len(self._senders) > _MOST_SENDERS:
             del self._senders[next(iter(self._senders))]
 
-    def _begin(self, reading: Reading) -> None:
+    def _begin(self, reading: OdometryReading) -> None:
         self._astray, self._strayed_s = None, -math.inf
         self.readings.clear()
         self.readings.append(reading)
 
-    def _settled(self, reading: Reading) -> bool:
+    def _settled(self, reading: OdometryReading) -> bool:
         """Return True if what came astray has been steady for long enough to be where the robot counts from now."""
         if self._astray is None or not self._follows(self._astray, reading):
             self._astray_since_s = reading.arrived_s
         self._astray, self._strayed_s = reading, reading.arrived_s
         return reading.arrived_s - self._astray_since_s >= SETTLED_S
 
-    def _keeps_its_speed(self, reading: Reading) -> bool:
+    def _keeps_its_speed(self, reading: OdometryReading) -> bool:
         """Return True if many small jumps make no large one."""
         second = [one for one in self.readings if 0.0 <= reading.arrived_s - one.arrived_s <= SETTLED_S]
         return not second or self._follows(second[0], reading)
 
-    def _follows(self, before: Reading, after: Reading) -> bool:
+    def _follows(self, before: OdometryReading, after: OdometryReading) -> bool:
         """Return True if a body that was at the one can be at the other."""
         lapsed_s = max(after.stamp_s - before.stamp_s, after.arrived_s - before.arrived_s, 0.0)
         time_s = min(lapsed_s, SETTLED_S) + self._fresh_s  # messages that waited arrive together

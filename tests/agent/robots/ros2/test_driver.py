@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agent.robots.ros2.driver import Failed, Objection, Pace, Ros2Robot
+from agent.robots.ros2.driver import DriverFailed, Objection, Pace, Ros2Robot
 from agent.robots.ros2.driving import steering
 from agent.robots.ros2.driving.fence import Fence
 from agent.robots.ros2.driving.governor import Governor, Rule
 from agent.robots.ros2.driving.others import Others
 from agent.robots.ros2.driving.response import Response
-from agent.robots.ros2.driving.steering import ENOUGH_M, GoalSteering, Progress, Steering, VelocitySteering
+from agent.robots.ros2.driving.steering import ENOUGH_M, GoalSteering, MotionCheck, Steering, VelocitySteering
 from agent.robots.ros2.hardware import Hardware
 from agent.robots.ros2.pose import localisation
 from agent.robots.ros2.pose.localisation import LocalisationSettings
@@ -323,7 +323,7 @@ def test_a_driver_that_fails_stops_the_robot_and_tells_the_mind_and_the_log() ->
     bench.until(lambda: len(bench.hub.sent["/robot1/cmd_vel"]) == 5)
     assert bench.told == STILL
     bench.until(lambda: not bench.driver.driving)
-    with pytest.raises(Failed, match="a wire is loose"):
+    with pytest.raises(DriverFailed, match="a wire is loose"):
         bench.driver.sense()
     assert [str(error) for error in bench.log.failures] == ["a wire is loose"]
 
@@ -361,10 +361,10 @@ def test_the_time_of_a_simulation_is_the_robots_time() -> None:
 
 
 def test_who_does_not_get_on_has_bumped() -> None:
-    progress = Progress()
+    progress = MotionCheck()
     for travelled, stuck in ((0.0, True), (0.05, True), (0.2, False), (0.4, False), (-0.3, True)):
         assert not progress.ended(Pose(0.0, 0.0, 0.0)) or travelled
-        progress = Progress()
+        progress = MotionCheck()
         progress.ended(Pose(0.0, 0.0, 0.0))
         progress.told(Twist(ENOUGH_M - 0.01, 0.0), 1.0)
         assert not progress.ended(Pose(0.0, 0.0, 0.0))

@@ -20,7 +20,7 @@ from patrol.ros2.link import open_ros2
 from patrol.ros2.mailbox import RosMailbox
 from patrol.ros2.messages import Bool, CancelRequest, CancelResponse, OccupancyGrid, String, TwistStamped
 from patrol.ros2.messages import Path as Way
-from patrol.ros2.names import LATCHED, Kind, NodeName
+from patrol.ros2.names import LATCHED, EntityKind, NodeName
 from patrol.ros2.ports import Asked
 from tests.ros2_bench import NAME, Bench, bench
 from tests.routers import PATIENCE_S, free_endpoint, routed
@@ -95,7 +95,9 @@ def test_who_looks_on_sees_map_fog_and_path_and_the_agent_in_the_graph(driven: B
         assert fog.message.cells.min() == -1
         assert len(way.message.poses) >= 1
         ours = {
-            one.topic for one in link.graph(PATIENCE_S) if one.node.name == "fogwatch" and one.kind is Kind.PUBLISHER
+            one.topic
+            for one in link.graph(PATIENCE_S)
+            if one.node.name == "fogwatch" and one.kind is EntityKind.PUBLISHER
         }
         assert ours == {f"/{NAME}/{name}" for name in ("cmd_vel", "map", "fog", "path")}
     finally:

@@ -24,7 +24,7 @@ from patrol.ros2.formats import RmwZenoh
 from patrol.ros2.goals import GoalClient, GoalServer, Going
 from patrol.ros2.mailbox import RosMailbox
 from patrol.ros2.messages import PoseStamped, TwistStamped
-from patrol.ros2.names import Entity, Kind, NodeName
+from patrol.ros2.names import Entity, EntityKind, NodeName
 from tests.ros2_site import Site
 from tests.routers import PATIENCE_S, make_local_fleet, needs_openssl
 
@@ -79,7 +79,7 @@ def test_a_cancel_reaches_nav2_whoever_claims_to_be_its_server(site: Site) -> No
     for who, link in (("liar", liar), ("viewer", viewer)):
         for number, claimed in enumerate(hashes):
             node, topic = NodeName(who, "robot1"), "/robot1/navigate_to_pose/_action/cancel_goal"
-            token = Entity(0, "ab", 0, 90 + number, Kind.SERVER, node, topic, CANCEL, claimed).token
+            token = Entity(0, "ab", 0, 90 + number, EntityKind.SERVER, node, topic, CANCEL, claimed).token
             link._declared.append(link._session.liveliness().declare_token(token))
 
     def work() -> None:
@@ -89,7 +89,9 @@ def test_a_cancel_reaches_nav2_whoever_claims_to_be_its_server(site: Site) -> No
 
     def seen() -> set[tuple[str, str]]:
         found = robot.graph(PATIENCE_S)
-        return {(one.node.name, one.type_hash) for one in found if one.kind is Kind.SERVER and one.type_name == CANCEL}
+        return {
+            (one.node.name, one.type_hash) for one in found if one.kind is EntityKind.SERVER and one.type_name == CANCEL
+        }
 
     client.go(THERE, time.monotonic())
     until(lambda: client.going is Going.UNDER_WAY, work)

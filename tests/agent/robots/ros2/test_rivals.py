@@ -6,14 +6,14 @@ import threading
 
 from agent.robots.ros2.rivals import Rivals, rivals
 from patrol.ros2.messages import Twist
-from patrol.ros2.names import Entity, Kind, NodeName
+from patrol.ros2.names import Entity, EntityKind, NodeName
 from tests.ros2_hub import Hub
 
 TOPIC = "/robot1/cmd_vel"
 OURS = "0123"
 
 
-def entity(kind: Kind, name: str, session: str = "4567", topic: str = "", namespace: str = "robot1") -> Entity:
+def entity(kind: EntityKind, name: str, session: str = "4567", topic: str = "", namespace: str = "robot1") -> Entity:
     return Entity(0, session, 0, 1, kind, NodeName(name, namespace), topic)
 
 
@@ -22,21 +22,28 @@ def found(*entities: Entity, topic: str | None = TOPIC) -> list[str]:
 
 
 def test_whoever_publishes_commands_is_a_rival_but_we_ourselves() -> None:
-    joystick = entity(Kind.PUBLISHER, "teleop", topic=TOPIC)
-    assert found(joystick, entity(Kind.PUBLISHER, "fogwatch", OURS, TOPIC)) == ["/robot1/teleop on /robot1/cmd_vel"]
-    assert found(entity(Kind.PUBLISHER, "", topic=TOPIC)) == ["somebody on /robot1/cmd_vel"]
+    joystick = entity(EntityKind.PUBLISHER, "teleop", topic=TOPIC)
+    assert found(joystick, entity(EntityKind.PUBLISHER, "fogwatch", OURS, TOPIC)) == [
+        "/robot1/teleop on /robot1/cmd_vel"
+    ]
+    assert found(entity(EntityKind.PUBLISHER, "", topic=TOPIC)) == ["somebody on /robot1/cmd_vel"]
     assert found(joystick, topic=None) == []
-    assert found(entity(Kind.SUBSCRIPTION, "base", topic=TOPIC), entity(Kind.PUBLISHER, "x", topic="/cmd_vel")) == []
+    assert (
+        found(entity(EntityKind.SUBSCRIPTION, "base", topic=TOPIC), entity(EntityKind.PUBLISHER, "x", topic="/cmd_vel"))
+        == []
+    )
 
 
 def test_another_agent_of_the_robot_is_a_rival_whatever_it_sends() -> None:
-    nodes = [entity(Kind.NODE, "fogwatch", namespace=namespace) for namespace in ("robot1", "/robot1")]
+    nodes = [entity(EntityKind.NODE, "fogwatch", namespace=namespace) for namespace in ("robot1", "/robot1")]
     assert found(*nodes, topic=None) == ["another agent, /robot1/fogwatch"]
-    assert found(entity(Kind.NODE, "fogwatch", OURS), entity(Kind.NODE, "fogwatch", namespace="robot2")) == []
+    assert (
+        found(entity(EntityKind.NODE, "fogwatch", OURS), entity(EntityKind.NODE, "fogwatch", namespace="robot2")) == []
+    )
 
 
 def test_what_others_call_themselves_cannot_fill_a_line() -> None:
-    lines = found(*(entity(Kind.PUBLISHER, f"{number}\n" + 1000 * "x", topic=TOPIC) for number in range(100)))
+    lines = found(*(entity(EntityKind.PUBLISHER, f"{number}\n" + 1000 * "x", topic=TOPIC) for number in range(100)))
     assert len(lines) == 4
     assert all(len(line) < 200 and "\n" not in line for line in lines)
 

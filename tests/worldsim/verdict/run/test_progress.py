@@ -23,7 +23,7 @@ from worldsim.truth import Truth
 from worldsim.verdict.common.check import CheckResult
 from worldsim.verdict.judge import Judge, Verdict, judge
 from worldsim.verdict.run.fog_check import FogIsTrue
-from worldsim.verdict.run.progress import Progress, Stalest
+from worldsim.verdict.run.progress import ProgressCheck, Stalest
 from worldsim.world import World
 
 Place = tuple[float, float]
@@ -93,7 +93,7 @@ def swings(x: float, y: float) -> Path:
 
 def test_a_patrol_that_gets_on_has_no_warning() -> None:
     ready = rooms()
-    result = result_of(Progress, ready, made(ready, 1000, WHOLE, WHOLE))
+    result = result_of(ProgressCheck, ready, made(ready, 1000, WHOLE, WHOLE))
     good = "no robot was trapped; all that can be seen was seen, and nothing was stale for long at the end"
     assert result == CheckResult("progress", True, good)
 
@@ -104,7 +104,7 @@ def test_a_trapped_robot_is_named_with_place_and_time() -> None:
     def stuck(k: int) -> Place:
         return WHOLE(k) if k < 200 else swings(5.0, 8.0)(k)
 
-    result = result_of(Progress, ready, made(ready, 1000, stuck, lambda k: WHOLE(k) if k < 150 else (18.0, 8.0)))
+    result = result_of(ProgressCheck, ready, made(ready, 1000, stuck, lambda k: WHOLE(k) if k < 150 else (18.0, 8.0)))
     assert result.ok
     first, second, third = result.warnings
     where = "within 3.2 m of (3.8, 6.5) from 93 s to the end (500 s)"
@@ -121,7 +121,7 @@ def test_several_traps_of_one_robot_are_one_line_about_the_longest() -> None:
         return (2.0, 2.0) if k < 500 else (18.0, 8.0) if k < 1400 else WHOLE(k)
 
     journal = made(ready, 1600, path, lambda _: (2.0, 8.0))
-    result = result_of(Progress, ready, journal)
+    result = result_of(ProgressCheck, ready, journal)
     assert result.warnings[0].startswith("r1 was trapped: it stayed within 3.2 m of (18.0, 8.0) from 250 s to 700 s")
     assert result.warnings[0].endswith("; 2 times in all, 700 s")
     progress = judge(journal, {}, ready).progress
@@ -135,7 +135,7 @@ def test_several_traps_of_one_robot_are_one_line_about_the_longest() -> None:
 def test_times_that_overlap_count_once() -> None:
     ready = rooms()
     journal = made(ready, 1400, lambda k: (2.0 + 0.005 * k, 2.0), lambda _: (2.0, 8.0))
-    (line,) = [line for line in result_of(Progress, ready, journal).warnings if line.startswith("r1")]
+    (line,) = [line for line in result_of(ProgressCheck, ready, journal).warnings if line.startswith("r1")]
     progress = judge(journal, {}, ready).progress
     assert progress is not None
     first, second = [trapped for trapped in progress.trapped if trapped.robot == "r1"]
@@ -148,7 +148,7 @@ def test_times_that_overlap_count_once() -> None:
 def test_a_robot_is_trapped_until_others_have_seen_all_that_it_could_see_elsewhere() -> None:
     ready = rooms()
     journal = made(ready, 1000, lambda _: (2.0, 2.0), lambda k: (2.0, 8.0) if k < 500 else WHOLE(k))
-    result = result_of(Progress, ready, journal)
+    result = result_of(ProgressCheck, ready, journal)
     (line,) = [warning for warning in result.warnings if warning.startswith("r1")]
     assert line.startswith("r1 was trapped: it stayed within 3.2 m of (2.0, 2.0) from 0 s to 3")
     assert line.endswith("had never been seen; then all that it could see elsewhere had been seen")
@@ -163,13 +163,13 @@ def test_a_robot_is_trapped_until_others_have_seen_all_that_it_could_see_elsewhe
 @pytest.mark.parametrize("free", [{"status": Status.PAUSED}, {"status": Status.DEAD}, {"state": "surrounding"}])
 def test_who_is_down_or_surrounds_an_intruder_is_not_trapped(free: dict[str, Any]) -> None:
     ready = rooms()
-    result = result_of(Progress, ready, made(ready, 1000, lambda _: (5.0, 5.0), lambda _: (15.0, 5.0), **free))
+    result = result_of(ProgressCheck, ready, made(ready, 1000, lambda _: (5.0, 5.0), lambda _: (15.0, 5.0), **free))
     assert [line.split(" ", 1)[0] for line in result.warnings if "trapped" in line] == ["r2"]
 
 
 def test_ground_that_nobody_has_seen_is_counted_and_placed() -> None:
     ready = rooms()
-    result = result_of(Progress, ready, made(ready, 1000, LEFT_ROOM, LEFT_ROOM))
+    result = result_of(ProgressCheck, ready, made(ready, 1000, LEFT_ROOM, LEFT_ROOM))
     (line,) = result.warnings
     truth = Truth(sensor_footprint(ready.scenario, ready.terrain), ready.patrolled)
     for k in range(1000):
@@ -191,7 +191,7 @@ def test_fog_that_grows_to_the_end_is_told_with_the_nearest_robot() -> None:
     def path(k: int) -> Place:
         return WHOLE(k) if k < 200 else LEFT_ROOM(k)
 
-    result = result_of(Progress, ready, made(ready, 1000, path, path))
+    result = result_of(ProgressCheck, ready, made(ready, 1000, path, path))
     (line,) = result.warnings
     assert line.startswith("the fog grew to the end: (")
     assert " s before the end; r1 was nearest to it then, " in line
@@ -199,14 +199,14 @@ def test_fog_that_grows_to_the_end_is_told_with_the_nearest_robot() -> None:
 
 def test_the_fog_of_a_short_run_is_not_judged() -> None:
     ready = rooms()
-    result = result_of(Progress, ready, made(ready, 300, LEFT_ROOM, LEFT_ROOM))
+    result = result_of(ProgressCheck, ready, made(ready, 300, LEFT_ROOM, LEFT_ROOM))
     assert result.warnings == ()
     assert "the fog is not judged: the run takes 150 s, and it would have to take 360 s" in result.detail
 
 
 def test_without_a_tour_ground_that_nobody_has_seen_is_judged_once_no_more_is_found() -> None:
     narrow = rooms(angle=300.0)
-    result = result_of(Progress, narrow, made(narrow, 1000, LEFT_ROOM, LEFT_ROOM))
+    result = result_of(ProgressCheck, narrow, made(narrow, 1000, LEFT_ROOM, LEFT_ROOM))
     (line,) = result.warnings
     assert " were never seen in 500 s:" in line
 
@@ -225,7 +225,7 @@ def test_without_a_tour_ground_that_nobody_has_seen_is_judged_once_no_more_is_fo
         ),
         (1400, leaves, "all that can be seen was seen; there is no tour to compare the fog's growth with"),
     ):
-        result = result_of(Progress, narrow, made(narrow, ticks, path, path))
+        result = result_of(ProgressCheck, narrow, made(narrow, ticks, path, path))
         assert (result.warnings, result.detail) == ((), f"no robot was trapped; {detail}")
 
 
@@ -235,7 +235,7 @@ def test_robots_that_were_down_leave_more_time() -> None:
     for k, record in enumerate(journal.records):
         rows = [replace(row, status=Status.DEAD) for row in record.robots]
         journal.records[k] = replace(record, robots=tuple(rows) if k > 50 else record.robots)
-    assert "the fog is not judged" in result_of(Progress, ready, journal).detail
+    assert "the fog is not judged" in result_of(ProgressCheck, ready, journal).detail
 
 
 def test_warnings_leave_the_outcome_as_it_is_and_name_the_stalest_place() -> None:
@@ -271,5 +271,5 @@ def test_without_recomputing_the_fog_that_of_the_world_gives_the_same_warnings()
 
 def test_a_run_without_a_tick_is_not_judged() -> None:
     ready = rooms()
-    result = result_of(Progress, ready, made(ready, 0, WHOLE, WHOLE))
+    result = result_of(ProgressCheck, ready, made(ready, 0, WHOLE, WHOLE))
     assert (result.ok, result.judged, result.detail) == (True, False, "not judged: the run has no tick")
