@@ -143,7 +143,7 @@ def _run(
         disturb_chance(1000 * world.tick + chance)
 
     try:
-        run.trace = str(run_in_process(scenario, failure=fail, look=disturb).summary["trace_hash"])
+        run.trace = run_in_process(scenario, failure=fail, look=disturb).summary.trace_hash or ""
     except BadInput:
         if not failures:
             raise
