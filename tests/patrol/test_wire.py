@@ -1,0 +1,233 @@
+"""The bytes of each message and record, as versions since 0.2 send and keep them."""
+
+from __future__ import annotations
+
+import json
+import zlib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import msgpack
+import numpy as np
+import pytest
+
+from patrol.exchange import Reply, Sensed
+from patrol.journal import End, Event, Header, RobotFacts, RobotTick, Status, TerrainFacts, TickRecord, pack, unpack
+from patrol.journal.links import Drops, Links
+from patrol.net.messages.feed import Batch, batch_bytes, read_batch, read_so_far
+from patrol.net.messages.phases import (
+    Failed,
+    Hello,
+    HelloReply,
+    PhaseA,
+    PhaseB,
+    ReplyA,
+    ReplyB,
+    Report,
+    Stop,
+    decode_to_robot,
+    decode_to_world,
+    encode,
+)
+from patrol.net.messages.stop_orders import Order, Outcome, outcome_of
+from patrol.net.messages.telemetry import (
+    Metrics,
+    Notice,
+    RobotView,
+    Telemetry,
+    Traffic,
+    pack_view,
+    read_metrics,
+    read_notice,
+    read_telemetry,
+    read_traffic,
+)
+from patrol.net.security.transcripts import Line
+from patrol.pose import Drive, Pose, Twist, Velocity
+from tests.fleets import answer_so_far
+
+HEAD = (1, 2**63 - 1, 70_000, 9)
+PROOF = bytes(range(16))
+SENSED = Sensed(70_000, Pose(1, -2.5, 0.125), True, ((1.0, 2.0), (-0.0, 4)), 35_000.5)
+TRAFFIC = Traffic(2, 30, {"r2": 29, "r3": 0}, 1, final=True)
+METRICS = Metrics(3, 10, 1.5, 2.0, 1.0, 2.5, 0.5, 40.0, (RobotView("r1", 1, "patrolling", 1.0, 2.0, 0.5),), (2.5, -9.5))
+TELEMETRY = Telemetry(3, "patrolling", (1.0, 2.0), None, 0.5, 9, 1.5, 0)
+ROBOTS = (
+    RobotTick(1, Status.ALIVE, 1.5, -0.0, 1e-300, 4.4, -1 / 3, True, "patrolling", (1.5, 2.5), 0.7, 0),
+    RobotTick(65535, Status.LEFT, -7.0, 3.0, 0.1, 0.0, 0.0, False, "", None, None, None, True),
+)
+HEADER = Header(
+    "0.2.0",
+    {"name": "yards", "robots": [{"count": 2, "speed": 1.5, "spare": None}]},
+    "ab" * 32,
+    (RobotFacts(1, "r1", "car", 1.0), RobotFacts(65535, "scout", "holonomic", 0.3)),
+    TerrainFacts("yards", 1000, 880, 0.1, (-1.5, 0.0)),
+    6837.25,
+    16.4,
+    "2026-01-01T12:00:00+00:00",
+)
+NOTES = {
+    "exit_codes": {"r1": 0},
+    "wall_s": 2.5,
+    "late_frames": {1: 3},
+    "refused": {"r1": 2},
+    "direct": {"missed": {"r1": 0}, "said": {"r1": {"sent": 3, "heard": {"r2": 2}, "refused": 0, "final": True}}},
+}
+TICK = TickRecord(
+    k=3,
+    robots=ROBOTS,
+    frames=((1, b"frame"), (65535, b""), (0, b"forged")),
+    deliveries=((1, 2, 3), (1, 3, 3), (2, 1, 3), (0, 1, 2**40)),
+    dropped=((1, 2, 3, "range"), (1, 3, 3, "range"), (1, 4, 3, "jam:f1")),
+    mfow=3,
+    fog_mean=1.25,
+    seen=51,
+    copies=((1, 2, 3, "f2"),),
+    delayed=((2, 1, 3, "f3"),),
+    forged=("f4",),
+)
+
+
+def columns(*values: int) -> np.ndarray[Any, np.dtype[np.int64]]:
+    return np.array(values, dtype=np.int64)
+
+
+IN_COLUMNS = TickRecord(
+    k=3,
+    robots=(),
+    frames=(),
+    deliveries=Links(columns(1, 1, 2), columns(2, 3, 1), columns(3, 3, 3)),
+    dropped=Drops(columns(1, 1), columns(2, 3), columns(3, 3), columns(0, 1), ("range", "jam:f1")),
+    mfow=0,
+    fog_mean=0.0,
+    seen=0,
+)
+
+MESSAGES: Mapping[str, tuple[bytes, Callable[[bytes], object]]] = {
+    "hello": (encode(Hello(*HEAD, PROOF, 8)), decode_to_robot),
+    "phase a": (encode(PhaseA(*HEAD, SENSED, PROOF)), decode_to_robot),
+    "phase b": (encode(PhaseB(*HEAD, (b"frame", b""), PROOF)), decode_to_robot),
+    "stop": (encode(Stop(*HEAD, orderly=True, reason="the run is over")), decode_to_robot),
+    "hello reply": (encode(HelloReply(*HEAD, "a" * 64)), decode_to_world),
+    "reply a": (encode(ReplyA(*HEAD, (b"frame", b"x" * 100))), decode_to_world),
+    "reply b": (encode(ReplyB(*HEAD, Reply(Drive(1.5, -0.0), "patrolling", (1, 2.0), 1.5, 7))), decode_to_world),
+    "reply b, no goal": (encode(ReplyB(*HEAD, Reply(Twist(1.0, 0.5), "", None, 0.0, 0))), decode_to_world),
+    "reply b, refused": (encode(ReplyB(*HEAD, Reply(Velocity(1e400, 0.0), "", None, 0.0, 0))), decode_to_world),
+    "failed": (encode(Failed(*HEAD, "no plan" * 100)), decode_to_world),
+    "report": (encode(Report(*HEAD, 7, (Line(3, (b"a" * 8, b"", b"b" * 16, b"")),))), decode_to_world),
+    "batch": (batch_bytes(Batch(2**40, (b"one", b""), running=True, pace=2.0)), read_batch),
+    "empty batch": (batch_bytes(Batch(0, (), running=False, pace=None)), read_batch),
+    "metrics": (pack_view(METRICS), read_metrics),
+    "notice": (pack_view(Notice(3, "lost", "r1", "no answer")), read_notice),
+    "telemetry": (pack_view(TELEMETRY), read_telemetry),
+    "traffic": (pack_view(Telemetry(1, "holding", None, (1.0, 2.0), None, 3, 4.0, 5, TRAFFIC)), read_traffic),
+    "stop order": (Order.STOP.encode(), lambda payload: Order(payload.decode())),
+    "release": (Order.RELEASE.encode(), lambda payload: Order(payload.decode())),
+    "outcome": (Outcome(done=False, text="it still drives").to_bytes(), outcome_of),
+    "header": (pack(HEADER), unpack),
+    "tick": (pack(TICK), unpack),
+    "tick in columns": (pack(IN_COLUMNS), unpack),
+    "event": (pack(Event(3, "dead", 1, "killed")), unpack),
+    "event of the run": (pack(Event(3, "over")), unpack),
+    "end": (pack(End("duration", "cd" * 32, NOTES)), unpack),
+}
+
+BYTES: Mapping[str, str] = json.loads((Path(__file__).parent / "wire_bytes.json").read_text(encoding="utf-8"))
+"""What version 0.2 made of the messages, as hexadecimal digits."""
+
+VALUES: Mapping[str, object] = {
+    "hello": Hello(*HEAD, PROOF, 8),
+    "phase a": PhaseA(*HEAD, SENSED, PROOF),
+    "phase b": PhaseB(*HEAD, (b"frame", b""), PROOF),
+    "stop": Stop(*HEAD, orderly=True, reason="the run is over"),
+    "hello reply": HelloReply(*HEAD, "a" * 64),
+    "reply a": ReplyA(*HEAD, (b"frame", b"x" * 100)),
+    "reply b": ReplyB(*HEAD, Reply(Drive(1.5, -0.0), "patrolling", (1.0, 2.0), 1.5, 7)),
+    "failed": Failed(*HEAD, ("no plan" * 100)[:400]),
+    "report": Report(*HEAD, 7, (Line(3, (b"a" * 8, b"", b"b" * 16, b"")),)),
+    "batch": Batch(2**40, (b"one", b""), running=True, pace=2.0),
+    "metrics": METRICS,
+    "notice": Notice(3, "lost", "r1", "no answer"),
+    "telemetry": TELEMETRY,
+    "traffic": TRAFFIC,
+    "stop order": Order.STOP,
+    "outcome": Outcome(done=False, text="it still drives"),
+    "header": HEADER,
+    "tick": TICK,
+    "tick in columns": IN_COLUMNS,
+    "event": Event(3, "dead", 1, "killed"),
+    "end": End("duration", "cd" * 32, NOTES),
+}
+
+
+@pytest.mark.parametrize("name", MESSAGES)
+def test_a_message_is_sent_as_it_always_was(name: str) -> None:
+    assert MESSAGES[name][0].hex() == BYTES[name]
+
+
+@pytest.mark.parametrize("name", VALUES)
+def test_what_was_always_sent_is_read(name: str) -> None:
+    read = MESSAGES[name][1]
+    assert read(bytes.fromhex(BYTES[name])) == VALUES[name]
+
+
+def test_an_answer_to_a_viewer_is_sent_as_it_always_was() -> None:
+    """Versions of zlib differ in what they make of the same grid, so it is compared as it is unpacked."""
+    says = msgpack.unpackb(answer_so_far())
+    grids = {name: zlib.decompress(says.pop(name)).hex() for name in ("passable", "keep_out", "seen")}
+    assert grids == {"passable": "fffff0", "keep_out": "000000", "seen": 20 * "02000000"}
+    assert [zlib.decompress(area).hex() for area in says.pop("areas")] == ["fffff0"]
+    curve = "000000000000803f00000040"
+    assert list(says.items()) == [
+        ("number", 9),
+        ("header", b"header"),
+        ("last", None),
+        ("shape", [4, 5]),
+        ("area_of", [[1, 0]]),
+        ("events", []),
+        ("event", 0),
+        ("asked", [b"asked"]),
+        ("every", 1),
+        ("mfow", bytes.fromhex(curve)),
+        ("fog_mean", bytes.fromhex(curve)),
+        ("running", True),
+        ("pace", None),
+    ]
+    assert list(msgpack.unpackb(answer_so_far())) == [
+        *("number", "header", "last", "shape", "passable", "keep_out", "areas", "area_of", "seen", "events"),
+        *("event", "asked", "every", "mfow", "fog_mean", "running", "pace"),
+    ]
+    assert read_so_far(answer_so_far()).number == 9
+
+
+@pytest.mark.parametrize("name", ["header", "event", "end"])
+def test_a_record_with_a_field_of_a_later_version_is_refused(name: str) -> None:
+    says = {**msgpack.unpackb(bytes.fromhex(BYTES[name]), strict_map_key=False), "news": 1}
+    with pytest.raises(ValueError, match="not a record of a journal"):
+        unpack(msgpack.packb(says))
+
+
+def test_a_record_of_an_earlier_version_is_read() -> None:
+    """Runs had no start, no notes and no faults that add or delay frames, once."""
+    says = msgpack.unpackb(bytes.fromhex(BYTES["header"]))
+    del says["started"]
+    assert unpack(msgpack.packb(says)) == Header(
+        *(getattr(HEADER, name) for name in HEADER.__slots__ if name != "started")
+    )
+    assert unpack(msgpack.packb({"type": "end", "reason": "duration", "trace_hash": ""})) == End("duration", "")
+    says = msgpack.unpackb(bytes.fromhex(BYTES["tick in columns"]))
+    for name in ("copies", "delayed", "forged"):
+        del says[name]
+    assert unpack(msgpack.packb(says)) == IN_COLUMNS
+
+
+def test_a_tick_by_another_writer_is_read() -> None:
+    """In another order, with whole numbers for some of the floats, and with a field that nobody knows."""
+    says = msgpack.unpackb(bytes.fromhex(BYTES["tick"]))
+    kind = says.pop("type")
+    says["robots"][0][2] = 2
+    read = unpack(msgpack.packb({**says, "type": kind, "news": 1}))
+    assert isinstance(read, TickRecord)
+    assert read.robots[0].x == 2.0
+    assert read.deliveries == TICK.deliveries
