@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from agent.robots.ros2.options import wanted as is_for_ros2
 from patrol.errors import BadInput
-from patrol.net.messages.phases import FIRST_INCARNATION
+from patrol.exchange import FIRST_INCARNATION
 from patrol.process.deadline import DECISION_LIMIT_S
 from patrol.process.exit_codes import BAD_INPUT, INTERRUPTED
 from patrol.process.lifeline import Ending, heed

@@ -16,9 +16,8 @@ from agent.mind import MakeMind, Mind
 from agent.policies.found import policy_of
 from agent.ports import Decision, PolicyFailed
 from patrol.errors import BadInput
-from patrol.exchange import Reply, Sensed
+from patrol.exchange import FIRST_INCARNATION, Reply, Sensed
 from patrol.journal import Event, JournalWriter, Status, TickRecord, read_journal
-from patrol.net.messages.phases import FIRST_INCARNATION
 from patrol.own_sensor import allow_sensor
 from patrol.prepare import Prepared, prepare, sensor_footprint
 from patrol.process.deadline import DECISION_LIMIT_S, Late, deadline

@@ -9,6 +9,9 @@ from dataclasses import dataclass
 
 from patrol.pose import Command, Pose
 
+FIRST_INCARNATION = 1
+"""The number of a robot's first process; each that is started in its place has the next."""
+
 
 @dataclass(frozen=True, slots=True)
 class Sensed:

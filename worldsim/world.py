@@ -6,10 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
-from patrol.exchange import Reply, Sensed
+from patrol.exchange import FIRST_INCARNATION, Reply, Sensed
 from patrol.journal import Event, RobotTick, Status, TickRecord
 from patrol.journal.records import FORGED
-from patrol.net.messages.phases import FIRST_INCARNATION
 from patrol.pose import Pose
 from patrol.prepare import check_intruder, sensor_footprint
 from patrol.radio.message import MAX_FRAMES

@@ -17,7 +17,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Protocol
 
-from patrol.net.messages.phases import FIRST_INCARNATION
+from patrol.exchange import FIRST_INCARNATION
 from patrol.printable import printable
 from patrol.process.starting.readiness import StartPipe, StartReport
 

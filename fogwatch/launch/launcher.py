@@ -25,10 +25,10 @@ from fogwatch.launch.page_child import PAGE, PageChild
 from fogwatch.launch.private import Secrets
 from fogwatch.launch.runfolder import PolicyNotMade, RunFolder
 from patrol.errors import BadInput
+from patrol.exchange import FIRST_INCARNATION
 from patrol.net.keys import fleet_keys
 from patrol.net.link import Link, LinkDown, open_link
 from patrol.net.mailbox import Mailbox
-from patrol.net.messages.phases import FIRST_INCARNATION
 from patrol.net.messages.telemetry import EVENTS, MAX_NOTICE, METRICS, longest_metrics, read_metrics, read_notice
 from patrol.net.security.access import write_pointer
 from patrol.net.security.credentials import read_credentials

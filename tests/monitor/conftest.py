@@ -17,8 +17,8 @@ from agent.build import mind_maker, shared_by
 from agent.mind import Mind
 from experiments.inprocess import InProcessFleet
 from monitor.replay.run import Run, open_run
+from patrol.exchange import FIRST_INCARNATION
 from patrol.journal import JournalWriter, TickRecord, read_journal
-from patrol.net.messages.phases import FIRST_INCARNATION
 from patrol.prepare import prepare, sensor_footprint
 from patrol.scenario import dump_scenario, load_scenario
 from worldsim.fleet.loop import run_ticks

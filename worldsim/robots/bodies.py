@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from patrol.exchange import FIRST_INCARNATION
 from patrol.journal import Status
-from patrol.net.messages.phases import FIRST_INCARNATION
 from patrol.pose import Command, Pose, halted
 
 if TYPE_CHECKING:

@@ -29,7 +29,6 @@ from patrol.pose import Command, Pose, pack_command, unpack_command
 from patrol.radio.message import MAX_CONTACTS, MAX_FRAME, MAX_FRAMES
 
 PROTOCOL = 5
-FIRST_INCARNATION = 1
 ANYONE = 0
 """The instance in a hello, which is for all processes of a robot."""
 

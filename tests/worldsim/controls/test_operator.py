@@ -16,8 +16,8 @@ from PIL import Image
 from agent.build import mind_maker, shared_by
 from experiments.inprocess import InProcessFleet, run_in_process
 from patrol.errors import BadInput
+from patrol.exchange import FIRST_INCARNATION
 from patrol.journal.records import Event, Status, TickRecord
-from patrol.net.messages.phases import FIRST_INCARNATION
 from patrol.prepare import Prepared, prepare
 from patrol.scenario import Scenario, load_scenario, scenario_hash
 from patrol.scenario.control_words import worded

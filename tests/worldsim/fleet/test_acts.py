@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from patrol.errors import BadInput
+from patrol.exchange import FIRST_INCARNATION
 from patrol.journal import Status, TickRecord
 from patrol.journal.records import Event
-from patrol.net.messages.phases import FIRST_INCARNATION
 from worldsim.fleet.loop import run_ticks
 from worldsim.run_record import COMPLETED, DESERTED, MemoryJournal
 from worldsim.verdict.judge import judge

@@ -10,9 +10,9 @@ import pytest
 
 from agent.build import mind_maker, shared_by
 from experiments.inprocess import InProcessFleet
+from patrol.exchange import FIRST_INCARNATION
 from patrol.journal import JournalWriter, TickRecord
 from patrol.net.messages.feed import read_so_far
-from patrol.net.messages.phases import FIRST_INCARNATION
 from patrol.prepare import prepare
 from patrol.scenario import load_scenario
 from worldsim.controls.operator import RunState

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from patrol.net.messages.phases import FIRST_INCARNATION
+from patrol.exchange import FIRST_INCARNATION
 from worldsim.faults.lifecycle import process_name
 from worldsim.verdict.common.check import Check, CheckResult
 
