@@ -1,4 +1,9 @@
-"""The one exception for input that cannot be used, and how messages spell values and near misses."""
+"""The exceptions for input that cannot be used, and how messages spell values and near misses.
+
+Unusable                what a user, a file or a wire gave
+    BadInput            a user's file or argument; the command line prints it and ends with exit code 2
+    Malformed           bytes that are not the message or the record that belongs there
+"""
 
 from __future__ import annotations
 
@@ -12,7 +17,15 @@ from patrol.printable import printable
 _LONGEST = 60
 
 
-class BadInput(Exception):
+class Unusable(Exception):
+    """Input that cannot be used; ``str(error)`` says why. Whoever reads from a wire or a file expects these only."""
+
+
+class Malformed(Unusable, ValueError):
+    """Bytes that are not the message or the record that they should be. What sent or wrote them is at fault."""
+
+
+class BadInput(Unusable):
     """Input from the user that cannot be used.
 
     ``str(error)`` is one line that names the file or field, the value, what is wrong with it and what to do instead.

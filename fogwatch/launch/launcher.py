@@ -13,6 +13,7 @@ import socket
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 from fogwatch.launch.child_control import ProcessControlServer
@@ -29,12 +30,13 @@ from patrol.exchange import FIRST_INCARNATION
 from patrol.net.keys import fleet_keys
 from patrol.net.link import Link, LinkDown, open_link
 from patrol.net.mailbox import Mailbox
-from patrol.net.messages.telemetry import EVENTS, MAX_NOTICE, METRICS, longest_metrics, read_metrics, read_notice
+from patrol.net.messages.telemetry import EVENTS, MAX_NOTICE, METRICS, Metrics, Notice, longest_metrics
 from patrol.net.security.access import write_pointer
 from patrol.net.security.credentials import read_credentials
 from patrol.net.security.seats import SEAT, seat_of
 from patrol.process.exit_codes import BAD_INPUT
 from patrol.process.starting.readiness import StartFailure
+from patrol.wire import read
 from worldsim.faults.lifecycle import process_name
 
 ROUTER, WORLD = "the router", "the world"
@@ -319,8 +321,8 @@ class Launch:
     def _watch(self, link: Link) -> None:
         keys = fleet_keys(self.fleet)
         metrics, events = keys.truth(METRICS), keys.truth(EVENTS)
-        seen = Mailbox([metrics], read_metrics, longest_metrics(len(self.robots)), room=1)
-        heard = Mailbox([events], read_notice, MAX_NOTICE)
+        seen = Mailbox([metrics], partial(read, Metrics), longest_metrics(len(self.robots)), room=1)
+        heard = Mailbox([events], partial(read, Notice), MAX_NOTICE)
         link.subscribe(metrics, seen)
         link.subscribe(events, heard)
         while self.children.by_name[WORLD].poll() is None:

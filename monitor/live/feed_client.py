@@ -5,14 +5,16 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
 from monitor.observation.source import Answer
-from patrol.errors import BadInput
+from patrol.errors import BadInput, Malformed
 from patrol.net.keys import WORLD, FleetKeys
 from patrol.net.mailbox import Mailbox, Presence
-from patrol.net.messages.feed import FOG, MAX_ANSWER, MAX_BATCH, TICKS, Batch, Garbled, SoFar, read_batch, read_so_far
+from patrol.net.messages.feed import FOG, MAX_ANSWER, MAX_BATCH, TICKS, Batch, SoFar, read_so_far
 from patrol.net.security.control_auth import ControlClient, Unanswered
+from patrol.wire import read_sparingly
 
 if TYPE_CHECKING:
     from patrol.net.link import Link
@@ -71,7 +73,9 @@ class ZenohFeedClient:
         self._keys = keys
         self._token = token
         ticks, world = keys.truth(TICKS), keys.alive(WORLD)
-        self._mailbox: Mailbox[Batch | Presence] = Mailbox([ticks, world], read_batch, MAX_BATCH, ROOM, ROOM_BYTES)
+        self._mailbox: Mailbox[Batch | Presence] = Mailbox(
+            [ticks, world], partial(read_sparingly, Batch), MAX_BATCH, ROOM, ROOM_BYTES
+        )
         self._present = False
         link.subscribe(ticks, self._mailbox)
         link.watch(world, self._mailbox)
@@ -136,12 +140,12 @@ def first_answer(
         BadInput: The world runs another version.
     """
     while not stopped():
-        wrong: Garbled | None = None
+        wrong: Malformed | None = None
         for payload in client.so_far():
             try:
                 return read_so_far(payload, fits=fits)
-            except Garbled as garbled:
-                wrong = garbled
+            except Malformed as malformed:
+                wrong = malformed
         if wrong is not None:
             raise BadInput(f"--fleet {fleet}: its world runs another version ({wrong}); use one version on all hosts")
         if waits(0.2):

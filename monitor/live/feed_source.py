@@ -27,11 +27,11 @@ from monitor.live.tick_rate import TickRate
 from monitor.observation.listener import as_sent
 from monitor.observation.source import Answer, Layer, RobotShape, RobotState, Series, State, Static
 from monitor.observation.traps import TrapWatch
-from patrol.errors import BadInput
+from patrol.errors import BadInput, Malformed
 from patrol.ground.fog import Fog
 from patrol.ground.terrain import Terrain
 from patrol.journal.records import End, Event, Header, Status, TickRecord
-from patrol.net.messages.feed import Batch, Garbled, SoFar, read_so_far
+from patrol.net.messages.feed import Batch, SoFar, read_so_far
 from patrol.pose import Pose
 from patrol.prepare import prepare, sensor_footprint
 from patrol.scenario.control_words import worded
@@ -280,7 +280,7 @@ class FeedSource:
             return False
         self._requested_at = self._now()
         for payload in self._client.so_far():
-            with suppress(Garbled):
+            with suppress(Malformed):
                 self._begin(read_so_far(payload, self._first))
                 return True
         return False

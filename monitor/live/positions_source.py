@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 from array import array
 from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,11 +21,12 @@ from patrol.errors import BadInput
 from patrol.journal.records import Event, RobotTick, Status, TickRecord
 from patrol.net.mailbox import Mailbox, Presence
 from patrol.net.messages.stop_orders import Order, ask_robots, robots_there
-from patrol.net.messages.telemetry import Telemetry, read_telemetry
+from patrol.net.messages.telemetry import Telemetry
 from patrol.prepare import inbox_of, sensor_footprint
 from patrol.radio.fleet_key import fleet_key
 from patrol.radio.message import MAX_FRAME
 from patrol.scenario import as_mapping
+from patrol.wire import read
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -88,7 +90,9 @@ class PositionsSource:
         tokens = {keys.alive(name): number for name, number in self._names.items()}
         self._number_of = {**telemetry, **tokens}
         self._frames: Mailbox[bytes] = Mailbox(positions, bytes, MAX_FRAME)
-        self._reports: Mailbox[Telemetry | Presence] = Mailbox([*telemetry, *tokens], read_telemetry, MAX_TELEMETRY)
+        self._reports: Mailbox[Telemetry | Presence] = Mailbox(
+            [*telemetry, *tokens], partial(read, Telemetry), MAX_TELEMETRY
+        )
         self._traps = TrapWatch(prepared, from_start=False)
         self._views: dict[int, Telemetry] = {}
         self._present: set[int] = set()

@@ -11,6 +11,7 @@ import time
 import tracemalloc
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import msgpack
@@ -19,7 +20,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import seed as drawn_from
 from hypothesis import strategies as st
 
-from patrol.errors import BadInput
+from patrol.errors import BadInput, Malformed
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Event, Status, pack, unpack
 from patrol.net.keys import fleet_keys
@@ -27,10 +28,8 @@ from patrol.net.messages.feed import MAX_ANSWER as MAX_SO_FAR
 from patrol.net.messages.feed import (
     MAX_BATCH,
     Batch,
-    Garbled,
     batch_bytes,
     longest_record,
-    read_batch,
     read_so_far,
 )
 from patrol.net.messages.phases import (
@@ -38,7 +37,6 @@ from patrol.net.messages.phases import (
     Failed,
     Hello,
     HelloReply,
-    Malformed,
     PhaseA,
     PhaseB,
     ReplyA,
@@ -57,12 +55,8 @@ from patrol.net.messages.telemetry import (
     RobotView,
     Telemetry,
     Traffic,
-    Unreadable,
     longest_metrics,
     pack_view,
-    read_metrics,
-    read_notice,
-    read_telemetry,
     read_traffic,
 )
 from patrol.net.security.control_auth import MAX_ANSWER, MAX_REQUEST, ControlClient, ControlGate, Refused, Unanswered
@@ -73,6 +67,7 @@ from patrol.radio.message import decode as decode_frame
 from patrol.radio.message import encode as encode_frame
 from patrol.random import Draws, Purpose
 from patrol.scenario.controls import read_control
+from patrol.wire import read, read_sparingly
 from tests.fleets import answer_so_far
 from tests.hostile.strangers.payloads import changed, noise
 
@@ -94,8 +89,8 @@ POSE = Pose(1.0, 2.0, 0.5)
 def control(payload: bytes) -> object:
     """What a world does with a request, and with what a request says."""
     gate = ControlGate("f", TOKEN, 1, b"s" * 16, lambda: 100.0)
-    for read in (gate.challenge, gate.open):
-        with_none(lambda read=read: read(payload), Refused)  # type: ignore[misc]
+    for take in (gate.challenge, gate.open):
+        with_none(lambda take=take: take(payload), Refused)  # type: ignore[misc]
     try:
         says = msgpack.unpackb(payload, strict_map_key=False)
     except Exception:  # noqa: BLE001 - the request is for JSON values of any kind, and these are the nearest
@@ -167,15 +162,19 @@ DECODERS: Mapping[str, Decoder] = {
             )
         ),
     ),
-    "batches": Decoder(read_batch, Garbled, MAX_BATCH, (batch_bytes(Batch(3, (b"one", b"two"), True, 2.0)),)),
-    "answers to viewers": Decoder(read_so_far, Garbled, MAX_SO_FAR, (answer_so_far(),)),
+    "batches": Decoder(
+        partial(read_sparingly, Batch), Malformed, MAX_BATCH, (batch_bytes(Batch(3, (b"one", b"two"), True, 2.0)),)
+    ),
+    "answers to viewers": Decoder(read_so_far, Malformed, MAX_SO_FAR, (answer_so_far(),)),
     "records": Decoder(
         unpack, ValueError, longest_record(ROBOTS), (pack(Event(3, "dead", 1, "killed")), pack(Event(4, "x", None)))
     ),
-    "metrics": Decoder(read_metrics, Unreadable, longest_metrics(ROBOTS), (pack_view(METRICS),)),
-    "notices": Decoder(read_notice, Unreadable, MAX_NOTICE, (pack_view(Notice(3, "lost", "r1", "it is gone")),)),
-    "telemetry": Decoder(read_telemetry, Unreadable, MAX_NOTICE, (pack_view(TELEMETRY),)),
-    "traffic": Decoder(read_traffic, Unreadable, MAX_NOTICE, (pack_view(TELEMETRY),)),
+    "metrics": Decoder(partial(read, Metrics), Malformed, longest_metrics(ROBOTS), (pack_view(METRICS),)),
+    "notices": Decoder(
+        partial(read, Notice), Malformed, MAX_NOTICE, (pack_view(Notice(3, "lost", "r1", "it is gone")),)
+    ),
+    "telemetry": Decoder(partial(read, Telemetry), Malformed, MAX_NOTICE, (pack_view(TELEMETRY),)),
+    "traffic": Decoder(read_traffic, Malformed, MAX_NOTICE, (pack_view(TELEMETRY),)),
     "controls": Decoder(control, None, MAX_REQUEST, (msgpack.packb({"do": "step", "ticks": 3}), bytes(16))),
     "answers to operators": Decoder(answer, None, MAX_ANSWER, (bytes(64), b"m" * 32 + b'{"done": true, "text": "x"}')),
     "positions": Decoder(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import zlib
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ import pytest
 from patrol.exchange import Reply, Sensed
 from patrol.journal import End, Event, Header, RobotFacts, RobotTick, Status, TerrainFacts, TickRecord, pack, unpack
 from patrol.journal.links import Drops, Links
-from patrol.net.messages.feed import Batch, batch_bytes, read_batch, read_so_far
+from patrol.net.messages.feed import Batch, batch_bytes, read_so_far
 from patrol.net.messages.phases import (
     Failed,
     Hello,
@@ -38,13 +39,11 @@ from patrol.net.messages.telemetry import (
     Telemetry,
     Traffic,
     pack_view,
-    read_metrics,
-    read_notice,
-    read_telemetry,
     read_traffic,
 )
 from patrol.net.security.transcripts import Line
 from patrol.pose import Drive, Pose, Twist, Velocity
+from patrol.wire import read, read_sparingly
 from tests.fleets import answer_so_far
 
 HEAD = (1, 2**63 - 1, 70_000, 9)
@@ -116,11 +115,11 @@ MESSAGES: Mapping[str, tuple[bytes, Callable[[bytes], object]]] = {
     "reply b, refused": (encode(ReplyB(*HEAD, Reply(Velocity(1e400, 0.0), "", None, 0.0, 0))), decode_to_world),
     "failed": (encode(Failed(*HEAD, "no plan" * 100)), decode_to_world),
     "report": (encode(Report(*HEAD, 7, (Line(3, (b"a" * 8, b"", b"b" * 16, b"")),))), decode_to_world),
-    "batch": (batch_bytes(Batch(2**40, (b"one", b""), running=True, pace=2.0)), read_batch),
-    "empty batch": (batch_bytes(Batch(0, (), running=False, pace=None)), read_batch),
-    "metrics": (pack_view(METRICS), read_metrics),
-    "notice": (pack_view(Notice(3, "lost", "r1", "no answer")), read_notice),
-    "telemetry": (pack_view(TELEMETRY), read_telemetry),
+    "batch": (batch_bytes(Batch(2**40, (b"one", b""), running=True, pace=2.0)), partial(read_sparingly, Batch)),
+    "empty batch": (batch_bytes(Batch(0, (), running=False, pace=None)), partial(read_sparingly, Batch)),
+    "metrics": (pack_view(METRICS), partial(read, Metrics)),
+    "notice": (pack_view(Notice(3, "lost", "r1", "no answer")), partial(read, Notice)),
+    "telemetry": (pack_view(TELEMETRY), partial(read, Telemetry)),
     "traffic": (pack_view(Telemetry(1, "holding", None, (1.0, 2.0), None, 3, 4.0, 5, TRAFFIC)), read_traffic),
     "stop order": (Order.STOP.encode(), lambda payload: Order(payload.decode())),
     "release": (Order.RELEASE.encode(), lambda payload: Order(payload.decode())),

@@ -11,15 +11,17 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, fields
+from typing import Annotated
 
 import msgpack
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
-from patrol.net.messages.packed import Reader, Unexpected
+from patrol.errors import Malformed
 from patrol.net.settings import MAX_MESSAGE
+from patrol.wire import NO_WHOLE, Bytes, Flag, Row, read_sparingly
 
 TICKS = "ticks"
 FOG = "fog"
@@ -52,22 +54,23 @@ MAX_SERIES = 1 << 14
 MAX_AREAS = 1 << 16
 """Kinds of bodies, and robots, of the largest fleet."""
 
-MAX_FIELDS = 64
-"""Fields of an answer, with room for those of later versions."""
-
 MAX_PACE = 1e12
 """The greatest factor of real time."""
 
 _LEVEL = 1
 
 
-class Garbled(ValueError):
-    """Bytes that are neither a batch nor an answer."""
+_Whole = Annotated[int, Field(strict=True, ge=0, le=MAX_NUMBER)]
+_Pace = Annotated[float, Field(strict=True, gt=0.0, le=MAX_PACE), NO_WHOLE]
+_Number = Annotated[int, Field(strict=True)]
+_Size = Annotated[int, Field(strict=True, ge=1, le=MAX_GRIDS)]
+_Curve = Annotated[Bytes, Field(max_length=4 * MAX_SERIES)]
+_Records = Annotated[tuple[Bytes, ...], Field(max_length=MAX_EVENTS, fail_fast=True)]
 
 
 @dataclass(frozen=True, slots=True)
-class Batch:
-    """Records of the journal, packed as it holds them (`patrol.journal.file.unpack`).
+class Batch(Row):
+    """Records of the journal, packed as it holds them (`patrol.journal.file.unpack`); read sparingly.
 
     A batch may be empty, where only `running` or `pace` has changed.
 
@@ -78,10 +81,10 @@ class Batch:
         pace: The requested factor of real time, None for as fast as possible.
     """
 
-    first: int
-    records: tuple[bytes, ...]
-    running: bool
-    pace: float | None
+    first: _Whole
+    records: Annotated[tuple[Bytes, ...], Field(max_length=MAX_RECORDS, fail_fast=True)]
+    running: Flag
+    pace: _Pace | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,32 +150,8 @@ def batch_bytes(batch: Batch) -> bytes:
     Args:
         batch: To send.
     """
-    packed: bytes = msgpack.packb([batch.first, batch.records, batch.running, batch.pace])
+    packed: bytes = msgpack.packb(batch.to_values())
     return packed
-
-
-def read_batch(payload: bytes) -> Batch:
-    """The batch in a payload.
-
-    Args:
-        payload: Any bytes.
-
-    Raises:
-        Garbled: For anything but a batch.
-    """
-    try:
-        reader = Reader(payload)
-        if reader.array(4) != 4:
-            raise Garbled("not a batch")
-        first = reader.value()
-        records = tuple(reader.values(bytes, MAX_RECORDS))
-        running, pace = reader.value(), reader.value()
-        reader.end()
-    except Unexpected as error:
-        raise Garbled(f"not a batch ({error})") from None
-    if type(first) is not int or not 0 <= first <= MAX_NUMBER or not _is_manner(running, pace):
-        raise Garbled("not a batch")
-    return Batch(first, records, running, pace)
 
 
 def longest_record(robots: int) -> int:
@@ -184,6 +163,29 @@ def longest_record(robots: int) -> int:
     return min(MAX_BATCH, (1 << 17) + (robots << 11) + (robots * robots << 6))
 
 
+@dataclass(frozen=True, slots=True)
+class _Answer:
+    """A `SoFar` as it is sent: grids and numbers compressed, curves as float32."""
+
+    number: _Whole
+    header: Bytes
+    last: Bytes | None
+    shape: tuple[_Size, _Size]
+    passable: Bytes
+    keep_out: Bytes
+    areas: Annotated[tuple[Bytes, ...], Field(min_length=1, max_length=MAX_AREAS, fail_fast=True)]
+    area_of: Annotated[tuple[tuple[_Number, _Whole], ...], Field(max_length=MAX_AREAS, fail_fast=True)]
+    seen: Bytes
+    events: _Records
+    event: _Whole
+    asked: _Records
+    every: Annotated[_Whole, Field(ge=1, le=MAX_TICKS_BEFORE)]
+    mfow: _Curve
+    fog_mean: _Curve
+    running: Flag
+    pace: _Pace | None
+
+
 def so_far_bytes(so_far: SoFar) -> bytes:
     """An answer as it is sent; takes a while for a large terrain.
 
@@ -192,27 +194,26 @@ def so_far_bytes(so_far: SoFar) -> bytes:
     """
     ground = so_far.ground
     patrolled = ground.patrolled
-    packed: bytes = msgpack.packb(
-        {
-            "number": so_far.number,
-            "header": so_far.header,
-            "last": so_far.last,
-            "shape": patrolled.shape,
-            "passable": _bits(ground.passable),
-            "keep_out": _bits(ground.keep_out),
-            "areas": [_bits(area) for area in ground.areas],
-            "area_of": list(ground.area_of.items()),
-            "seen": zlib.compress(so_far.last_seen[patrolled].astype("<i4").tobytes(), _LEVEL),
-            "events": so_far.events,
-            "event": so_far.event,
-            "asked": so_far.asked,
-            "every": so_far.every,
-            "mfow": so_far.mfow.astype("<f4").tobytes(),
-            "fog_mean": so_far.fog_mean.astype("<f4").tobytes(),
-            "running": so_far.running,
-            "pace": so_far.pace,
-        }
+    answer = _Answer(
+        number=so_far.number,
+        header=so_far.header,
+        last=so_far.last,
+        shape=patrolled.shape,
+        passable=_bits(ground.passable),
+        keep_out=_bits(ground.keep_out),
+        areas=tuple(map(_bits, ground.areas)),
+        area_of=tuple(ground.area_of.items()),
+        seen=zlib.compress(so_far.last_seen[patrolled].astype("<i4").tobytes(), _LEVEL),
+        events=so_far.events,
+        event=so_far.event,
+        asked=so_far.asked,
+        every=so_far.every,
+        mfow=so_far.mfow.astype("<f4").tobytes(),
+        fog_mean=so_far.fog_mean.astype("<f4").tobytes(),
+        running=so_far.running,
+        pace=so_far.pace,
     )
+    packed: bytes = msgpack.packb({field.name: getattr(answer, field.name) for field in fields(answer)})
     return packed
 
 
@@ -227,113 +228,70 @@ def read_so_far(
         fits: Says of the header and the terrain's height and width whether they can be of one run.
 
     Raises:
-        Garbled: For anything but an answer, for one of another run than `known`, and for one too large.
+        Malformed: For anything but an answer, for one of another run than `known`, and for one too large.
     """
     if len(payload) > MAX_ANSWER:
-        raise Garbled(f"an answer of {len(payload)} bytes")
+        raise Malformed(f"an answer of {len(payload)} bytes")
+    answer = read_sparingly(_Answer, payload)
+    header, (height, width) = answer.header, answer.shape
+    if not fits(header, height, width):
+        raise Malformed("a terrain of another size than its run has")
+    if known is not None and (header != known.header or (height, width) != known.last_seen.shape):
+        raise Malformed("an answer of another run")
+    # By point: two grids, one for each kind of body, one for all of them, and four bytes of the fog.
+    if height * width * (7 + len(answer.areas)) > MAX_GRIDS:
+        raise Malformed(f"{len(answer.areas)} kinds of bodies on {height} x {width} points take too much memory")
     try:
-        says = _fields(Reader(payload))
-        header = _bytes(says["header"])
-        height, width = says["shape"]
-        if not 0 < height * width <= MAX_GRIDS or min(height, width) <= 0 or not fits(header, height, width):
-            raise Garbled("a terrain of another size than its run has")
-        if known is not None and (header != known.header or (height, width) != known.last_seen.shape):
-            raise Garbled("an answer of another run")
-        # By point: two grids, one for each kind of body, one for all of them, and four bytes of the fog.
-        if height * width * (7 + len(says["areas"])) > MAX_GRIDS:
-            raise Garbled(f"{len(says['areas'])} kinds of bodies on {height} x {width} points take too much memory")
-        ground = known.ground if known is not None else _ground(says, height, width)
-        return _so_far(says, header, ground)
-    except (KeyError, TypeError, ValueError, OverflowError, zlib.error, MemoryError) as error:
-        if isinstance(error, Garbled):
-            raise
-        raise Garbled(f"not an answer ({type(error).__name__})") from None
+        ground = known.ground if known is not None else _ground(answer)
+        return _so_far(answer, ground)
+    except (zlib.error, MemoryError) as error:
+        raise Malformed(f"not an answer ({type(error).__name__})") from None
 
 
-def _fields(reader: Reader) -> dict[str, Any]:
-    """The fields of an answer; those that are not known may hold single values only."""
-    arrays: Mapping[str, tuple[type, int]] = {
-        "shape": (int, 2),
-        "areas": (bytes, MAX_AREAS),
-        "events": (bytes, MAX_EVENTS),
-        "asked": (bytes, MAX_EVENTS),
-    }
-    says: dict[str, Any] = {}
-    for _ in range(reader.mapping(MAX_FIELDS)):
-        name = reader.value()
-        if name in arrays:
-            says[name] = reader.values(*arrays[name])
-        elif name == "area_of":
-            says[name] = [reader.values(int, 2) for _ in range(reader.array(MAX_AREAS))]
-        else:
-            says[name] = reader.value()
-    reader.end()
-    return says
+def _ground(answer: _Answer) -> Ground:
+    if any(area >= len(answer.areas) for _, area in answer.area_of):
+        raise Malformed("no patrolled area")
+    passable, keep_out, *areas = [
+        _grid(bits, *answer.shape) for bits in (answer.passable, answer.keep_out, *answer.areas)
+    ]
+    return Ground(passable, keep_out, tuple(areas), dict(answer.area_of))
 
 
-def _ground(says: Mapping[str, Any], height: int, width: int) -> Ground:
-    areas = says["areas"]
-    area_of: dict[int, int] = dict(says["area_of"])
-    if not areas or not all(0 <= area < len(areas) for area in area_of.values()):
-        raise Garbled("no patrolled area")
-    grids = [_grid(_bytes(says[name]), height, width) for name in ("passable", "keep_out")]
-    return Ground(grids[0], grids[1], tuple(_grid(area, height, width) for area in areas), area_of)
-
-
-def _so_far(says: Mapping[str, Any], header: bytes, ground: Ground) -> SoFar:
+def _so_far(answer: _Answer, ground: Ground) -> SoFar:
     patrolled = ground.patrolled
     if not patrolled.any():
-        raise Garbled("no patrolled ground")
+        raise Malformed("no patrolled ground")
     last_seen = np.full(patrolled.shape, -1, dtype=np.int32)
-    seen = np.frombuffer(_inflated(_bytes(says["seen"]), 4 * int(patrolled.sum())), dtype="<i4")
+    seen = np.frombuffer(_inflated(answer.seen, 4 * int(patrolled.sum())), dtype="<i4")
     last_seen[patrolled] = seen
-    mfow, fog_mean = (_curve(says[name]) for name in ("mfow", "fog_mean"))
-    every, number = _whole(says["every"]), _whole(says["number"])
-    ticks = every * len(mfow)
-    if not 1 <= every <= MAX_TICKS_BEFORE or len(mfow) != len(fog_mean) or ticks > MAX_TICKS_BEFORE + every:
-        raise Garbled("no curves")
-    if int(seen.min()) < -1 or int(seen.max()) >= max(ticks, 1) or ticks - every >= max(number, 1):
-        raise Garbled("points seen after the last tick")
-    if not _is_manner(says["running"], says["pace"]):
-        raise Garbled("no pace")
+    mfow, fog_mean = _curve(answer.mfow), _curve(answer.fog_mean)
+    ticks = answer.every * len(mfow)
+    if len(mfow) != len(fog_mean) or ticks > MAX_TICKS_BEFORE + answer.every:
+        raise Malformed("no curves")
+    if int(seen.min()) < -1 or int(seen.max()) >= max(ticks, 1) or ticks - answer.every >= max(answer.number, 1):
+        raise Malformed("points seen after the last tick")
     return SoFar(
-        number=number,
-        header=header,
-        last=None if says["last"] is None else _bytes(says["last"]),
+        number=answer.number,
+        header=answer.header,
+        last=answer.last,
         last_seen=last_seen,
-        events=tuple(says["events"]),
-        event=_whole(says["event"]),
-        asked=tuple(says["asked"]),
-        every=every,
+        events=answer.events,
+        event=answer.event,
+        asked=answer.asked,
+        every=answer.every,
         mfow=mfow,
         fog_mean=fog_mean,
-        running=says["running"],
-        pace=says["pace"],
+        running=answer.running,
+        pace=answer.pace,
         ground=ground,
     )
 
 
-def _whole(value: object) -> int:
-    if type(value) is not int or not 0 <= value <= MAX_NUMBER:
-        raise Garbled("not a whole number")
-    return value
-
-
-def _bytes(value: object) -> bytes:
-    if type(value) is not bytes:
-        raise Garbled("not bytes")
-    return value
-
-
-def _curve(packed: object) -> NDArray[np.float32]:
-    values = np.frombuffer(_bytes(packed), dtype="<f4").astype(np.float32)
-    if len(values) > MAX_SERIES or not np.isfinite(values).all():
-        raise Garbled("no curve")
+def _curve(packed: bytes) -> NDArray[np.float32]:
+    values = np.frombuffer(packed[: len(packed) // 4 * 4], dtype="<f4").astype(np.float32)
+    if len(packed) % 4 or not np.isfinite(values).all():
+        raise Malformed("no curve")
     return values
-
-
-def _is_manner(running: object, pace: object) -> bool:
-    return type(running) is bool and (pace is None or (type(pace) is float and 0.0 < pace <= MAX_PACE))
 
 
 def _bits(grid: NDArray[np.bool_]) -> bytes:
@@ -347,11 +305,11 @@ def _grid(packed: bytes, height: int, width: int) -> NDArray[np.bool_]:
 
 
 def _inflated(packed: bytes, size: int) -> bytes:
-    """Decompress to at most `size` bytes; Garbled when there are fewer."""
+    """Decompress to at most `size` bytes; Malformed when there are fewer."""
     inflater = zlib.decompressobj()
     data = inflater.decompress(packed, size)
     if len(data) != size:
-        raise Garbled("too short")
+        raise Malformed("too short")
     return data
 
 

@@ -10,23 +10,25 @@ Every message is one msgpack array ``[kind, incarnation, instance, k, run, ...]`
 processes (1 for the first). The instance is a random number of one process, which distinguishes it from a second
 process under the same name. k is the tick, and run a random number of the world's process. Both phases carry a proof
 that their tick has begun (`patrol.net.security.tick_chain`). Decoding is strict and pure: all bytes either give a
-message or raise `Malformed`.
+message or raise `patrol.errors.Malformed`.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any, Self
 
 import msgpack
+from pydantic import AfterValidator, Field
 
+from patrol.errors import Malformed
 from patrol.exchange import Reply, Sensed
 from patrol.net.security.tick_chain import PROOF
-from patrol.net.security.transcripts import DIGEST, MAX_DIGESTS, MAX_LINES, PLACES, Line, digest_of
-from patrol.pose import Command, Pose, pack_command, unpack_command
+from patrol.net.security.transcripts import DIGEST, MAX_DIGESTS, MAX_LINES, Line, digest_of
+from patrol.pose import Pose, pack_command, unpack_command
 from patrol.radio.message import MAX_CONTACTS, MAX_FRAME, MAX_FRAMES
+from patrol.wire import FAIL_FAST, PRINTABLE, Bytes, Finite, Flag, Real, Row, Text, check, unpack
 
 PROTOCOL = 5
 ANYONE = 0
@@ -43,22 +45,27 @@ UNLIKE = "this process was started with another "
 
 MAX_REPLY, MAX_STATE = 2048, 32
 """Sizes of the longest message from a robot, bytes, and of its longest state word, characters."""
-
-_MAX_COUNT = 2**31 - 1
-_MAX_ID = 2**63 - 1
 _MAX_REASON = 400
-_HASH = 64
-_HEAD = 5
-_HELLO, _PHASE_A, _PHASE_B, _STOP = 0, 1, 2, 3
-_FAILED, _REPORT = 3, 4
 
 
-class Malformed(ValueError):
-    """Bytes that are not a message of this protocol."""
+def _paired(flat: tuple[float, ...]) -> tuple[tuple[float, float], ...]:
+    if len(flat) % 2:
+        raise ValueError("contacts are pairs")
+    return tuple(zip(flat[::2], flat[1::2], strict=True))
+
+
+_Count = Annotated[int, Field(strict=True, ge=0, le=2**31 - 1)]
+_Id = Annotated[int, Field(strict=True, ge=0, le=2**63 - 1)]
+_Proof = Annotated[Bytes, Field(min_length=PROOF, max_length=PROOF)]
+_Reason = Annotated[Text, Field(max_length=_MAX_REASON), PRINTABLE]
+_Contacts = Annotated[tuple[Finite, ...], Field(max_length=2 * MAX_CONTACTS, fail_fast=True), AfterValidator(_paired)]
+_Digests = Annotated[Bytes, Field(max_length=MAX_DIGESTS * DIGEST)]
+_Line = tuple[_Count, _Digests, _Digests, _Digests, _Digests]
+_Lines = Annotated[tuple[_Line, ...], Field(max_length=MAX_LINES, fail_fast=True)]
 
 
 @dataclass(frozen=True, slots=True)
-class Head:
+class Head(Row):
     """The first fields of every message.
 
     Attributes:
@@ -68,10 +75,10 @@ class Head:
         run: Random number of the run, or `NO_RUN`.
     """
 
-    incarnation: int
-    instance: int
-    k: int
-    run: int
+    incarnation: _Count
+    instance: _Id
+    k: _Count
+    run: _Id
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,8 +90,8 @@ class Hello(Head):
         stride: Ticks that share a link of the chain.
     """
 
-    proof: bytes
-    stride: int
+    proof: _Proof
+    stride: Annotated[_Count, Field(ge=1)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,8 +105,28 @@ class PhaseA(Head):
     """
 
     sensed: Sensed
-    proof: bytes
+    proof: _Proof
     digest: bytes = field(default=b"", compare=False, repr=False)
+
+    @classmethod
+    def columns(cls) -> Mapping[str, Any]:  # noqa: D102 - of `Row`
+        pose = {"x": Finite, "y": Finite, "heading": Finite}
+        seen = {"bumped": Flag, "contacts": _Contacts, "clock_s": Finite}
+        return {**Head.columns(), **pose, **seen, "proof": _Proof, "digest": bytes}
+
+    @classmethod
+    def from_values(cls, *values: Any) -> Self:  # noqa: D102
+        incarnation, instance, k, run, x, y, heading, bumped, contacts, clock_s, *rest = values
+        return cls(incarnation, instance, k, run, Sensed(k, Pose(x, y, heading), bumped, contacts, clock_s), *rest)
+
+    def to_values(self) -> tuple[Any, ...]:  # noqa: D102
+        sensed, pose = self.sensed, self.sensed.pose
+        if sensed.k != self.k:
+            raise ValueError(f"a phase A of tick {self.k} cannot say what was sensed at tick {sensed.k}")
+        place = float(pose.x), float(pose.y), float(pose.heading)
+        contacts = [float(value) for contact in sensed.contacts for value in contact]
+        seen = bool(sensed.bumped), contacts, float(sensed.clock_s)
+        return self.incarnation, self.instance, self.k, self.run, *place, *seen, self.proof, self.digest
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,8 +139,8 @@ class PhaseB(Head):
         digest: Of the bytes that it was decoded from.
     """
 
-    frames: tuple[bytes, ...]
-    proof: bytes
+    frames: Annotated[tuple[Annotated[Bytes, Field(max_length=MAX_FRAME)], ...], FAIL_FAST]
+    proof: _Proof
     digest: bytes = field(default=b"", compare=False, repr=False)
 
 
@@ -126,8 +153,8 @@ class Stop(Head):
         reason: Why, in one line.
     """
 
-    orderly: bool
-    reason: str
+    orderly: Flag
+    reason: _Reason
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,8 +166,8 @@ class HelloReply(Head):
         protocol: Version of this protocol.
     """
 
-    scenario: str
-    protocol: int = PROTOCOL
+    scenario: Annotated[Text, Field(max_length=64), PRINTABLE]
+    protocol: _Count = PROTOCOL
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,11 +175,12 @@ class ReplyA(Head):
     """What the robot sends in tick k.
 
     Attributes:
-        frames: Its position frame, then those of its contacts; none for a robot that stays silent.
+        frames: Its position frame, then those of its contacts; none for a robot that stays silent. The ether drops and
+            counts those that are too long, so that the result is the same without a wire.
         digest: Of the bytes that it was decoded from.
     """
 
-    frames: tuple[bytes, ...]
+    frames: Annotated[tuple[Bytes, ...], Field(max_length=MAX_FRAMES, fail_fast=True)]
     digest: bytes = field(default=b"", compare=False, repr=False)
 
 
@@ -161,12 +189,31 @@ class ReplyB(Head):
     """The reply of the robot's mind at tick k.
 
     Attributes:
-        reply: The command, and diagnostics.
+        reply: The command, and diagnostics. The world refuses commands that are not finite, so that the result is the
+            same without a wire.
         digest: Of the bytes that it was decoded from.
     """
 
     reply: Reply
     digest: bytes = field(default=b"", compare=False, repr=False)
+
+    @classmethod
+    def columns(cls) -> Mapping[str, Any]:  # noqa: D102 - of `Row`
+        command = {"model": _Count, "first": Real, "second": Real}
+        state = {"state": Annotated[Text, Field(max_length=MAX_STATE), PRINTABLE], "goal": tuple[Finite, Finite] | None}
+        return {**Head.columns(), **command, **state, "decision_ms": Finite, "rejected": _Id, "digest": bytes}
+
+    @classmethod
+    def from_values(cls, *values: Any) -> Self:  # noqa: D102
+        incarnation, instance, k, run, model, first, second, state, goal, decision_ms, rejected, digest = values
+        reply = Reply(unpack_command(model, first, second), state, goal, decision_ms, rejected)
+        return cls(incarnation, instance, k, run, reply, digest)
+
+    def to_values(self) -> tuple[Any, ...]:  # noqa: D102
+        reply = self.reply
+        goal = None if reply.goal is None else (float(reply.goal[0]), float(reply.goal[1]))
+        told = str(reply.state), goal, float(reply.decision_ms), int(reply.rejected)
+        return self.incarnation, self.instance, self.k, self.run, *pack_command(reply.command), *told, self.digest
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,7 +224,7 @@ class Failed(Head):
         reason: Why, in one line.
     """
 
-    reason: str
+    reason: _Reason
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,12 +236,29 @@ class Report(Head):
         lines: By tick.
     """
 
-    since: int
+    since: _Count
     lines: tuple[Line, ...]
+
+    @classmethod
+    def columns(cls) -> Mapping[str, Any]:  # noqa: D102 - of `Row`
+        return {**Head.columns(), "since": _Count, "lines": _Lines}
+
+    @classmethod
+    def from_values(cls, *values: Any) -> Self:  # noqa: D102
+        incarnation, instance, k, run, since, lines = values
+        return cls(incarnation, instance, k, run, since, tuple(Line(line[0], line[1:]) for line in lines))
+
+    def to_values(self) -> tuple[Any, ...]:  # noqa: D102
+        lines = [(line.k, *line.digests) for line in self.lines]
+        return self.incarnation, self.instance, self.k, self.run, self.since, lines
 
 
 ToRobot = Hello | PhaseA | PhaseB | Stop
 ToWorld = HelloReply | ReplyA | ReplyB | Failed | Report
+
+_TO_ROBOT: Mapping[int, type[ToRobot]] = {0: Hello, 1: PhaseA, 2: PhaseB, 3: Stop}
+_TO_WORLD: Mapping[int, type[ToWorld]] = {0: HelloReply, 1: ReplyA, 2: ReplyB, 3: Failed, 4: Report}
+_KINDS = {kind: number for kinds in (_TO_ROBOT, _TO_WORLD) for number, kind in kinds.items()}
 
 
 def max_to_robot(robots: int) -> int:
@@ -208,8 +272,13 @@ def encode(message: ToRobot | ToWorld) -> bytes:
     Raises:
         ValueError: A phase A says what was sensed at another tick.
     """
-    kind, body = _body(message)
-    packed: bytes = msgpack.packb([kind, message.incarnation, message.instance, message.k, message.run, *body])
+    values = message.to_values()
+    match message:
+        case PhaseA() | PhaseB() | ReplyA() | ReplyB():
+            values = values[:-1]  # the digest is the receiver's
+        case Stop() | Failed():
+            values = (*values[:-1], message.reason[:_MAX_REASON])
+    packed: bytes = msgpack.packb((_KINDS[type(message)], *values))
     return packed
 
 
@@ -235,185 +304,10 @@ def decode_to_world(payload: bytes) -> ToWorld:
     return message
 
 
-def _body(message: ToRobot | ToWorld) -> tuple[int, list[Any]]:
-    kind: int
-    body: list[Any]
-    match message:
-        case Hello():
-            kind, body = _HELLO, [message.proof, message.stride]
-        case HelloReply():
-            kind, body = _HELLO, [message.scenario, message.protocol]
-        case PhaseA():
-            sensed = message.sensed
-            if sensed.k != message.k:
-                raise ValueError(f"a phase A of tick {message.k} cannot say what was sensed at tick {sensed.k}")
-            pose = sensed.pose
-            seen = [float(value) for contact in sensed.contacts for value in contact]
-            where = [float(pose.x), float(pose.y), float(pose.heading)]
-            kind, body = _PHASE_A, [*where, bool(sensed.bumped), seen, float(sensed.clock_s), message.proof]
-        case ReplyA():
-            kind, body = _PHASE_A, [list(message.frames)]
-        case PhaseB():
-            kind, body = _PHASE_B, [list(message.frames), message.proof]
-        case ReplyB():
-            reply = message.reply
-            goal = None if reply.goal is None else [float(reply.goal[0]), float(reply.goal[1])]
-            diagnostics = [str(reply.state), goal, float(reply.decision_ms), int(reply.rejected)]
-            kind, body = _PHASE_B, [*pack_command(reply.command), *diagnostics]
-        case Stop():
-            kind, body = _STOP, [message.orderly, message.reason[:_MAX_REASON]]
-        case Failed():
-            kind, body = _FAILED, [message.reason[:_MAX_REASON]]
-        case Report():
-            kind, body = _REPORT, [message.since, [[line.k, *line.digests] for line in message.lines]]
-    return kind, body
-
-
-# --- decoding --------------------------------------------------------------------------------------------------------
-
-
-def _decode(payload: bytes, kinds: Mapping[int, tuple[int, Callable[[Any], Any]]]) -> Any:
-    try:
-        values = msgpack.unpackb(payload, raw=False, use_list=True, ext_hook=_no_extension)
-    except (ValueError, TypeError, OverflowError, RecursionError, msgpack.UnpackException) as error:
-        raise Malformed(f"no msgpack ({type(error).__name__})") from None
-    if type(values) is not list or len(values) < _HEAD or type(values[0]) is not int or values[0] not in kinds:
+def _decode(payload: bytes, kinds: Mapping[int, type[Any]]) -> Any:
+    values = unpack(payload)
+    if type(values) is not tuple or not values or type(values[0]) is not int or values[0] not in kinds:
         raise Malformed("no array that begins with a known kind")
-    length, build = kinds[values[0]]
-    if len(values) != _HEAD + length:
-        raise Malformed(f"{len(values)} values, {_HEAD + length} belong there")
-    return build([*values[1:], payload])
-
-
-def _no_extension(code: int, _data: bytes) -> object:
-    raise ValueError(f"extension type {code}")
-
-
-def _head(values: list[Any]) -> tuple[int, int, int, int]:
-    incarnation, instance, k, run = values[: _HEAD - 1]
-    return _whole(incarnation, _MAX_COUNT), _whole(instance, _MAX_ID), _whole(k, _MAX_COUNT), _whole(run, _MAX_ID)
-
-
-def _hello(values: list[Any]) -> Hello:
-    return Hello(*_head(values), _bytes(values[4], PROOF, PROOF), _whole(values[5], _MAX_COUNT, least=1))
-
-
-def _hello_reply(values: list[Any]) -> HelloReply:
-    return HelloReply(*_head(values), _text(values[4], _HASH), _whole(values[5], _MAX_COUNT))
-
-
-def _phase_a(values: list[Any]) -> PhaseA:
-    pose = Pose(_finite(values[4]), _finite(values[5]), _finite(values[6]))
-    flat = values[8]
-    if type(flat) is not list or len(flat) % 2 or len(flat) > 2 * MAX_CONTACTS:
-        raise Malformed(f"contacts are an array of at most {MAX_CONTACTS} pairs")
-    seen = [_finite(value) for value in flat]
-    contacts = tuple(zip(seen[::2], seen[1::2], strict=True))
-    head = _head(values)
-    sensed = Sensed(head[2], pose, _flag(values[7]), contacts, _finite(values[9]))
-    return PhaseA(*head, sensed, _bytes(values[10], PROOF, PROOF), digest_of(values[-1]))
-
-
-def _reply_a(values: list[Any]) -> ReplyA:
-    # The ether drops and counts frames that are too long, so that the result is the same without a wire.
-    frames = values[4]
-    if type(frames) is not list or len(frames) > MAX_FRAMES or any(type(frame) is not bytes for frame in frames):
-        raise Malformed(f"frames are an array of at most {MAX_FRAMES} times bytes")
-    return ReplyA(*_head(values), tuple(frames), digest_of(values[-1]))
-
-
-def _phase_b(values: list[Any]) -> PhaseB:
-    frames = values[4]
-    if type(frames) is not list or any(type(frame) is not bytes or len(frame) > MAX_FRAME for frame in frames):
-        raise Malformed(f"frames are an array of at most {MAX_FRAME} bytes each")
-    return PhaseB(*_head(values), tuple(frames), _bytes(values[5], PROOF, PROOF), digest_of(values[-1]))
-
-
-def _reply_b(values: list[Any]) -> ReplyB:
-    goal = values[8]
-    if goal is not None and (type(goal) is not list or len(goal) != 2):
-        raise Malformed("a goal is a pair or nothing")
-    reply = Reply(
-        command=_command_in(values[4], _real(values[5]), _real(values[6])),
-        state=_text(values[7], MAX_STATE),
-        goal=None if goal is None else (_finite(goal[0]), _finite(goal[1])),
-        decision_ms=_finite(values[9]),
-        rejected=_whole(values[10], _MAX_ID),
-    )
-    return ReplyB(*_head(values), reply, digest_of(values[-1]))
-
-
-def _command_in(model: object, first: float, second: float) -> Command:
-    # The world refuses commands that are not finite, so that the result is the same without a wire.
-    try:
-        return unpack_command(_whole(model, _MAX_COUNT), first, second)
-    except ValueError:
-        raise Malformed("unknown kind of command") from None
-
-
-def _report(values: list[Any]) -> Report:
-    lines = values[5]
-    if type(lines) is not list or len(lines) > MAX_LINES:
-        raise Malformed(f"lines are an array of at most {MAX_LINES}")
-    return Report(*_head(values), _whole(values[4], _MAX_COUNT), tuple(map(_line, lines)))
-
-
-def _line(values: object) -> Line:
-    if type(values) is not list or len(values) != 1 + PLACES:
-        raise Malformed(f"a line is an array of {1 + PLACES}")
-    k, *digests = values
-    if any(type(one) is not bytes or len(one) > MAX_DIGESTS * DIGEST for one in digests):
-        raise Malformed(f"no digests of at most {MAX_DIGESTS * DIGEST} bytes")
-    return Line(_whole(k, _MAX_COUNT), tuple(digests))
-
-
-def _whole(value: object, most: int, least: int = 0) -> int:
-    if type(value) is not int or not least <= value <= most:
-        raise Malformed(f"no whole number from {least} to {most}")
-    return value
-
-
-def _bytes(value: object, least: int, most: int) -> bytes:
-    if type(value) is not bytes or not least <= len(value) <= most:
-        raise Malformed(f"no {least} to {most} bytes")
-    return value
-
-
-def _real(value: object) -> float:
-    if type(value) is not float:
-        raise Malformed("no float")
-    return value
-
-
-def _finite(value: object) -> float:
-    number = _real(value)
-    if not math.isfinite(number):
-        raise Malformed("no finite float")
-    return number
-
-
-def _flag(value: object) -> bool:
-    if type(value) is not bool:
-        raise Malformed("neither true nor false")
-    return value
-
-
-def _text(value: object, most: int) -> str:
-    if type(value) is not str or len(value) > most or not value.isprintable():
-        raise Malformed(f"no printable text of at most {most} characters")
-    return value
-
-
-_TO_ROBOT: Mapping[int, tuple[int, Callable[[Any], ToRobot]]] = {
-    _HELLO: (2, _hello),
-    _PHASE_A: (7, _phase_a),
-    _PHASE_B: (2, _phase_b),
-    _STOP: (2, lambda values: Stop(*_head(values), _flag(values[4]), _text(values[5], _MAX_REASON))),
-}
-_TO_WORLD: Mapping[int, tuple[int, Callable[[Any], ToWorld]]] = {
-    _HELLO: (2, _hello_reply),
-    _PHASE_A: (1, _reply_a),
-    _PHASE_B: (7, _reply_b),
-    _FAILED: (1, lambda values: Failed(*_head(values), _text(values[4], _MAX_REASON))),
-    _REPORT: (2, _report),
-}
+    kind = kinds[values[0]]
+    rest = (*values[1:], digest_of(payload)) if hasattr(kind, "digest") else values[1:]
+    return check(kind, rest)

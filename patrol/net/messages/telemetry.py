@@ -4,7 +4,8 @@
     truth/events         `Notice`     the world, when something happens
     telemetry/<robot>    `Telemetry`  an agent, at most about five times a second
 
-Each is one msgpack map by field names, so that more can be added; readers skip what they do not know.
+Each is one msgpack map by field names, so that more can be added (`patrol.wire.read`); readers skip what they do not
+know.
 """
 
 from __future__ import annotations
@@ -12,13 +13,15 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Annotated
 
 import msgpack
+from pydantic import Field
 
 from patrol.journal import Event, Status, TickRecord
 from patrol.journal.records import MAX_TICKS
 from patrol.scenario.control_words import described
+from patrol.wire import FAIL_FAST, NO_WHOLE, PRINTABLE, Flag, Text, read
 
 METRICS = "metrics"
 EVENTS = "events"
@@ -38,11 +41,12 @@ MAX_TEXT = 500
 """Characters of the longest text in a view."""
 MOST = 1e12
 """The greatest number in a view, either sign: far beyond any place, time or rate, and of few digits."""
-_STATUSES = frozenset(int(status) for status in Status)
 
-
-class Unreadable(ValueError):
-    """Bytes that are none of these views."""
+_Whole = Annotated[int, Field(strict=True, ge=0, le=2**63 - 1)]
+_Number = Annotated[float, Field(strict=True, ge=-MOST, le=MOST), NO_WHOLE]
+_Amount = Annotated[float, Field(strict=True, ge=0.0, le=MOST), NO_WHOLE]
+_Text = Annotated[Text, Field(max_length=MAX_TEXT), PRINTABLE]
+_Place = tuple[_Number, _Number]
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,12 +62,12 @@ class RobotView:
         heading: rad, of the same.
     """
 
-    name: str
-    status: int
-    state: str
-    x: float
-    y: float
-    heading: float
+    name: _Text
+    status: Annotated[int, Field(strict=True, ge=min(Status), le=max(Status))]
+    state: _Text
+    x: _Number
+    y: _Number
+    heading: _Number
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,16 +87,20 @@ class Metrics:
         stalest: x and y in m of the stalest place now, or None where nobody says.
     """
 
-    k: int
-    ticks: int
-    time_s: float
-    mfow_s: float
-    mfow_mean_s: float
-    mfow_max_s: float
-    seen_share: float
-    ticks_per_s: float
-    robots: tuple[RobotView, ...]
-    stalest: tuple[float, float] | None = None
+    k: Annotated[_Whole, Field(ge=1)]
+    ticks: Annotated[_Whole, Field(le=MAX_TICKS)]
+    time_s: _Amount
+    mfow_s: _Amount
+    mfow_mean_s: _Amount
+    mfow_max_s: _Amount
+    seen_share: Annotated[float, Field(strict=True, ge=0.0, le=1.0), NO_WHOLE]
+    ticks_per_s: _Amount
+    robots: Annotated[tuple[RobotView, ...], FAIL_FAST]
+    stalest: _Place | None = None
+
+    def __post_init__(self) -> None:
+        if self.k > self.ticks:
+            raise ValueError(f"{self.k} ticks are done, of {self.ticks}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,10 +114,10 @@ class Notice:
         detail: One line.
     """
 
-    k: int
-    kind: str
-    robot: str
-    detail: str
+    k: Annotated[int, Field(strict=True, ge=0, le=MAX_TICKS)]
+    kind: _Text
+    robot: _Text
+    detail: _Text
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,11 +132,11 @@ class Traffic:
         final: Whether this process is about to leave.
     """
 
-    incarnation: int
-    sent: int
-    heard: Mapping[str, int]
-    refused: int
-    final: bool
+    incarnation: _Whole
+    sent: _Whole
+    heard: dict[Text, _Whole]
+    refused: _Whole
+    final: Flag
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,15 +155,22 @@ class Telemetry:
         traffic: Of a direct radio, or None.
     """
 
-    k: int
-    state: str
-    goal: tuple[float, float] | None
-    refined: tuple[float, float] | None
-    direction: float | None
-    mfow: int
-    decision_ms: float
-    rejected: int
+    k: _Whole
+    state: _Text
+    goal: _Place | None
+    refined: _Place | None
+    direction: _Number | None
+    mfow: _Whole
+    decision_ms: _Number
+    rejected: _Whole
     traffic: Traffic | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _WithTraffic:
+    """Telemetry as the world reads it: traffic counts whatever else the robot says."""
+
+    traffic: Traffic
 
 
 class Watcher:
@@ -252,52 +267,6 @@ def pack_view(view: Metrics | Notice | Telemetry) -> bytes:
     return packed
 
 
-def read_metrics(payload: bytes) -> Metrics:
-    """The metrics in a payload.
-
-    Args:
-        payload: Any bytes.
-
-    Raises:
-        Unreadable: For anything else.
-    """
-    says = _map(payload)
-    robots = says.get("robots")
-    if type(robots) is not list:
-        raise Unreadable("no robots")
-    k, ticks = _whole(says, "k"), _whole(says, "ticks")
-    if not 1 <= k <= ticks <= MAX_TICKS:
-        raise Unreadable("ticks done are from 1 to those of the run")
-    return Metrics(
-        k=k,
-        ticks=ticks,
-        time_s=_amount(says, "time_s"),
-        mfow_s=_amount(says, "mfow_s"),
-        mfow_mean_s=_amount(says, "mfow_mean_s"),
-        mfow_max_s=_amount(says, "mfow_max_s"),
-        seen_share=_amount(says, "seen_share", 1.0),
-        ticks_per_s=_amount(says, "ticks_per_s"),
-        robots=tuple(map(_robot, robots)),
-        stalest=_place(says, "stalest"),
-    )
-
-
-def read_notice(payload: bytes) -> Notice:
-    """The notice in a payload.
-
-    Args:
-        payload: Any bytes.
-
-    Raises:
-        Unreadable: For anything else.
-    """
-    says = _map(payload)
-    k = _whole(says, "k")
-    if k > MAX_TICKS:
-        raise Unreadable("later than any run")
-    return Notice(k, _text(says, "kind"), _text(says, "robot"), _text(says, "detail"))
-
-
 def read_traffic(payload: bytes) -> Traffic:
     """The traffic in a robot's telemetry.
 
@@ -305,105 +274,6 @@ def read_traffic(payload: bytes) -> Traffic:
         payload: Any bytes.
 
     Raises:
-        Unreadable: For anything else.
+        Malformed: For anything else, and without traffic.
     """
-    says = _map(payload).get("traffic")
-    if type(says) is not dict:
-        raise Unreadable("no traffic")
-    heard = says.get("heard")
-    if type(heard) is not dict or type(says.get("final")) is not bool:
-        raise Unreadable("no counts")
-    return Traffic(
-        incarnation=_whole(says, "incarnation"),
-        sent=_whole(says, "sent"),
-        heard={sender: _whole(heard, sender) for sender in heard},
-        refused=_whole(says, "refused"),
-        final=says["final"],
-    )
-
-
-def read_telemetry(payload: bytes) -> Telemetry:
-    """What a robot decided, without its traffic.
-
-    Args:
-        payload: Any bytes.
-
-    Raises:
-        Unreadable: For anything else.
-    """
-    says = _map(payload)
-    direction = says.get("direction")
-    return Telemetry(
-        k=_whole(says, "k"),
-        state=_text(says, "state"),
-        goal=_place(says, "goal"),
-        refined=_place(says, "refined"),
-        direction=None if direction is None else _number(says, "direction"),
-        mfow=_whole(says, "mfow"),
-        decision_ms=_number(says, "decision_ms"),
-        rejected=_whole(says, "rejected"),
-    )
-
-
-def _place(says: Mapping[str, Any], field: str) -> tuple[float, float] | None:
-    place = says.get(field)
-    if place is None:
-        return None
-    if type(place) is not list or len(place) != 2:
-        raise Unreadable(f"{field} is not a place")
-    x, y = (_number({field: value}, field) for value in place)
-    return x, y
-
-
-def _robot(says: object) -> RobotView:
-    if type(says) is not dict:
-        raise Unreadable("a robot is a map")
-    status = _whole(says, "status")
-    if status not in _STATUSES:
-        raise Unreadable("unknown status")
-    return RobotView(
-        name=_text(says, "name"),
-        status=status,
-        state=_text(says, "state"),
-        x=_number(says, "x"),
-        y=_number(says, "y"),
-        heading=_number(says, "heading"),
-    )
-
-
-def _map(payload: bytes) -> dict[str, Any]:
-    try:
-        says = msgpack.unpackb(payload, raw=False, strict_map_key=True)
-    except (ValueError, TypeError, OverflowError, RecursionError, msgpack.UnpackException) as error:
-        raise Unreadable(f"not msgpack ({type(error).__name__})") from None
-    if type(says) is not dict:
-        raise Unreadable("not a map")
-    return says
-
-
-def _whole(says: Mapping[str, Any], field: str) -> int:
-    value = says.get(field)
-    if type(value) is not int or not 0 <= value < 2**63:
-        raise Unreadable(f"{field} is not a whole number")
-    return value
-
-
-def _number(says: Mapping[str, Any], field: str) -> float:
-    value = says.get(field)
-    if type(value) is not float or not abs(value) <= MOST:
-        raise Unreadable(f"{field} is not a number of a sensible size")
-    return value
-
-
-def _amount(says: Mapping[str, Any], field: str, most: float = MOST) -> float:
-    value = _number(says, field)
-    if not 0.0 <= value <= most:
-        raise Unreadable(f"{field} is not from 0 to {most:g}")
-    return value
-
-
-def _text(says: Mapping[str, Any], field: str) -> str:
-    value = says.get(field)
-    if type(value) is not str or len(value) > MAX_TEXT or not value.isprintable():
-        raise Unreadable(f"{field} is not printable text")
-    return value
+    return read(_WithTraffic, payload).traffic

@@ -13,8 +13,9 @@ from typing import Any
 
 import zenoh
 
+from patrol.errors import Malformed
 from patrol.net.keys import ROOT, WORLD
-from patrol.net.messages.phases import Malformed, PhaseA, PhaseB, ReplyA, ReplyB, decode_to_robot, encode
+from patrol.net.messages.phases import PhaseA, PhaseB, ReplyA, ReplyB, decode_to_robot, encode
 from patrol.net.security.control_auth import ASK, CHALLENGE
 from patrol.net.security.roles import Role, rights_of
 from patrol.pose import Velocity

@@ -7,6 +7,7 @@ import struct
 from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,13 +19,14 @@ from monitor.live.feed_source import AGAIN_S, FeedSource
 from monitor.live.fog_tracker import HEARD
 from monitor.observation.source import Answer, State
 from monitor.replay.player import Player
-from patrol.errors import BadInput
+from patrol.errors import BadInput, Malformed
 from patrol.ground.fog import NEVER
 from patrol.journal import JournalWriter, pack, unpack
 from patrol.journal.file import MAGIC
 from patrol.journal.records import Event, Status, TickRecord
-from patrol.net.messages.feed import Batch, Garbled, SoFar, batch_bytes, read_batch, read_so_far, so_far_bytes
+from patrol.net.messages.feed import Batch, SoFar, batch_bytes, read_so_far, so_far_bytes
 from patrol.scenario.controls import OPERATOR
+from patrol.wire import read_sparingly
 from worldsim.controls.operator import RunState
 from worldsim.output.feed_publisher import Feed, ground_of
 from worldsim.output.record import header_of
@@ -73,7 +75,7 @@ class FakeFeed:
         """The next records as a batch."""
         part = tuple(self.records[self.number : self.number + records])
         if not lost:
-            self.batches.append(read_batch(batch_bytes(Batch(self.number, part, running=True, pace=None))))
+            self.batches.append(read_sparingly(Batch, batch_bytes(Batch(self.number, part, running=True, pace=None))))
         self.number += len(part)
         self.present = self.number < len(self.records)
 
@@ -397,8 +399,8 @@ def test_hostile_bytes_are_garbled_and_nothing_else(noise: bytes, place: int, by
     good = bytearray(batch_bytes(Batch(3, (b"ab", b"c" * 50), running=True, pace=2.0)))
     good[place % len(good)] = byte
     for payload in (noise, bytes(good)):
-        for read in (read_batch, read_so_far):
+        for read in (partial(read_sparingly, Batch), read_so_far):
             try:
                 read(payload)
-            except Garbled:
+            except Malformed:
                 continue

@@ -6,24 +6,25 @@ import tracemalloc
 import zlib
 from array import array
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import msgpack
 import numpy as np
 import pytest
 
+from patrol.errors import Malformed
 from patrol.net.messages.feed import (
     MAX_BATCH,
     MAX_EVENTS,
     MAX_RECORDS,
     Batch,
-    Garbled,
     batch_bytes,
     longest_record,
-    read_batch,
     read_so_far,
     thinned,
 )
+from patrol.wire import read_sparingly
 from tests.fleets import answer_so_far
 
 MB = 1 << 20
@@ -60,8 +61,8 @@ def test_a_batch_of_small_objects_is_refused_before_they_are_made(filler: bytes)
     many = MAX_BATCH // 2 // len(filler)
     packed = b"\x94\x00\xdd" + many.to_bytes(4, "big") + many * filler + b"\xc3\xc0"
     for payload in (packed, b"\xdd" + many.to_bytes(4, "big") + many * filler):
-        for read in (read_batch, read_so_far):
-            with pytest.raises(Garbled):
+        for read in (partial(read_sparingly, Batch), read_so_far):
+            with pytest.raises(Malformed):
                 read(payload)
 
 
@@ -81,9 +82,9 @@ def test_a_batch_of_small_objects_is_refused_before_they_are_made(filler: bytes)
     ],
 )
 def test_what_is_no_batch_is_garbled(says: list[object]) -> None:
-    assert read_batch(batch_bytes(Batch(0, (b"a",), running=True, pace=2.0))).records == (b"a",)
-    with pytest.raises(Garbled):
-        read_batch(msgpack.packb(says))
+    assert read_sparingly(Batch, batch_bytes(Batch(0, (b"a",), running=True, pace=2.0))).records == (b"a",)
+    with pytest.raises(Malformed):
+        read_sparingly(Batch, msgpack.packb(says))
 
 
 @pytest.mark.usefixtures("frugal")
@@ -122,7 +123,7 @@ def test_what_is_no_batch_is_garbled(says: list[object]) -> None:
     ],
 )
 def test_an_answer_that_cannot_be_is_garbled(field: str, value: object, answer: dict[str, Any]) -> None:
-    with pytest.raises(Garbled):
+    with pytest.raises(Malformed):
         read_so_far(msgpack.packb({**answer, field: value}))
 
 
@@ -135,7 +136,7 @@ def test_grids_that_are_small_only_while_packed_are_refused(answer: dict[str, An
     payload = msgpack.packb({**large, "areas": 20 * [bits]})
     assert len(payload) < MB
     tracemalloc.reset_peak()
-    with pytest.raises(Garbled, match="too much memory"):
+    with pytest.raises(Malformed, match="too much memory"):
         read_so_far(payload)
 
 
@@ -144,9 +145,9 @@ def test_an_answer_must_fit_what_is_known(answer: dict[str, Any]) -> None:
     first = read_so_far(payload, fits=lambda header, height, width: (header, height, width) == (b"header", 4, 5))
     again = read_so_far(payload, first)
     assert again.ground is first.ground
-    with pytest.raises(Garbled, match="another run"):
+    with pytest.raises(Malformed, match="another run"):
         read_so_far(msgpack.packb({**answer, "header": b"other"}), first)
-    with pytest.raises(Garbled, match="another size"):
+    with pytest.raises(Malformed, match="another size"):
         read_so_far(payload, fits=lambda *_: False)
 
 

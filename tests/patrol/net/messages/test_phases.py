@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from patrol.errors import Malformed
 from patrol.exchange import Reply, Sensed
 from patrol.net.messages.phases import (
     MAX_REPLY,
@@ -16,7 +17,6 @@ from patrol.net.messages.phases import (
     Failed,
     Hello,
     HelloReply,
-    Malformed,
     PhaseA,
     PhaseB,
     ReplyA,

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from patrol.errors import Malformed
 from patrol.journal import Event, RobotTick, Status, TickRecord
 from patrol.net.messages.telemetry import (
     SHOW_S,
@@ -15,13 +16,11 @@ from patrol.net.messages.telemetry import (
     RobotView,
     Telemetry,
     Traffic,
-    Unreadable,
     Watcher,
     pack_view,
-    read_metrics,
-    read_notice,
     read_traffic,
 )
+from patrol.wire import read
 
 METRICS = Metrics(3, 10, 1.5, 2.0, 1.0, 2.5, 0.5, 40.0, (RobotView("r1", 1, "patrolling", 1.0, 2.0, 0.5),))
 
@@ -32,11 +31,11 @@ def record(k: int, mfow: int) -> TickRecord:
 
 
 def test_views_come_back() -> None:
-    assert read_metrics(pack_view(METRICS)) == METRICS
+    assert read(Metrics, pack_view(METRICS)) == METRICS
     placed = replace(METRICS, stalest=(26.5, -9.5))
-    assert read_metrics(pack_view(placed)) == placed
+    assert read(Metrics, pack_view(placed)) == placed
     notice = Notice(3, "lost", "r1", "no answer")
-    assert read_notice(pack_view(notice)) == notice
+    assert read(Notice, pack_view(notice)) == notice
     assert msgpack.unpackb(pack_view(Telemetry(1, "holding", None, (1.0, 2.0), None, 3, 4.0, 5)))["refined"] == [
         1.0,
         2.0,
@@ -45,14 +44,14 @@ def test_views_come_back() -> None:
 
 def test_readers_skip_what_they_do_not_know() -> None:
     says = {**msgpack.unpackb(pack_view(METRICS)), "news": [1, 2]}
-    assert read_metrics(msgpack.packb(says)) == METRICS
+    assert read(Metrics, msgpack.packb(says)) == METRICS
 
 
 @given(st.binary(max_size=100) | st.builds(msgpack.packb, st.dictionaries(st.text(max_size=8), st.integers(0, 9))))
 def test_anything_else_is_unreadable(payload: bytes) -> None:
-    for read in (read_metrics, read_notice):
-        with pytest.raises(Unreadable):
-            read(payload)
+    for kind in (Metrics, Notice):
+        with pytest.raises(Malformed):
+            read(kind, payload)
 
 
 @pytest.mark.parametrize(
@@ -76,8 +75,8 @@ def test_anything_else_is_unreadable(payload: bytes) -> None:
     ],
 )
 def test_a_wrong_field_is_unreadable(field: str, value: object) -> None:
-    with pytest.raises(Unreadable):
-        read_metrics(msgpack.packb({**msgpack.unpackb(pack_view(METRICS)), field: value}))
+    with pytest.raises(Malformed):
+        read(Metrics, msgpack.packb({**msgpack.unpackb(pack_view(METRICS)), field: value}))
 
 
 def test_a_watcher_adds_up_and_shows_now_and_then() -> None:
@@ -120,5 +119,5 @@ def test_traffic_comes_back_from_telemetry() -> None:
     ],
 )
 def test_other_traffic_is_unreadable(traffic: object) -> None:
-    with pytest.raises(Unreadable):
+    with pytest.raises(Malformed):
         read_traffic(msgpack.packb({"traffic": traffic}))
