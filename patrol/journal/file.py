@@ -24,8 +24,8 @@ from typing import Any, BinaryIO, NamedTuple, Self
 import msgpack
 import numpy as np
 
-from patrol.errors import BadInput
-from patrol.journal.decode import Malformed, decode, is_tick, longest_record
+from patrol.errors import BadInput, Malformed
+from patrol.journal.decode import decode, is_tick, longest_record
 from patrol.journal.links import Drops, Links
 from patrol.journal.records import End, Event, Header, Record, RobotTick, TickRecord
 from patrol.untrusted import JOURNAL, open_untrusted
@@ -285,12 +285,9 @@ def unpack(payload: bytes) -> Record:
         payload: From `pack`.
 
     Raises:
-        ValueError: For anything else.
+        Malformed: For anything else.
     """
-    try:
-        return decode(payload, _MOST_ROBOTS)
-    except Malformed as error:
-        raise ValueError(f"not a record of a journal ({error})") from None
+    return decode(payload, _MOST_ROBOTS)
 
 
 def _plain(record: Record) -> dict[str, Any]:

@@ -1,15 +1,41 @@
-"""What a run leaves behind, tick by tick: the records of the journal."""
+"""What a run leaves behind, tick by tick: the records of the journal.
+
+The annotations are what a record may hold when it is read (`patrol.journal.decode`), so that whoever reads a journal
+need not check types, ranges and finiteness.
+"""
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Any
+from math import isfinite
+from typing import Annotated, Any
+
+from pydantic import ConfigDict, Field, GetPydanticSchema, PlainValidator, with_config
+from pydantic_core import core_schema as schemas
+
+from patrol.pose import Model
+from patrol.wire import FAIL_FAST, Bytes, Flag, Row, Text, check
 
 MAX_TICKS = 2**29 - 1
 """Ticks of the longest run: a frame's sequence keeps the three bits above for its place among its sender's frames."""
 
+
+FARTHEST = 21_474_836.0
+"""The largest coordinate of a robot, m: a position message holds no larger one."""
+
+MOST_POINTS = 50_000_000
+"""Points of the largest terrain (`patrol.ground.terrain.MAX_POINTS`)."""
+
+_NO_OTHERS = ConfigDict(extra="forbid")
+_LARGEST = 1e12
+_MAX_ROBOT = 0xFFFF
+_MAX_COUNT = 2**63 - 1
+_NAME = 64
+_SHORTEST_S = 1e-6
+"""No run takes less wall time, s."""
 
 FORGED = 0
 """The source of forged frames in a journal, whoever they claim to be from."""
@@ -66,8 +92,73 @@ def standing_after(kind: str) -> Status | None:
     return Status.__members__.get(kind.upper())
 
 
+def _links(groups: Any) -> tuple[tuple[int, int, int, str], ...]:
+    """The links that the writer had grouped by destination, one by one."""
+    _check_groups(groups)
+    return tuple([(source, to, sequence, why) for source, sequence, why, tos in groups for to in tos])
+
+
+def _deliveries(groups: Any) -> tuple[tuple[int, int, int], ...]:
+    _check_groups(groups)
+    return tuple([(source, to, sequence) for source, sequence, _, tos in groups for to in tos])
+
+
+def _check_groups(groups: Any) -> None:
+    """Check (source, sequence, cause, destinations); a tick of a large fleet has many thousands of links."""
+    try:
+        for source, sequence, cause, destinations in groups:
+            if not (
+                type(source) is type(sequence) is int
+                and type(cause) is str
+                and 0 <= source <= _MAX_ROBOT
+                and 0 <= sequence <= _MAX_COUNT
+            ):
+                raise ValueError("expected robot numbers, sequences and causes")
+            array("H", destinations)  # raises for anything but numbers from 0 to 65535
+    except (TypeError, OverflowError):
+        raise ValueError("expected groups of links") from None
+
+
+def _scenario(value: Any) -> Any:
+    if type(value) is not dict:
+        raise ValueError("expected a mapping")
+    _check_json(value)
+    return value
+
+
+def _check_json(value: Any) -> None:
+    """Check that a value has a JSON form; msgpack itself limits how deep it is."""
+    if isinstance(value, dict | list):
+        for key in value:
+            if isinstance(value, dict) and type(key) is not str and type(key) is not int:
+                raise ValueError(f"holds a key of type {type(key).__name__}")
+            _check_json(value[key] if isinstance(value, dict) else key)
+    elif isinstance(value, float) and not isfinite(value):
+        raise ValueError("holds a number that is not finite")
+    elif value is not None and not isinstance(value, str | int | float):
+        raise ValueError(f"holds a value of type {type(value).__name__}")
+
+
+_Count = Annotated[int, Field(strict=True, ge=0, le=_MAX_COUNT)]
+_Tick = Annotated[int, Field(strict=True, ge=0, le=2**31)]
+_PointTicks = Annotated[int, Field(strict=True, ge=0, le=2**53)]
+_Number = Annotated[float, Field(strict=True, ge=-_LARGEST, le=_LARGEST)]
+_Amount = Annotated[float, Field(strict=True, ge=0.0, le=_LARGEST)]
+_Positive = Annotated[float, Field(strict=True, gt=0.0, le=_LARGEST)]
+_Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+_Coordinate = Annotated[float, Field(strict=True, ge=-FARTHEST, le=FARTHEST)]
+_Source = Annotated[int, Field(strict=True, ge=0, le=_MAX_ROBOT)]
+_RobotNumber = Annotated[int, Field(strict=True, ge=1, le=_MAX_ROBOT)]
+_Name = Annotated[Text, Field(max_length=_NAME)]
+_Short = Annotated[Text, Field(max_length=4 * _NAME)]
+_Points = Annotated[int, Field(strict=True, ge=1, le=MOST_POINTS)]
+_Counts = dict[_Name, _Count]
+_CountsByRobot = dict[_RobotNumber, _Count]
+_WHOLE = GetPydanticSchema(lambda kind, of: schemas.chain_schema([schemas.int_schema(strict=True), of(kind)]))
+
+
 @dataclass(frozen=True, slots=True)
-class RobotTick:
+class RobotTick(Row):
     """One robot in one tick.
 
     Attributes:
@@ -88,19 +179,19 @@ class RobotTick:
         refused: Whether the world refused its command as not finite, and stopped it.
     """
 
-    number: int
-    status: Status
-    x: float
-    y: float
-    heading: float
-    c0: float
-    c1: float
-    bumped: bool
-    state: str
-    goal: tuple[float, float] | None
-    decision_ms: float | None
-    rejected: int | None
-    refused: bool = False
+    number: _RobotNumber
+    status: Annotated[Status, _WHOLE]
+    x: _Coordinate
+    y: _Coordinate
+    heading: _Number
+    c0: _Number
+    c1: _Number
+    bumped: Flag
+    state: Text
+    goal: tuple[_Finite, _Finite] | None
+    decision_ms: _Number | None
+    rejected: _Count | None
+    refused: Flag = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,29 +214,33 @@ class TickRecord:
         forged: For each forged frame, in their order, the id of its fault.
     """
 
-    k: int
-    robots: tuple[RobotTick, ...]
-    frames: tuple[tuple[int, bytes], ...]
-    deliveries: Sequence[tuple[int, int, int]]
-    dropped: Sequence[tuple[int, int, int, str]]
-    mfow: int
-    fog_mean: float
-    seen: int
-    copies: tuple[tuple[int, int, int, str], ...] = ()
-    delayed: tuple[tuple[int, int, int, str], ...] = ()
-    forged: tuple[str, ...] = ()
+    k: _Tick
+    robots: Annotated[tuple[RobotTick, ...], FAIL_FAST]
+    frames: Annotated[tuple[tuple[_Source, Bytes], ...], FAIL_FAST]
+    deliveries: Annotated[
+        Sequence[tuple[int, int, int]], Field(validation_alias="delivered"), PlainValidator(_deliveries)
+    ]
+    dropped: Annotated[Sequence[tuple[int, int, int, str]], PlainValidator(_links)]
+    mfow: _PointTicks
+    fog_mean: _Amount
+    seen: _PointTicks
+    copies: Annotated[tuple[tuple[int, int, int, str], ...], PlainValidator(_links)] = ()
+    delayed: Annotated[tuple[tuple[int, int, int, str], ...], PlainValidator(_links)] = ()
+    forged: Annotated[tuple[Text, ...], FAIL_FAST] = ()
 
 
+@with_config(_NO_OTHERS)
 @dataclass(frozen=True, slots=True)
 class Event:
     """Something that happened between ticks: before tick k, to one robot or (None) to the run."""
 
-    k: int
-    kind: str
-    robot: int | None = None
-    detail: str = ""
+    k: _Tick
+    kind: _Name
+    robot: _Source | None = None
+    detail: Text = ""
 
 
+@with_config(_NO_OTHERS)
 @dataclass(frozen=True, slots=True)
 class RobotFacts:
     """What a reader of the journal needs to know of a robot.
@@ -157,12 +252,13 @@ class RobotFacts:
         radius: m.
     """
 
-    number: int
-    name: str
-    model: str
-    radius: float
+    number: _RobotNumber
+    name: Annotated[_Name, Field(min_length=1)]
+    model: Model
+    radius: _Positive
 
 
+@with_config(_NO_OTHERS)
 @dataclass(frozen=True, slots=True)
 class TerrainFacts:
     """The grid of the run's fog.
@@ -175,13 +271,18 @@ class TerrainFacts:
         origin: m, the grid's lower left corner.
     """
 
-    name: str
-    width: int
-    height: int
-    point: float
-    origin: tuple[float, float]
+    name: Annotated[Text, Field(max_length=4096)]
+    width: _Points
+    height: _Points
+    point: _Positive
+    origin: tuple[_Number, _Number]
+
+    def __post_init__(self) -> None:
+        if self.width * self.height > MOST_POINTS:
+            raise ValueError(f"more than {MOST_POINTS} points")
 
 
+@with_config(_NO_OTHERS)
 @dataclass(frozen=True, slots=True)
 class Header:
     """A journal's first record.
@@ -197,19 +298,59 @@ class Header:
         started: Wall time as ISO 8601 text, or None where nobody read a clock.
     """
 
-    software: str
-    scenario: Mapping[str, Any]
-    scenario_hash: str
-    robots: tuple[RobotFacts, ...]
+    software: _Short
+    scenario: Annotated[Mapping[str, Any], PlainValidator(_scenario)]
+    scenario_hash: _Short
+    robots: Annotated[tuple[RobotFacts, ...], FAIL_FAST]
     terrain: TerrainFacts
-    patrolled_area_m2: float
-    bound_s: float
-    started: str | None = None
+    patrolled_area_m2: _Amount
+    bound_s: _Amount
+    started: _Name | None = None
 
 
 @dataclass(frozen=True, slots=True)
+class _Said:
+    """What a robot with a direct radio says of its traffic."""
+
+    heard: _Counts
+    sent: _Count
+    refused: _Count
+    final: Flag
+
+
+@dataclass(frozen=True, slots=True)
+class _Direct:
+    """The note of a direct radio (`worldsim.radio.listener.Listener.notes`)."""
+
+    missed: _Counts = field(default_factory=dict)
+    said: dict[Any, _Said] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class _Notes:
+    """The notes of an `End` that must be of a type: s of wall time, counts by robot number and by name."""
+
+    wall_s: Annotated[_Number, Field(ge=_SHORTEST_S)] = 0.0
+    slipped_s: _Amount = 0.0
+    held_up_s: _Amount = 0.0
+    longest_held_up_s: _Amount = 0.0
+    router_silent_s: _Amount = 0.0
+    late_frames: _CountsByRobot = field(default_factory=dict)
+    too_late: _CountsByRobot = field(default_factory=dict)
+    late_commands: _CountsByRobot = field(default_factory=dict)
+    refused: _Counts = field(default_factory=dict)
+    direct: _Direct = field(default_factory=_Direct)
+
+
+def _notes(value: Any) -> Any:
+    check(_Notes, value)
+    return value
+
+
+@with_config(_NO_OTHERS)
+@dataclass(frozen=True, slots=True)
 class End:
-    """A journal's last record.
+    """A journal's last record. What else the notes may hold, their reader checks.
 
     Attributes:
         reason: Why the run ended.
@@ -217,9 +358,9 @@ class End:
         notes: What the launcher should know as well.
     """
 
-    reason: str
-    trace_hash: str
-    notes: Mapping[str, Any] = field(default_factory=dict)
+    reason: Text
+    trace_hash: Text
+    notes: Annotated[Mapping[str, Any], PlainValidator(_notes)] = field(default_factory=dict)
 
 
 Record = Header | TickRecord | Event | End

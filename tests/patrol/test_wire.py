@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import json
+import tracemalloc
 import zlib
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import msgpack
 import numpy as np
 import pytest
+from pydantic import Field
 
+from patrol.errors import Malformed
 from patrol.exchange import Reply, Sensed
 from patrol.journal import End, Event, Header, RobotFacts, RobotTick, Status, TerrainFacts, TickRecord, pack, unpack
 from patrol.journal.links import Drops, Links
@@ -43,7 +47,7 @@ from patrol.net.messages.telemetry import (
 )
 from patrol.net.security.transcripts import Line
 from patrol.pose import Drive, Pose, Twist, Velocity
-from patrol.wire import read, read_sparingly
+from patrol.wire import PRINTABLE, Finite, Row, Text, read, read_sparingly
 from tests.fleets import answer_so_far
 
 HEAD = (1, 2**63 - 1, 70_000, 9)
@@ -203,7 +207,7 @@ def test_an_answer_to_a_viewer_is_sent_as_it_always_was() -> None:
 @pytest.mark.parametrize("name", ["header", "event", "end"])
 def test_a_record_with_a_field_of_a_later_version_is_refused(name: str) -> None:
     says = {**msgpack.unpackb(bytes.fromhex(BYTES[name]), strict_map_key=False), "news": 1}
-    with pytest.raises(ValueError, match="not a record of a journal"):
+    with pytest.raises(Malformed, match="news: Unexpected keyword argument"):
         unpack(msgpack.packb(says))
 
 
@@ -230,3 +234,79 @@ def test_a_tick_by_another_writer_is_read() -> None:
     assert isinstance(read, TickRecord)
     assert read.robots[0].x == 2.0
     assert read.deliveries == TICK.deliveries
+
+
+@dataclass(frozen=True, slots=True)
+class Ping(Row):
+    k: Annotated[int, Field(strict=True, ge=0, le=9)]
+    who: Annotated[Text, Field(max_length=4), PRINTABLE]
+    at: Finite
+
+
+@dataclass(frozen=True, slots=True)
+class Pings:
+    pings: Annotated[tuple[Ping, ...], Field(max_length=3, fail_fast=True)]
+    note: Text | None = None
+
+
+@pytest.mark.parametrize(
+    ("values", "says"),
+    [
+        ([10, "r1", 1.0], "k: Input should be less than or equal to 9"),
+        ([True, "r1", 1.0], "k: Input should be a valid integer"),
+        ([3, "long name", 1.0], "who: String should have at most 4 characters"),
+        ([3, "\x1b[2J", 1.0], "who: is not printable"),
+        ([3, "r1", 1], "at: Input should be an instance of float"),
+        ([3, "r1", float("nan")], "at: Input should be a finite number"),
+        ([3, "r1"], "at: Field required"),
+        ([3, "r1", 1.0, 2.0], "Tuple should have at most 3 items"),
+        ({"k": 3, "who": "r1", "at": 1.0}, "Input should be a valid tuple"),
+    ],
+)
+def test_what_is_wrong_is_named(values: object, says: str) -> None:
+    with pytest.raises(Malformed, match=says):
+        read(Ping, msgpack.packb(values))
+    with pytest.raises(Malformed):
+        read_sparingly(Ping, msgpack.packb(values))
+
+
+def test_what_is_wrong_far_inside_is_named() -> None:
+    with pytest.raises(Malformed, match=r"pings\.1\.k: Input should be less than or equal to 9"):
+        read(Pings, msgpack.packb({"pings": [[3, "r1", 1.0], [10, "r1", 1.0]]}))
+
+
+@pytest.mark.parametrize("reads", [read, read_sparingly])
+def test_a_message_is_read_into_its_class_and_what_is_not_known_is_skipped(
+    reads: Callable[[type[Pings], bytes], Pings],
+) -> None:
+    payload = msgpack.packb({"news": 1, "pings": [[3, "r1", 1.5]]})
+    assert reads(Pings, payload) == Pings((Ping(3, "r1", 1.5),))
+    with pytest.raises(Malformed):
+        reads(Pings, payload + b"\x00")
+    with pytest.raises(Malformed):
+        reads(Pings, payload[:-1])
+
+
+@pytest.mark.parametrize(
+    "says", [{"pings": [[3, "r1", 1.5]] * 4}, {"pings": [], "news": []}, {"pings": [[3, "r1", [1.5]]]}, {"pings": {}}]
+)
+def test_what_is_read_sparingly_makes_no_more_objects_than_are_declared(says: object) -> None:
+    with pytest.raises(Malformed):
+        read_sparingly(Pings, msgpack.packb(says))
+
+
+def test_many_wrong_values_make_one_error() -> None:
+    wrong = msgpack.packb({**msgpack.unpackb(bytes.fromhex(BYTES["metrics"])), "robots": [None] * 100_000})
+    tracemalloc.start()
+    with pytest.raises(Malformed, match=r"robots\.0"):
+        read(Metrics, wrong)
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert most < 4_000_000
+
+
+def test_a_scenario_that_is_nested_too_deeply_is_refused() -> None:
+    says = msgpack.unpackb(bytes.fromhex(BYTES["header"]))
+    packed = msgpack.packb({**says, "scenario": {"deep": "here"}})
+    with pytest.raises(Malformed, match="nested too deeply"):
+        unpack(packed.replace(b"\xa4here", 1000 * b"\x91" + b"\x90"))

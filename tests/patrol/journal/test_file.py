@@ -29,8 +29,8 @@ from patrol.journal import (
     TickRecord,
     read_journal,
 )
-from patrol.journal.decode import FARTHEST
 from patrol.journal.file import MAGIC, GrowingJournal
+from patrol.journal.records import FARTHEST
 from patrol.scenario import as_mapping, load_scenario
 
 HEADER = Header(
