@@ -3,6 +3,9 @@
 Unusable                what a user, a file or a wire gave
     BadInput            a user's file or argument; the command line prints it and ends with exit code 2
     Malformed           bytes that are not the message or the record that belongs there
+    Rejected            a frame that must not be used (`patrol.radio.message`)
+    RequestRefused      a request that does not control the run (`patrol.net.security.control_auth`)
+    FileRefused         a file of a wrong kind or size (`patrol.untrusted`)
 """
 
 from __future__ import annotations
@@ -18,7 +21,7 @@ _LONGEST = 60
 
 
 class Unusable(Exception):
-    """Input that cannot be used; ``str(error)`` says why. Whoever reads from a wire or a file expects these only."""
+    """Input that cannot be used; ``str(error)`` says why. Files and wires raise subclasses of it."""
 
 
 class Malformed(Unusable, ValueError):

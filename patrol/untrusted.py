@@ -15,6 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
+from patrol.errors import Unusable
+
 KIB = 1 << 10
 MIB = 1 << 20
 GIB = 1 << 30
@@ -54,7 +56,7 @@ _NAMES = (
 )
 
 
-class Refused(OSError):
+class FileRefused(Unusable, OSError):
     """A file that is not opened, or not read, although the system would; `strerror` says why."""
 
 
@@ -71,13 +73,13 @@ def open_untrusted(path: Path, kind: Kind) -> BinaryIO:
         The file, at its beginning.
 
     Raises:
-        OSError: When the system does not open it; Refused when it is no regular file or too large. `strerror` says why
-            in a few words.
+        OSError: When the system does not open it; FileRefused when it is no regular file or too large. `strerror` says
+            why in a few words.
     """
     try:
         place = os.open(path, os.O_PATH | os.O_CLOEXEC)  # finds the file and does not open it: nobody notices
     except ValueError:
-        raise Refused(errno.EINVAL, "has a null character in its name", str(path)) from None
+        raise FileRefused(errno.EINVAL, "has a null character in its name", str(path)) from None
     try:
         check_regular(place, path, kind)
         # By its descriptor, so that it is the file that was checked, whatever the path leads to by now.
@@ -97,14 +99,14 @@ def check_regular(descriptor: int, path: Path, kind: Kind) -> None:
         kind: What it should be.
 
     Raises:
-        OSError: It is a folder; Refused when it is something else, or too large.
+        OSError: It is a folder; FileRefused when it is something else, or too large.
     """
     facts = os.fstat(descriptor)
     if stat.S_ISDIR(facts.st_mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     if not stat.S_ISREG(facts.st_mode):
         what = next((name for holds, name in _NAMES if holds(facts.st_mode)), "something else")
-        raise Refused(errno.EINVAL, f"is {what}; give a regular file", str(path))
+        raise FileRefused(errno.EINVAL, f"is {what}; give a regular file", str(path))
     if facts.st_size > kind.most:
         raise _too_large(path, kind)
 
@@ -126,9 +128,9 @@ def read_untrusted(path: Path, kind: Kind) -> bytes:
     return content
 
 
-def _too_large(path: Path, kind: Kind) -> Refused:
+def _too_large(path: Path, kind: Kind) -> FileRefused:
     unit, name = next((unit, name) for unit, name in ((GIB, "GiB"), (MIB, "MiB"), (KIB, "KiB")) if kind.most >= unit)
-    return Refused(errno.EFBIG, f"is larger than {kind.what} may be, {kind.most // unit} {name}", str(path))
+    return FileRefused(errno.EFBIG, f"is larger than {kind.what} may be, {kind.most // unit} {name}", str(path))
 
 
 def leads_out(folder: Path, path: Path) -> bool:

@@ -9,13 +9,13 @@ from enum import StrEnum
 from agent.robots.ros2.pose.localisation import AHEAD_S, LONGEST_S, Source
 from fogwatch.doctor.survey import Survey, Wanted
 from fogwatch.doctor.topics import ARROW, Topic, topics_of
+from patrol.errors import Malformed
 from patrol.printable import printable
 from patrol.ros2 import messages as ros
 from patrol.ros2.codec import CODINGS, decode
 from patrol.ros2.definitions import ACTION, NO_HASH
 from patrol.ros2.formats import Bridge, Format, RmwZenoh
 from patrol.ros2.names import ADMIN_SPACE, Entity, EntityKind, entity_of, full_name
-from patrol.ros2.packing import BadMessage
 
 SLOW_HZ = 5.0
 """Fewer poses a second than this are few for a robot that drives."""
@@ -276,7 +276,7 @@ def _age_of_odometry(seen: Survey, form: Format) -> float | None:
             try:
                 recent = list(heard.recent)  # at once: messages go on coming
                 return min(at_ns - decode(ros.Odometry, payload).stamp_ns for at_ns, payload in recent) / 1e9
-            except BadMessage:
+            except Malformed:
                 continue
     return None
 

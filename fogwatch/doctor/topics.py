@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from fogwatch.doctor.survey import Survey, Wanted, names_of
+from patrol.errors import Malformed
 from patrol.printable import printable
 from patrol.ros2 import messages as ros
 from patrol.ros2.codec import CODINGS, decode
@@ -14,7 +15,6 @@ from patrol.ros2.definitions import NO_HASH, type_hash
 from patrol.ros2.ear import Overheard
 from patrol.ros2.formats import Bridge, Format, Origin
 from patrol.ros2.names import Entity, EntityKind
-from patrol.ros2.packing import BadMessage
 
 ARROW = " -> "
 
@@ -102,7 +102,7 @@ def _look(name: str, type_name: str, heard: Overheard | None, wanted: Wanted) ->
         for payload in [*(payload for _, payload in list(heard.recent)), heard.newest]:
             if payload is not None:
                 frames |= dict.fromkeys(_frames(decode(kind, payload)))
-    except BadMessage as bad:
+    except Malformed as bad:
         return tuple(frames), str(bad)
     return tuple(frames), ""
 

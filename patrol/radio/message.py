@@ -27,6 +27,7 @@ from typing import Annotated, Any, get_type_hints
 
 import msgpack
 
+from patrol.errors import Unusable
 from patrol.pose import TAU, Pose, wrap
 from patrol.radio.units import CM_PER_M, MRAD_PER_RAD, cm_to_m, rad_to_mrad, s_to_ms
 
@@ -73,7 +74,7 @@ class RejectReason(StrEnum):
     TOO_FAST = "too_fast"
 
 
-class Rejected(Exception):
+class Rejected(Unusable):
     """A frame that must not be used, and why."""
 
     def __init__(self, reason: RejectReason, detail: str) -> None:

@@ -1,4 +1,4 @@
-"""Messages of ours to CDR bytes and back. Whatever cannot be used raises `BadMessage`, and nothing else."""
+"""Messages of ours to CDR bytes and back. Whatever cannot be used raises `Malformed`, and nothing else."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+from patrol.errors import Malformed
 from patrol.ros2 import messages as ours
 from patrol.ros2 import packing as ros
 from patrol.ros2.definitions import ACTION, CANCEL_GOAL, FEEDBACK, GET_RESULT, SEND_GOAL, store, type_hash
-from patrol.ros2.packing import BadMessage
 
 M = TypeVar("M")
 
@@ -52,7 +52,7 @@ def encode(message: object) -> bytes:
         CDR, little endian, with its header.
 
     Raises:
-        BadMessage: It holds what must not be sent.
+        Malformed: It holds what must not be sent.
         BadInput: The extra ``ros2`` is not installed.
     """
     coding = CODINGS[type(message)]
@@ -67,22 +67,22 @@ def decode(kind: type[M], payload: bytes) -> M:
         payload: CDR of either byte order, with its header.
 
     Raises:
-        BadMessage: They are no such message, or one that cannot be used.
+        Malformed: They are no such message, or one that cannot be used.
         BadInput: The extra ``ros2`` is not installed.
     """
     from rosbags.serde import SerdeError
 
     coding = CODINGS[kind]
     if coding.unpack is None:
-        raise BadMessage(f"{coding.type_name} is only sent")
+        raise Malformed(f"{coding.type_name} is only sent")
     if len(payload) > coding.longest:
-        raise BadMessage(f"{len(payload)} bytes, and {coding.type_name} has at most {coding.longest}")
+        raise Malformed(f"{len(payload)} bytes, and {coding.type_name} has at most {coding.longest}")
     if kind is ours.GetResultResponse:
         return _result(payload)  # type: ignore[return-value]
     try:
         found = store().deserialize_cdr(payload, coding.type_name)
     except (SerdeError, ValueError, IndexError, OverflowError, TypeError, struct.error):
-        raise BadMessage(f"{len(payload)} bytes that are no {coding.type_name}") from None
+        raise Malformed(f"{len(payload)} bytes that are no {coding.type_name}") from None
     message: M = coding.unpack(found)
     return message
 
@@ -90,13 +90,13 @@ def decode(kind: type[M], payload: bytes) -> M:
 def _result(payload: bytes) -> ours.GetResultResponse:
     """Return the status, which comes first; the rest differs from release to release."""
     if len(payload) <= HEADER or payload[:1] != b"\0" or payload[1] > 1:
-        raise BadMessage(f"{len(payload)} bytes that are no {GET_RESULT}_Response")
+        raise Malformed(f"{len(payload)} bytes that are no {GET_RESULT}_Response")
     return ours.GetResultResponse(struct.unpack_from("b", payload, HEADER)[0])
 
 
 def _text(value: str) -> str:
     if len(value) > _LONGEST_TEXT:
-        raise BadMessage(f"a text of {len(value)} characters")
+        raise Malformed(f"a text of {len(value)} characters")
     return value
 
 

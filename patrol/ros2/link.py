@@ -16,6 +16,7 @@ from zenoh.ext import (
     declare_advanced_subscriber,
 )
 
+from patrol.errors import Malformed
 from patrol.net.link import CLOSE_S, close_session, open_session
 from patrol.net.settings import client_settings
 from patrol.printable import printable
@@ -25,7 +26,6 @@ from patrol.ros2.ear import Ear
 from patrol.ros2.formats import Attachment, Format, Origin, attachment_of, gid_of
 from patrol.ros2.mailbox import Received, RosMailbox
 from patrol.ros2.names import SERVICE, USUAL, Entity, EntityKind, NodeName, Qos, full_name
-from patrol.ros2.packing import BadMessage
 from patrol.ros2.ports import Asked, Sender, Service
 
 if TYPE_CHECKING:
@@ -323,7 +323,7 @@ def _deliver(
         return
     try:
         message = decode(kind, payload.to_bytes())
-    except BadMessage as bad:
+    except Malformed as bad:
         mailbox.refuse("malformed", printable(f"{full}: {bad}"))
         return
     given = attachment_of(_small(attached))

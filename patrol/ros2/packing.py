@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from patrol.errors import Malformed
 from patrol.pose import Pose
 from patrol.ros2.definitions import store
 from patrol.ros2.messages import (
@@ -32,61 +33,57 @@ _UNIT = (0.9, 1.1)
 """Bounds of the length of a quaternion that should have length 1."""
 
 
-class BadMessage(ValueError):
-    """A message that cannot be used; one short line says why."""
-
-
 def number(value: float) -> float:
-    """Return a number that means something. Raises BadMessage for any other."""
+    """Return a number that means something. Raises Malformed for any other."""
     if not -LARGEST <= value <= LARGEST:
-        raise BadMessage(f"{float(value)} is not a number of metres, seconds or radians")
+        raise Malformed(f"{float(value)} is not a number of metres, seconds or radians")
     return float(value)
 
 
 def frame(name: str) -> str:
-    """Return a frame's name. Raises BadMessage for what cannot be one."""
+    """Return a frame's name. Raises Malformed for what cannot be one."""
     if not 0 < len(name) <= LONGEST_NAME or not name.isprintable():
-        raise BadMessage("a frame's name is empty, too long or not printable")
+        raise Malformed("a frame's name is empty, too long or not printable")
     return name
 
 
 def optional_frame(name: str) -> str:
-    """Return a frame's name, or nothing. Raises BadMessage for what cannot be one."""
+    """Return a frame's name, or nothing. Raises Malformed for what cannot be one."""
     return frame(name) if name else ""
 
 
 def goal_id(value: Iterable[int]) -> bytes:
-    """Return a goal's id. Raises BadMessage for what cannot be one."""
+    """Return a goal's id. Raises Malformed for what cannot be one."""
     found = bytes(value)
     if len(found) != 16:
-        raise BadMessage("a goal's id has 16 bytes")
+        raise Malformed("a goal's id has 16 bytes")
     return found
 
 
 def nanoseconds(time: Any) -> int:
-    """Return a time of ROS in ns. Raises BadMessage for what cannot be one."""
+    """Return a time of ROS in ns. Raises Malformed for what cannot be one."""
     if time.sec < 0 or not 0 <= time.nanosec < _NS:
-        raise BadMessage("a time before the epoch, or with more than a second of nanoseconds")
+        raise Malformed("a time before the epoch, or with more than a second of nanoseconds")
     return int(time.sec) * _NS + int(time.nanosec)
 
 
 def heading(turn: Any) -> float:
-    """Return the heading of a quaternion, rad. Raises BadMessage where it is of no use."""
+    """Return the heading of a quaternion, rad. Raises Malformed where it is of no use."""
     x, y, z, w = (float(value) for value in (turn.x, turn.y, turn.z, turn.w))
     length = math.hypot(x, y, z, w)
     if not _UNIT[0] <= length <= _UNIT[1]:
-        raise BadMessage(f"a rotation's quaternion is of length {length:.3g} and not 1")
+        raise Malformed(f"a rotation's quaternion is of length {length:.3g} and not 1")
     return math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
 
 
 def plane_pose(position: Any, orientation: Any) -> Pose:
-    """Return the pose in the plane. Raises BadMessage where it is of no use."""
+    """Return the pose in the plane. Raises Malformed where it is of no use."""
     number(position.z)
     return Pose(number(position.x), number(position.y), heading(orientation))
 
 
 def plane_twist(twist: Any) -> Twist:
-    """Return the velocity in the plane. Raises BadMessage where it is of no use."""
+    """Return the velocity in the plane. Raises Malformed where it is of no use."""
     return Twist(number(twist.linear.x), number(twist.linear.y), number(twist.angular.z))
 
 
@@ -109,19 +106,19 @@ def transforms(message: Any) -> TFMessage:
                     plane_pose(one.transform.translation, one.transform.rotation),
                 )
             )
-        except BadMessage:
+        except Malformed:
             continue
     return TFMessage(tuple(good), len(message.transforms) - len(good))
 
 
 def grid(message: Any) -> OccupancyGrid:
-    """Return a grid. Raises BadMessage where it is of no use."""
+    """Return a grid. Raises Malformed where it is of no use."""
     info = message.info
     width, height = int(info.width), int(info.height)
     if not 0 < width * height == len(message.data) <= MOST_CELLS:
-        raise BadMessage(f"a grid of {width} x {height} with {len(message.data)} cells")
+        raise Malformed(f"a grid of {width} x {height} with {len(message.data)} cells")
     if not 0.0 < info.resolution <= LARGEST:
-        raise BadMessage(f"a grid with cells of {float(info.resolution)} m")
+        raise Malformed(f"a grid with cells of {float(info.resolution)} m")
     cells = np.asarray(message.data, dtype=np.int8).reshape(height, width).copy()
     return OccupancyGrid(
         nanoseconds(message.header.stamp),
@@ -133,7 +130,7 @@ def grid(message: Any) -> OccupancyGrid:
 
 
 def path(message: Any) -> Path:
-    """Return a path. Raises BadMessage where it is of no use."""
+    """Return a path. Raises Malformed where it is of no use."""
     poses = tuple(plane_pose(one.pose.position, one.pose.orientation) for one in message.poses)
     return Path(nanoseconds(message.header.stamp), frame(message.header.frame_id), poses)
 
@@ -149,15 +146,15 @@ def make(kind: str, **fields: Any) -> Any:
 
 
 def ros_time(stamp_ns: int) -> Any:
-    """Return a builtin_interfaces/Time. Raises BadMessage for what cannot be one."""
+    """Return a builtin_interfaces/Time. Raises Malformed for what cannot be one."""
     seconds, rest = divmod(stamp_ns, _NS)
     if not 0 <= seconds <= _LAST_S:
-        raise BadMessage("a time before the epoch or after 2038")
+        raise Malformed("a time before the epoch or after 2038")
     return make("builtin_interfaces/msg/Time", sec=seconds, nanosec=rest)
 
 
 def ros_duration(seconds: float) -> Any:
-    """Return a builtin_interfaces/Duration. Raises BadMessage for what cannot be one."""
+    """Return a builtin_interfaces/Duration. Raises Malformed for what cannot be one."""
     whole, rest = divmod(round(number(seconds) * _NS), _NS)
     return make("builtin_interfaces/msg/Duration", sec=whole, nanosec=rest)
 
@@ -251,7 +248,7 @@ def ros_grid(message: OccupancyGrid) -> Any:
     """Return a nav_msgs/OccupancyGrid."""
     height, width = message.cells.shape
     if not 0 < width * height <= MOST_CELLS or message.cells.dtype != np.int8:
-        raise BadMessage(f"a grid of {width} x {height} {message.cells.dtype}")
+        raise Malformed(f"a grid of {width} x {height} {message.cells.dtype}")
     info = make(
         "nav_msgs/msg/MapMetaData",
         map_load_time=ros_time(message.stamp_ns),
@@ -272,7 +269,7 @@ def ros_path(message: Path) -> Any:
 
 
 def ros_goal_id(value: bytes) -> Any:
-    """Return a unique_identifier_msgs/UUID. Raises BadMessage for what cannot be one."""
+    """Return a unique_identifier_msgs/UUID. Raises Malformed for what cannot be one."""
     return make("unique_identifier_msgs/msg/UUID", uuid=np.frombuffer(goal_id(value), dtype=np.uint8))
 
 

@@ -59,7 +59,7 @@ class Sender(Protocol[M_contra]):
             message: Of the topic's class.
 
         Raises:
-            BadMessage: It holds what must not be sent.
+            Malformed: It holds what must not be sent.
         """
         ...
 
@@ -124,7 +124,7 @@ class Ros2Link(Protocol):
             Where the response will be, if one comes.
 
         Raises:
-            BadMessage: The request holds what must not be sent.
+            Malformed: The request holds what must not be sent.
         """
         ...
 

@@ -59,7 +59,14 @@ from patrol.net.messages.telemetry import (
     pack_view,
     read_traffic,
 )
-from patrol.net.security.control_auth import MAX_ANSWER, MAX_REQUEST, ControlClient, ControlGate, Refused, Unanswered
+from patrol.net.security.control_auth import (
+    MAX_ANSWER,
+    MAX_REQUEST,
+    ControlClient,
+    ControlGate,
+    RequestRefused,
+    Unanswered,
+)
 from patrol.net.security.transcripts import DIGEST, PLACES, Line
 from patrol.pose import Pose, Velocity
 from patrol.radio.message import CONTACT, MAX_FRAME, Position, Rejected
@@ -90,7 +97,7 @@ def control(payload: bytes) -> object:
     """What a world does with a request, and with what a request says."""
     gate = ControlGate("f", TOKEN, 1, b"s" * 16, lambda: 100.0)
     for take in (gate.challenge, gate.open):
-        with_none(lambda take=take: take(payload), Refused)  # type: ignore[misc]
+        with_none(lambda take=take: take(payload), RequestRefused)  # type: ignore[misc]
     try:
         says = msgpack.unpackb(payload, strict_map_key=False)
     except Exception:  # noqa: BLE001 - the request is for JSON values of any kind, and these are the nearest

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from patrol.untrusted import KEY, Kind, Refused, check_regular, leads_out, open_untrusted, read_untrusted
+from patrol.untrusted import KEY, FileRefused, Kind, check_regular, leads_out, open_untrusted, read_untrusted
 
 SMALL = Kind("a note", 2048)
 
@@ -23,7 +23,7 @@ def test_a_file_that_is_too_large_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "note"
     path.write_bytes(b"x" * (SMALL.most + 1))
     for read in (read_untrusted, open_untrusted):
-        with pytest.raises(Refused) as caught:
+        with pytest.raises(FileRefused) as caught:
             read(path, SMALL)
         assert caught.value.strerror == "is larger than a note may be, 2 KiB"
 
@@ -31,14 +31,14 @@ def test_a_file_that_is_too_large_is_refused(tmp_path: Path) -> None:
 def test_a_file_that_does_not_say_how_large_it_is_is_read_no_further_than_it_may() -> None:
     path = Path("/proc/self/smaps")
     assert path.stat().st_size == 0
-    with pytest.raises(Refused, match="larger than a note"):
+    with pytest.raises(FileRefused, match="larger than a note"):
         read_untrusted(path, SMALL)
 
 
 def test_nothing_is_waited_for(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     for path, why in ((tmp_path / "pipe", "is a named pipe"), (Path("/dev/zero"), "is a device")):
-        with pytest.raises(Refused, match=why):
+        with pytest.raises(FileRefused, match=why):
             read_untrusted(path, KEY)
 
 
@@ -78,7 +78,7 @@ def test_what_the_system_does_not_open_keeps_its_reason(tmp_path: Path) -> None:
         read_untrusted(tmp_path / "none", KEY)
     with pytest.raises(IsADirectoryError):
         read_untrusted(tmp_path, KEY)
-    with pytest.raises(Refused, match="null character"):
+    with pytest.raises(FileRefused, match="null character"):
         read_untrusted(Path("a\0b"), KEY)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from patrol.net.security.control_auth import Admitted, ControlGate, Refused
+from patrol.net.security.control_auth import Admitted, ControlGate, RequestRefused
 from patrol.scenario import dump_scenario
 from patrol.scenario.controls import read_control
 from patrol.scenario.copying import MAP
@@ -73,7 +73,7 @@ class ControlMailbox:
             question = arrived[1]
             try:
                 admitted = self._gate.open(question.payload)
-            except Refused:
+            except RequestRefused:
                 self._mailbox.refused["token"] += 1
                 continue
             if admitted.answered is None:
@@ -102,7 +102,7 @@ def answer_challenge(gate: ControlGate, question: Question, refused: Counter[str
     """
     try:
         question.answer(gate.challenge(question.payload))
-    except Refused:
+    except RequestRefused:
         refused["malformed"] += 1
 
 

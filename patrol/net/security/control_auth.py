@@ -25,6 +25,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+from patrol.errors import Unusable
 from patrol.net.keys import FleetKeys
 from patrol.printable import printable
 from patrol.scenario.controls import Answer
@@ -53,7 +54,7 @@ MAX_ANSWER = _MAC + 6 * _MAX_TEXT + 64
 """Bytes of the longest answer, to a challenge or a request."""
 
 
-class Refused(ValueError):
+class RequestRefused(Unusable, ValueError):
     """Bytes of somebody who has not proved to know the token, or not in time."""
 
 
@@ -116,10 +117,10 @@ class ControlGate:
             The answer, by which the operator sees that the world knows the token.
 
         Raises:
-            Refused: That is no nonce.
+            RequestRefused: That is no nonce.
         """
         if len(nonce) != NONCE:
-            raise Refused(f"a nonce has {NONCE} bytes")
+            raise RequestRefused(f"a nonce has {NONCE} bytes")
         ticket = self._ticket(int(self._now() * 1000.0), nonce)
         mac = _mac(self._token, b"challenge", self._fleet, self._run, nonce, ticket)
         return _CHALLENGED.pack(mac, self._run, ticket)
@@ -134,24 +135,24 @@ class ControlGate:
             What it asks for. Once its answer is sealed, the same request is not new any more.
 
         Raises:
-            Refused: Its sender has not proved to know the token, it is of another run, its ticket is not ours or too
-                old, or its nonce was used for something else.
+            RequestRefused: Its sender has not proved to know the token, it is of another run, its ticket is not ours or
+                too old, or its nonce was used for something else.
         """
         if not _REQUEST.size <= len(payload) <= MAX_REQUEST:
-            raise Refused("no request")
+            raise RequestRefused("no request")
         mac, run, nonce, ticket = _REQUEST.unpack_from(payload)
         control = payload[_REQUEST.size :]
         if run != self._run:
-            raise Refused("the request is of another run")
+            raise RequestRefused("the request is of another run")
         if not hmac.compare_digest(mac, _mac(self._token, b"request", self._fleet, run, nonce, ticket, control)):
-            raise Refused("the request's sender does not know the token")
+            raise RequestRefused("the request's sender does not know the token")
         made_ms = _TICKET.unpack(ticket)[0]
         until = made_ms / 1000.0 + LIFETIME_S
         if not hmac.compare_digest(ticket, self._ticket(made_ms, nonce)) or self._now() > until:
-            raise Refused("the request's ticket is not ours or too old")
+            raise RequestRefused("the request's ticket is not ours or too old")
         before = self._obeyed.get(nonce)
         if before is not None and before.mac != mac:
-            raise Refused("the request's nonce was used before")
+            raise RequestRefused("the request's nonce was used before")
         if before is None:
             self._make_room()
 
@@ -172,7 +173,7 @@ class ControlGate:
             now = self._now()
             self._obeyed = {nonce: obeyed for nonce, obeyed in self._obeyed.items() if obeyed.until >= now}
         if len(self._obeyed) >= MAX_OBEYED:
-            raise Refused(f"{MAX_OBEYED} requests within {LIFETIME_S:g} s")
+            raise RequestRefused(f"{MAX_OBEYED} requests within {LIFETIME_S:g} s")
 
 
 def _parsed(control: bytes) -> Any:

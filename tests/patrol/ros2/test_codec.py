@@ -12,12 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap_ros2._dynamic import serialize_dynamic
 
-from patrol.errors import BadInput
+from patrol.errors import BadInput, Malformed
 from patrol.pose import Pose
 from patrol.ros2 import messages as ours
 from patrol.ros2.codec import CODINGS, decode, encode
 from patrol.ros2.definitions import service_types, store, type_hash
-from patrol.ros2.packing import BadMessage
 
 STAMP = 1_700_000_000_123_456_789
 STAMP_PARTS = {"sec": 1_700_000_000, "nanosec": 123_456_789}
@@ -220,7 +219,7 @@ def pose_with(**changes: Any) -> bytes:
     ],
 )
 def test_what_is_of_no_use_is_refused(changes: dict[str, Any], says: str) -> None:
-    with pytest.raises(BadMessage, match=says):
+    with pytest.raises(Malformed, match=says):
         decode(ours.PoseStamped, pose_with(**changes))
 
 
@@ -276,13 +275,13 @@ def test_no_bytes_do_anything_but_be_refused(kind: type, data: st.DataObject) ->
             payload[data.draw(st.integers(0, len(payload) - 1))] = data.draw(st.sampled_from([0, 1, 0x7F, 0x80, 0xFF]))
     cut = data.draw(st.integers(0, len(payload)))
     for given_bytes in (bytes(payload), bytes(payload[:cut]), bytes(payload) + b"\xff" * cut):
-        with suppress(BadMessage):
+        with suppress(Malformed):
             decode(kind, given_bytes)
 
 
 @pytest.mark.parametrize("kind", CODINGS)
 def test_nothing_longer_than_its_kind_is_read(kind: type) -> None:
-    with pytest.raises(BadMessage, match=r"at most|only sent"):
+    with pytest.raises(Malformed, match=r"at most|only sent"):
         decode(kind, bytes(CODINGS[kind].longest + 1))
 
 
@@ -290,11 +289,11 @@ def test_lengths_that_lie_allocate_nothing() -> None:
     payload = bytearray(encode(ours.TFMessage(())))
     payload[4:8] = b"\xff\xff\xff\xff"
     for kind in (ours.TFMessage, ours.GoalStatusArray, ours.String, ours.CancelResponse):
-        with pytest.raises(BadMessage):
+        with pytest.raises(Malformed):
             decode(kind, bytes(payload))
     lying = bytearray(encode(GRID))
     lying[-6 - 4 : -6] = struct.pack("<I", 2**31)
-    with pytest.raises(BadMessage):
+    with pytest.raises(Malformed):
         decode(ours.OccupancyGrid, bytes(lying))
 
 
@@ -311,7 +310,7 @@ def test_what_must_not_be_sent_is_not_encoded() -> None:
         ours.OccupancyGrid(STAMP, "map", 0.05, Pose(0.0, 0.0, 0.0), np.zeros((0, 3), np.int8)),
         ours.OccupancyGrid(STAMP, "map", nan, Pose(0.0, 0.0, 0.0), np.zeros((1, 3), np.int8)),
     ):
-        with pytest.raises(BadMessage):
+        with pytest.raises(Malformed):
             encode(message)
 
 

@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 import numpy as np
 import pytest
 
+from patrol.errors import Malformed
 from patrol.net.link import LinkDown, open_link, open_router
 from patrol.pose import Pose
 from patrol.ros2.definitions import CANCEL_GOAL
@@ -15,7 +16,6 @@ from patrol.ros2.link import ZenohRos2Link, open_ros2
 from patrol.ros2.mailbox import Received, RosMailbox
 from patrol.ros2.messages import Bool, CancelRequest, CancelResponse, OccupancyGrid, Odometry, Twist, TwistStamped
 from patrol.ros2.names import LATCHED, EntityKind, NodeName
-from patrol.ros2.packing import BadMessage
 from patrol.ros2.ports import Asked, Sender, Service
 from tests.routers import PATIENCE_S, free_endpoint, routed
 
@@ -171,7 +171,7 @@ def test_another_type_is_refused_and_said(join: Join) -> None:
 def test_what_is_no_number_is_never_sent(join: Join) -> None:
     sender = join(RmwZenoh()).publisher("cmd_vel", Twist)
     for bad in (float("nan"), float("inf"), -1e300):
-        with pytest.raises(BadMessage):
+        with pytest.raises(Malformed):
             sender.send(Twist(bad, 0.0, 0.0))
     assert sender.sent == 0
 

@@ -25,7 +25,7 @@ from patrol.net.security.control_auth import (
     ControlClient,
     ControlGate,
     Operated,
-    Refused,
+    RequestRefused,
     Unanswered,
 )
 from patrol.scenario.controls import Answer
@@ -70,7 +70,7 @@ class Wire:
             if key == KEYS.control(CHALLENGE):
                 return self.gate.challenge(payload)
             admitted = self.gate.open(payload)
-        except Refused:
+        except RequestRefused:
             return None
         if admitted.answered is not None:
             return admitted.answered
@@ -129,7 +129,7 @@ def test_a_request_that_was_altered_is_refused(place: int) -> None:
     wire = Wire()
     request = bytearray(wire.request())
     request[place] ^= 1
-    with pytest.raises(Refused):
+    with pytest.raises(RequestRefused):
         wire.gate.open(bytes(request))
 
 
@@ -140,7 +140,7 @@ def test_a_request_that_was_altered_is_refused(place: int) -> None:
 def test_a_request_counts_for_one_run_of_one_fleet(other: dict[str, Any]) -> None:
     wire = Wire()
     request = wire.request()
-    with pytest.raises(Refused):
+    with pytest.raises(RequestRefused):
         gate_of(wire, **other).open(request)
 
 
@@ -148,20 +148,20 @@ def test_a_request_that_was_held_back_is_refused() -> None:
     wire = Wire()
     request = wire.request()
     wire.time += LIFETIME_S + 0.1
-    with pytest.raises(Refused, match="too old"):
+    with pytest.raises(RequestRefused, match="too old"):
         wire.gate.open(request)
 
 
 @given(st.binary(max_size=200) | st.builds(bytes, st.integers(MAX_CONTROL + 100, MAX_CONTROL + 110)))
 def test_bytes_are_refused(payload: bytes) -> None:
     wire = Wire()
-    with pytest.raises(Refused):
+    with pytest.raises(RequestRefused):
         wire.gate.open(payload)
 
 
 @pytest.mark.parametrize("nonce", [b"", bytes(NONCE - 1), bytes(NONCE + 1)])
 def test_a_ticket_needs_a_nonce(nonce: bytes) -> None:
-    with pytest.raises(Refused):
+    with pytest.raises(RequestRefused):
         Wire().gate.challenge(nonce)
 
 
