@@ -22,7 +22,7 @@ from fogwatch.launch.runfolder import PolicyNotMade, RunFolder, fill, make_folde
 from patrol.errors import BadInput
 from patrol.net.messages.telemetry import Metrics
 from patrol.own_sensor import allow_sensor
-from patrol.process.lifeline import Interrupted
+from patrol.process.lifeline import InterruptedBySignal
 from patrol.process.starting.seldom import seldom_kernels
 from patrol.process.starting.warmup import warm
 from patrol.radio.fleet_key import fleet_key
@@ -147,7 +147,7 @@ def run(
 
     Raises:
         BadInput: The input is wrong; the message is one line that says what, and how to mend it.
-        fogwatch.launch.launcher.Failed: The processes could not be brought to run.
+        fogwatch.launch.launcher.LaunchFailed: The processes could not be brought to run.
         KeyboardInterrupt: The run was interrupted before its first tick; its folder is gone again.
     """
     if isinstance(scenario, Scenario):
@@ -182,7 +182,7 @@ def execute(scenario: Scenario, options: RunOptions) -> Result:
 
     Raises:
         BadInput: The scenario cannot be run, or the run folder cannot be used.
-        fogwatch.launch.launcher.Failed: The processes could not be brought to run.
+        fogwatch.launch.launcher.LaunchFailed: The processes could not be brought to run.
         KeyboardInterrupt: The run was interrupted before its first tick.
     """
     watched = options.recording or options.report or options.page
@@ -272,16 +272,16 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions)
                     failure=on_failure,
                 )
         except Unwritten as unwritten:
-            from fogwatch.launch.launcher import Failed
+            from fogwatch.launch.launcher import LaunchFailed
 
-            raise Failed(str(unwritten)) from None
+            raise LaunchFailed(str(unwritten)) from None
     options.over()
     return _result(folder, prepared, outcome.journal, outcome.verdict, outcome.summary, options)
 
 
 def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) -> Result:
     from fogwatch.launch.clerk_child import ClerkChild
-    from fogwatch.launch.launcher import WORLD, Failed, Launch
+    from fogwatch.launch.launcher import WORLD, Launch, LaunchFailed
     from fogwatch.launch.moved_folder import found_again
     from patrol.prepare import prepare
     from worldsim.faults.timeline import Timeline
@@ -328,7 +328,7 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
                 shutil.rmtree(static, ignore_errors=True)
         options.over()
         if not folder.journal.exists():
-            raise KeyboardInterrupt if launch.interrupted else Failed(launch.describe_end(WORLD))
+            raise KeyboardInterrupt if launch.interrupted else LaunchFailed(launch.describe_end(WORLD))
         if exit_codes[WORLD] != 0:
             options.display.say(launch.describe_end(WORLD))
         return _ended_as_processes(folder, prepared, exit_codes, options, clerk)
@@ -343,7 +343,7 @@ def _ended_as_processes(
 ) -> Result:
     """Judge a run whose processes have ended, and write its files."""
     from fogwatch.launch.derived import load
-    from fogwatch.launch.launcher import Failed
+    from fogwatch.launch.launcher import LaunchFailed
     from patrol.journal import read_journal
     from worldsim.output.summary import summarise
     from worldsim.verdict.judge import judge
@@ -351,7 +351,7 @@ def _ended_as_processes(
     try:
         journal = read_journal(folder.journal)
     except BadInput as bad:
-        raise Failed(str(bad)) from None
+        raise LaunchFailed(str(bad)) from None
     operated = prepared.as_operated(journal.events)
     if _needs_second_run(operated.scenario, options):  # perhaps only since an operator has added a fault
         clerk.close()
@@ -367,7 +367,7 @@ def _ended_as_processes(
             verdict = judge(journal, exit_codes, prepared, baseline_s=_baseline(operated, options))
             summary = summarise(journal, verdict, operated)
         options.display.progress(JUDGING, 1.0)
-    except Interrupted:
+    except InterruptedBySignal:
         options.display.say(f"interrupted before the run was judged; `fogwatch judge {folder.path}` judges it")
         raise
     summary = summary.model_copy(update={"exit_codes": dict(exit_codes)})

@@ -30,7 +30,7 @@ from fogwatch.launch.clerk_messages import (
 from fogwatch.launch.runfolder import RunFolder
 from patrol.errors import BadInput
 from patrol.process.exit_codes import BAD_INPUT, INTERRUPTED
-from patrol.process.lifeline import Interrupted, heed, run_process
+from patrol.process.lifeline import InterruptedBySignal, heed, run_process
 from patrol.process.starting.readiness import report_ready
 
 if TYPE_CHECKING:
@@ -113,7 +113,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             _serve(options, connection)
     except (EOFError, BrokenPipeError, ConnectionResetError):
         return 0
-    except Interrupted:
+    except InterruptedBySignal:
         return INTERRUPTED
     except BadInput as bad:
         print(bad)

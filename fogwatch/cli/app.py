@@ -234,7 +234,7 @@ def run(
 
     from fogwatch.api import RunOptions, execute
     from fogwatch.launch.kernel_bar import kernel_bar
-    from fogwatch.launch.launcher import Failed
+    from fogwatch.launch.launcher import LaunchFailed
     from fogwatch.launch.live_table import make_display
     from fogwatch.launch.summary_text import print_summary
     from patrol.summary.model import Summary
@@ -265,7 +265,7 @@ def run(
     )
     try:
         result = execute(scenario, run_options)
-    except Failed as failed:
+    except LaunchFailed as failed:
         complain(str(failed))
         return UNKNOWN
     with _readers_may_leave():

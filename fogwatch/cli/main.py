@@ -51,9 +51,9 @@ def main() -> int:
 
 
 def _interrupt(_number: int, _frame: object) -> None:
-    from patrol.process.lifeline import Interrupted
+    from patrol.process.lifeline import InterruptedBySignal
 
-    raise Interrupted
+    raise InterruptedBySignal
 
 
 def _settle_standard_streams() -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
 from patrol.journal import Journal
-from patrol.process.lifeline import Interrupted
+from patrol.process.lifeline import InterruptedBySignal
 from patrol.process.starting.warmup import warm
 from patrol.radio.fleet_key import fleet_key
 
@@ -97,7 +97,7 @@ def write_files(
                 _shown(journal, prepared, summary, None, report, display)
             elif written.problem:
                 display.say(written.problem)
-    except Interrupted:
+    except InterruptedBySignal:
         later = f"`fogwatch report {folder.path}` and `fogwatch record {folder.path}` write report and recording"
         display.say(f"interrupted: not all files are written; {later}")
         return False

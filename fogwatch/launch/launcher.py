@@ -63,7 +63,7 @@ MOST_ROUTERS = 20
 _TICK_S = 0.05
 
 
-class Failed(Exception):
+class LaunchFailed(Exception):
     """The fleet could not be brought to run; the message says why in one line, and quotes a child's log below."""
 
 
@@ -122,7 +122,7 @@ class Launch:
 
         Raises:
             BadInput: The port that was asked for is busy, or there is nowhere to keep secrets.
-            Failed: The router did not start.
+            LaunchFailed: The router did not start.
             KeyboardInterrupt: `stop` said yes while the router started.
         """
         self.folder.logs.mkdir(exist_ok=True)
@@ -152,7 +152,7 @@ class Launch:
 
         Raises:
             BadInput: An agent found its input wrong before the run began.
-            Failed: The router cannot be reached or keeps dying, or an agent ended before the run began.
+            LaunchFailed: The router cannot be reached or keeps dying, or an agent ended before the run began.
         """
         if self._fork_server is not None:
             self._spawn_agents()
@@ -163,7 +163,7 @@ class Launch:
             if self.stop():
                 self.interrupted = True
                 return
-            raise Failed(str(down)) from None
+            raise LaunchFailed(str(down)) from None
         try:
             self._watch(link)
         finally:
@@ -274,10 +274,10 @@ class Launch:
                 raise KeyboardInterrupt
             if report is None or report.failure is not StartFailure.PORT_BUSY:
                 why = f": {report.detail}" if report is not None else f":\n{router.log_tail()}"
-                raise Failed(f"{ROUTER} did not start{why}")
+                raise LaunchFailed(f"{ROUTER} did not start{why}")
             if self.port is not None:
                 raise BadInput(f"--port {port}: the port is busy; choose another, or leave the choice to fogwatch")
-        raise Failed("found no free port for the router")
+        raise LaunchFailed("found no free port for the router")
 
     def _spawn_router(self) -> Child:
         arguments = ["--fleet", str(self._of_run.for_router(self._endpoint))]
@@ -345,7 +345,7 @@ class Launch:
         if router.poll() is not None and not self.stop():
             self._routers += 1
             if self._routers > MOST_ROUTERS:
-                raise Failed(f"{ROUTER} keeps dying:\n{router.log_tail()}")
+                raise LaunchFailed(f"{ROUTER} keeps dying:\n{router.log_tail()}")
             self.display.say(f"{router.describe_exit()}; starting it again")
             self._spawn_router()
         for name in self.robots:
@@ -358,5 +358,5 @@ class Launch:
                     if child.has_traceback:
                         raise PolicyNotMade(why, child.log)
                     raise BadInput(why)
-                raise Failed(f"the run could not begin: {child.describe_end()}")
+                raise LaunchFailed(f"the run could not begin: {child.describe_end()}")
             self.display.say(child.describe_end())

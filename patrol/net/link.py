@@ -55,7 +55,7 @@ class LinkDown(Exception):
     """No router answered in time, or none can be here; one line says which."""
 
 
-class Refused(LinkDown):
+class NotAdmitted(LinkDown):
     """A router is there, and does not let this process in."""
 
 
@@ -347,7 +347,7 @@ def open_session(
 
     Raises:
         LinkDown: As of `open_link`.
-        Refused: The router does not let this process in.
+        NotAdmitted: The router does not let this process in.
     """
     box: list[zenoh.Session | Exception] = []
     done = threading.Event()
@@ -366,7 +366,7 @@ def open_session(
         waited = time.monotonic() - began
         if stopped() or waited >= wait_s:
             if not stopped() and listens(router):
-                raise Refused(f"a router at {router} does not let this process in: {_ADMISSION}")
+                raise NotAdmitted(f"a router at {router} does not let this process in: {_ADMISSION}")
             raise LinkDown(f"no router answers at {router}")
         if waited >= tell_at:
             tell_at = waited + TELL_S[1]

@@ -10,7 +10,7 @@ from patrol.errors import BadInput
 from patrol.net.carriers.multicast import GroupDown, open_group
 from patrol.net.carriers.serial_line import SerialDown, is_serial, open_serial
 from patrol.net.keys import is_group, is_local
-from patrol.net.link import Link, LinkDown, Refused, listens, open_link, open_session
+from patrol.net.link import Link, LinkDown, NotAdmitted, listens, open_link, open_session
 from patrol.net.settings import client_settings
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def open_links(
 
     try:
         link = open_link(router, wait_s, waiting_for(router), stopped, credentials)
-    except Refused as refused:
+    except NotAdmitted as refused:
         raise BadInput(str(refused)) from None
     except LinkDown as down:
         if stopped():

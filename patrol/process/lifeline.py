@@ -30,7 +30,7 @@ _PR_SET_PDEATHSIG = 1
 _POLL_S = 0.02
 
 
-class Interrupted(KeyboardInterrupt):
+class InterruptedBySignal(KeyboardInterrupt):
     """A signal that ends the process wherever it is; caught as `KeyboardInterrupt`.
 
     A class of its own: where `KeyboardInterrupt` itself leaves the `exec` of a source text, as a library may run while
@@ -42,7 +42,7 @@ class Ending:
     """Whether this process should leave, why, and how often it was asked to.
 
     Attributes:
-        patience: Signals that are handled by whoever reads this object; each further one raises Interrupted
+        patience: Signals that are handled by whoever reads this object; each further one raises InterruptedBySignal
             wherever the process is. None: all are.
         reason: Of the first request.
         times: Requests so far.
@@ -114,7 +114,7 @@ def heed(lifeline: int | None, on_death: Callable[[], None] = lambda: None, *, p
     def by_signal(number: int, _frame: FrameType | None) -> None:
         ending.ask(f"told to by {signal.Signals(number).name}")
         if ending.patience is not None and ending.times > ending.patience:
-            raise Interrupted
+            raise InterruptedBySignal
 
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGQUIT, signal.SIGHUP):
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # as nohup has it

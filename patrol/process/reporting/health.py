@@ -40,7 +40,7 @@ Figures = Mapping[Figure, Value]
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class HealthReading:
     """The figures at one time.
 
     Attributes:
@@ -52,7 +52,7 @@ class Reading:
     figures: Figures
 
 
-def health_line(now: Reading, before: Reading | None) -> str:
+def health_line(now: HealthReading, before: HealthReading | None) -> str:
     """A health line for people.
 
     Args:
@@ -64,7 +64,7 @@ def health_line(now: Reading, before: Reading | None) -> str:
     return f"health: {', '.join(parts)}"
 
 
-def _ticks(now: Reading, before: Reading | None) -> list[str]:
+def _ticks(now: HealthReading, before: HealthReading | None) -> list[str]:
     """The newest tick and how many come a second; where ticks are still to come, that none has."""
     if TICK not in now.figures:
         return ["no tick yet"] if QUEUE in now.figures else []
@@ -145,8 +145,8 @@ class HealthLines:
         self._thread.join()
 
     def _run(self) -> None:
-        before: Reading | None = None
+        before: HealthReading | None = None
         while not self._ending.wait(self._every_s):
-            now = Reading(time.monotonic(), self._vitals.read())
+            now = HealthReading(time.monotonic(), self._vitals.read())
             self._log.info(health_line(now, before), health=facts_of(now.figures))
             before = now

@@ -15,7 +15,7 @@ import pytest
 
 from monitor.live.attach import open_fleet
 from patrol.net.keys import WORLD, fleet_keys
-from patrol.net.link import Refused, open_link
+from patrol.net.link import NotAdmitted, open_link
 from patrol.net.security.access import FILE, credentials_at, private_roots, read_access
 from patrol.net.security.credentials import read_credentials
 from patrol.net.security.roles import VIEWER
@@ -73,7 +73,7 @@ def test_a_running_fleet_shows_no_secret_and_lets_no_stranger_in(start: Callable
         assert secret not in shown
         assert secret not in held
     access = read_access(run.folder, "test")
-    with pytest.raises(Refused):
+    with pytest.raises(NotAdmitted):
         open_link(access.router, 2.0)
     viewer = open_link(access.router, PATIENCE_S, credentials=credentials_at(run.folder, "test", VIEWER))
     assert any(viewer.sees(fleet_keys(access.fleet).alive(WORLD)) for _ in range(1000))

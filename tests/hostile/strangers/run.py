@@ -14,7 +14,7 @@ from pathlib import Path
 
 from experiments.inprocess import run_in_process
 from fogwatch.api import Result, RunOptions, execute
-from fogwatch.launch.launcher import Failed
+from fogwatch.launch.launcher import LaunchFailed
 from fogwatch.launch.runfolder import RunFolder
 from patrol.errors import BadInput
 from patrol.printable import printable
@@ -183,7 +183,7 @@ def run_spell(spell: Spell, folder: Path, over: Callable[[], bool]) -> tuple[See
     try:
         options = RunOptions(out, display=progress, begin=begin, stop=stop, picture=False, page=spell.page)
         result = execute(spell.scenario, options)
-    except (BadInput, Failed) as error:
+    except (BadInput, LaunchFailed) as error:
         ended = f"{type(error).__name__}: {error}"
     except KeyboardInterrupt:
         if over() or not progress.hung:

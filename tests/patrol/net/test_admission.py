@@ -15,7 +15,7 @@ from fogwatch.certificates import issue, make_authority
 from fogwatch.fleet_folder import FleetFolder, open_fleet_folder
 from patrol.errors import BadInput
 from patrol.net.keys import WORLD, FleetKeys
-from patrol.net.link import Link, Refused, open_link
+from patrol.net.link import Link, NotAdmitted, open_link
 from patrol.net.mailbox import Mailbox, Presence, Question
 from patrol.net.open_links import open_links
 from patrol.net.security.credentials import Credentials, read_credentials
@@ -226,7 +226,7 @@ def test_a_password_must_be_the_member_s_own(who: str) -> None:
         }[who]
         members = Members(at)
         with pytest.raises(
-            Refused, match=r"does not let this process in: its credentials are missing, wrong or expired"
+            NotAdmitted, match=r"does not let this process in: its credentials are missing, wrong or expired"
         ):
             members.join(wrong, REFUSED_S)
         with pytest.raises(BadInput, match="does not let this process in"):
@@ -265,7 +265,7 @@ def test_a_member_does_not_join_a_router_that_another_authority_has_made(fleet: 
     mine = read_credentials(fleet.path / "operator", "test")
     with guarded_by_certificates(other) as at:
         members = Members(at)
-        with pytest.raises(Refused):
+        with pytest.raises(NotAdmitted):
             members.join(mine, REFUSED_S)
         assert members.join(at.credentials["operator"]).connected
         members.close()
@@ -275,7 +275,7 @@ def test_a_member_cannot_pass_for_the_router(fleet: FleetFolder) -> None:
     """A robot's certificate is good for a client alone."""
     for name in ("certificate.pem", "key.pem"):
         shutil.copyfile(fleet.path / "r2" / name, fleet.path / "router" / name)
-    with guarded_by_certificates(fleet) as at, pytest.raises(Refused):
+    with guarded_by_certificates(fleet) as at, pytest.raises(NotAdmitted):
         Members(at).join(at.credentials["operator"], REFUSED_S)
 
 

@@ -10,7 +10,7 @@ from agent.robots.ros2.driver import HELD_AFTER_S, Sayer
 from agent.robots.ros2.driving.governor import OFF_GROUND, TOO_NEAR
 from patrol.net.messages.stop_orders import Order, Outcome
 from patrol.pose import Pose, Twist
-from patrol.process.reporting.health import Reading, health_line
+from patrol.process.reporting.health import HealthReading, health_line
 from patrol.process.reporting.vitals import ODOMETRY_AGE, STOPPED, UNUSABLE, Vitals
 from patrol.ros2.messages import Bool
 from tests.agent.robots.ros2.test_driver import PATIENCE_S, STILL, Bench
@@ -73,5 +73,5 @@ def test_its_health_says_how_old_its_odometry_is_and_whether_it_may_drive() -> N
     bench.hardware._odometry.refuse("hash", "other fields")
     bench.stop.send(Bool(True))
     bench.driver.cycle()
-    line = health_line(Reading(0.0, vitals.read()), None)
+    line = health_line(HealthReading(0.0, vitals.read()), None)
     assert re.search(r"stopped, odometry \d+\.\d s ago, robot's messages refused: 1 hash", line), line

@@ -15,7 +15,7 @@ from fogwatch.cli.app import main
 from fogwatch.launch.derived import derive
 from patrol.journal import read_journal
 from patrol.prepare import prepare
-from patrol.process.lifeline import Interrupted
+from patrol.process.lifeline import InterruptedBySignal
 from patrol.scenario import load_scenario
 from patrol.summary.model import Summary
 from tests.routers import PATIENCE_S, routed, world_seen, write_access
@@ -219,10 +219,10 @@ def test_an_interruption_leaves_neither_file_nor_parts_of_one(ran: Path, tmp_pat
 
     def progress(k: int) -> None:
         if k == at:
-            raise Interrupted
+            raise InterruptedBySignal
 
     files = (tmp_path / "a.mcap", tmp_path / "report.html")
-    with pytest.raises(Interrupted):
+    with pytest.raises(InterruptedBySignal):
         derive(read_journal(ran / "journal"), prepare(load_scenario(SMALL)), Summary(), *files, print, progress)
     assert not list(tmp_path.iterdir())
 

@@ -4,7 +4,7 @@ import json
 import math
 import threading
 
-from patrol.process.reporting.health import HealthLines, Reading, facts_of, health_line
+from patrol.process.reporting.health import HealthLines, HealthReading, facts_of, health_line
 from patrol.process.reporting.logs import Log
 from patrol.process.reporting.vitals import (
     CONNECTIONS,
@@ -36,25 +36,25 @@ def test_a_robots_line() -> None:
         DECISION: 0.0213,
         MEMORY: 212_400_000,
     }
-    before = Reading(10.0, {TICK: 100})
-    assert health_line(Reading(12.0, figures), before) == (
+    before = HealthReading(10.0, {TICK: 100})
+    assert health_line(HealthReading(12.0, figures), before) == (
         "health: tick 120, 10.0 ticks/s, last one 0.2 s ago, MFoW 61 s, peers heard: 2, frames refused: 3 old and "
         "1 ahead, messages dropped: none, messages waiting: 4, decision 21.3 ms, 212 MB"
     )
 
 
 def test_the_first_line_knows_no_rate_and_one_before_the_first_tick_says_so() -> None:
-    assert health_line(Reading(1.0, {TICK: 5}), None) == "health: tick 5"
-    assert health_line(Reading(1.0, {TICK: 5}), Reading(0.0, {})) == "health: tick 5"
-    assert health_line(Reading(1.0, {QUEUE: 0}), None) == "health: no tick yet, messages waiting: 0"
+    assert health_line(HealthReading(1.0, {TICK: 5}), None) == "health: tick 5"
+    assert health_line(HealthReading(1.0, {TICK: 5}), HealthReading(0.0, {})) == "health: tick 5"
+    assert health_line(HealthReading(1.0, {QUEUE: 0}), None) == "health: no tick yet, messages waiting: 0"
 
 
 def test_a_router_has_no_ticks() -> None:
-    assert health_line(Reading(1.0, {CONNECTIONS: 5, MEMORY: 33e6}), None) == "health: connections: 5, 33 MB"
+    assert health_line(HealthReading(1.0, {CONNECTIONS: 5, MEMORY: 33e6}), None) == "health: connections: 5, 33 MB"
 
 
 def test_only_robots_that_there_are_are_told() -> None:
-    line = health_line(Reading(1.0, {ROBOTS: {"alive": 4, "dead": 1, "lost": 0}}), None)
+    line = health_line(HealthReading(1.0, {ROBOTS: {"alive": 4, "dead": 1, "lost": 0}}), None)
     assert line == "health: robots: 4 alive and 1 dead"
 
 
