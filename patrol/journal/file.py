@@ -27,7 +27,7 @@ import numpy as np
 from patrol.errors import BadInput, Malformed
 from patrol.journal.decode import decode, is_tick, longest_record
 from patrol.journal.links import Drops, Links
-from patrol.journal.records import End, Event, Header, Record, RobotTick, TickRecord
+from patrol.journal.records import End, Event, Header, Record, TickRecord
 from patrol.untrusted import JOURNAL, open_untrusted
 
 _KIND = b"fogwatch journal "
@@ -307,7 +307,7 @@ def _plain_tick(record: TickRecord) -> dict[str, Any]:
     return {
         "type": "tick",
         "k": record.k,
-        "robots": [_row(robot) for robot in record.robots],
+        "robots": [robot.to_values() for robot in record.robots],
         "frames": record.frames,
         "delivered": _grouped_links(delivered)
         if isinstance(delivered, Links)
@@ -320,11 +320,6 @@ def _plain_tick(record: TickRecord) -> dict[str, Any]:
         "fog_mean": record.fog_mean,
         "seen": record.seen,
     }
-
-
-def _row(r: RobotTick) -> tuple[Any, ...]:
-    driven = (r.x, r.y, r.heading, r.c0, r.c1, r.bumped)
-    return (r.number, r.status, *driven, r.state, r.goal, r.decision_ms, r.rejected, r.refused)
 
 
 def _grouped_links(links: Links | Drops) -> list[tuple[int, int, str, list[int]]]:

@@ -194,26 +194,18 @@ def so_far_bytes(so_far: SoFar) -> bytes:
     """
     ground = so_far.ground
     patrolled = ground.patrolled
-    answer = _Answer(
-        number=so_far.number,
-        header=so_far.header,
-        last=so_far.last,
-        shape=patrolled.shape,
-        passable=_bits(ground.passable),
-        keep_out=_bits(ground.keep_out),
-        areas=tuple(map(_bits, ground.areas)),
-        area_of=tuple(ground.area_of.items()),
-        seen=zlib.compress(so_far.last_seen[patrolled].astype("<i4").tobytes(), _LEVEL),
-        events=so_far.events,
-        event=so_far.event,
-        asked=so_far.asked,
-        every=so_far.every,
-        mfow=so_far.mfow.astype("<f4").tobytes(),
-        fog_mean=so_far.fog_mean.astype("<f4").tobytes(),
-        running=so_far.running,
-        pace=so_far.pace,
-    )
-    packed: bytes = msgpack.packb({field.name: getattr(answer, field.name) for field in fields(answer)})
+    made = {
+        "shape": patrolled.shape,
+        "passable": _bits(ground.passable),
+        "keep_out": _bits(ground.keep_out),
+        "areas": [_bits(area) for area in ground.areas],
+        "area_of": list(ground.area_of.items()),
+        "seen": zlib.compress(so_far.last_seen[patrolled].astype("<i4").tobytes(), _LEVEL),
+        "mfow": so_far.mfow.astype("<f4").tobytes(),
+        "fog_mean": so_far.fog_mean.astype("<f4").tobytes(),
+    }
+    names = [field.name for field in fields(_Answer)]
+    packed: bytes = msgpack.packb({name: made[name] if name in made else getattr(so_far, name) for name in names})
     return packed
 
 
