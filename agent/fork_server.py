@@ -17,7 +17,7 @@ from patrol.process.memory.file_pages import give_back_file_pages
 from patrol.process.memory.freed_memory import keep_freed_memory
 from patrol.process.memory.garbage import hold_collection
 from patrol.process.starting.command_line import show_as
-from patrol.process.starting.forking import Orders, serve_forks, threads
+from patrol.process.starting.forking import count_threads, serve_forks
 from patrol.process.starting.readiness import StartFailure, report_failure, report_ready
 
 NEEDED = (
@@ -42,13 +42,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _options(arguments)
     die_when_orphaned(options.lifeline)
     _load(options.kernels.split(",") if options.kernels else [])
-    if (count := threads()) > 1:
+    if (count := count_threads()) > 1:
         report_failure(options.ready, StartFailure.OTHER, f"cannot fork: a library runs threads ({count} in all)")
         return 1
     sys.stdout.flush()  # what waits to be written would be written by each agent too
     report_ready(options.ready, "")
-    made = serve_forks(options.control)
-    return 0 if made is None else _be(*made)
+    if (made := serve_forks(options.control)) is None:
+        return 0
+    from agent.process import main as be_agent
+
+    orders, output = made
+    for stream in (1, 2):
+        os.dup2(output, stream)
+    os.close(output)
+    os.environ.update(orders.environment)
+    show_as(orders.command)
+    return be_agent(orders.command[orders.command.index("-m") + 2 :])
 
 
 def _load(kernels: Sequence[str]) -> None:
@@ -60,18 +69,6 @@ def _load(kernels: Sequence[str]) -> None:
     for module in (*NEEDED, *kernels):
         importlib.import_module(module)
     give_back_file_pages()
-
-
-def _be(orders: Orders, output: int) -> int:
-    """Be the agent of some orders: its output, its environment, its command line, its work; the exit code."""
-    from agent.process import main as be_agent
-
-    for stream in (1, 2):
-        os.dup2(output, stream)
-    os.close(output)
-    os.environ.update(orders.environment)
-    show_as(orders.command)
-    return be_agent(orders.command[orders.command.index("-m") + 2 :])
 
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:

@@ -27,7 +27,6 @@ LOG_LINES = 5
 TERM_S = 20.0
 """How long a process may take to heed a signal before it is killed, which fails the verdict."""
 _POLL_S = 0.01
-_REPORT_S = 0.05
 
 
 class Process(Protocol):
@@ -49,6 +48,20 @@ class Process(Protocol):
 
     def kill(self) -> None:
         """Send SIGKILL to a process that lives."""
+        ...
+
+
+class Forks(Protocol):
+    """What makes children of one module from a process that has loaded it (`fogwatch.launch.fork_server`).
+
+    Attributes:
+        module: The module.
+    """
+
+    module: str
+
+    def make(self, command: Sequence[str], environment: Mapping[str, str], log: Path) -> Process | None:
+        """Make a child with a command line, more variables and a log; None where it has to be started by itself."""
         ...
 
 
@@ -84,22 +97,16 @@ class Child:
         return self.code
 
     def await_start(self, limit_s: float, stopped: Callable[[], bool] = lambda: False) -> StartReport | None:
-        """Wait for its report.
+        """Wait for its report, as `StartPipe.await_report` does.
 
         Args:
             limit_s: How long to wait at most, s of wall time.
             stopped: Asked all the time whether to wait no longer.
 
         Returns:
-            The report; None where there is none when it ends, or when the wait is over.
+            The report; None where there is none.
         """
-        until = time.monotonic() + limit_s
-        while self.start is not None:
-            if (report := self.start.report(_REPORT_S)) is not None:
-                return report
-            if self.start.ended or stopped() or time.monotonic() >= until:
-                break
-        return None
+        return None if self.start is None else self.start.await_report(limit_s, stopped)
 
     def log_tail(self) -> str:
         """The last lines of its log, indented, for people; what could disturb a terminal is escaped."""
@@ -148,6 +155,7 @@ class Children:
     Attributes:
         by_name: The latest child of each name.
         former: Earlier children of robots that were started again.
+        forks: What makes children of its module; None where all are started by themselves.
     """
 
     def __init__(self, urgent: Callable[[], bool]) -> None:
@@ -158,6 +166,7 @@ class Children:
         """
         self.by_name: dict[str, Child] = {}
         self.former: list[Child] = []
+        self.forks: Forks | None = None
         self._urgent = urgent
         self._lifeline: tuple[int, int] = (-1, -1)
 
@@ -183,10 +192,16 @@ class Children:
             reports_start: Whether it reports its start on a pipe.
             environment: Variables that its environment has beside this process's own.
 
+        A child that `forks` makes inherits the lifeline only, and reports nothing.
+
         Returns:
             The child.
         """
         command = self.command(module, arguments)
+        if self.forks is not None and module == self.forks.module:
+            made = self.forks.make(command, environment, log)
+            if made is not None:
+                return self._take_in(Child(name, made, log))
         descriptors = [self._lifeline[0], *inherit]
         start = StartPipe() if reports_start else None
         if start is not None:
@@ -209,7 +224,13 @@ class Children:
             raise
         if start is not None:
             start.spawned()
-        return self.take_in(name, process, log, start)
+        return self._take_in(Child(name, process, log, start))
+
+    def _take_in(self, child: Child) -> Child:
+        if (earlier := self.by_name.get(child.name)) is not None:
+            earlier.close()
+        self.by_name[child.name] = child
+        return child
 
     def command(self, module: str, arguments: Sequence[str]) -> list[str]:
         """The command line of a child, which tells it to heed the lifeline.
@@ -221,21 +242,6 @@ class Children:
         if self._lifeline[0] < 0:
             self._lifeline = os.pipe()
         return [sys.executable, "-P", "-m", module, *arguments, "--lifeline", str(self._lifeline[0])]
-
-    def take_in(self, name: str, process: Process, log: Path, start: StartPipe | None = None) -> Child:
-        """Have a process that has been started among the children; it replaces an earlier one of the same name.
-
-        Args:
-            name: Its name in the run.
-            process: The process, a child of this one.
-            log: The file that its output goes to.
-            start: The pipe on which it reports its start, if it does.
-        """
-        if (earlier := self.by_name.get(name)) is not None:
-            earlier.close()
-        child = Child(name, process, log, start)
-        self.by_name[name] = child
-        return child
 
     def signal(self, names: Sequence[str], number: signal.Signals) -> None:
         """Send a signal to children that live.

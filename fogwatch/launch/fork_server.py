@@ -1,4 +1,4 @@
-"""The launcher's side of the fork server: starts it, asks it for agents, and does without it where it is of no use.
+"""The launcher's side of the fork server: starts it, and asks it for agents.
 
 A process that it has made is a child of the launcher like any other (`patrol.process.starting.forking`).
 """
@@ -9,15 +9,14 @@ import os
 import signal
 import socket
 import threading
-import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from pathlib import Path
 from types import MappingProxyType
 
-from fogwatch.launch.children import Child, Children
+from fogwatch.launch.children import Children
 from patrol.process.starting.command_line import room_for
-from patrol.process.starting.forking import Orders, adopting_orphans, ask_for_fork, can_fork
+from patrol.process.starting.forking import Orders, ask_for_fork
 
 FORK_SERVER = "the fork server"
 """A name that no robot can have."""
@@ -27,7 +26,6 @@ ANSWER_S = 10.0
 """How long it may take to fork."""
 OF_MINDS = MappingProxyType({"OPENBLAS_NUM_THREADS": "1"})
 """In the environment of all minds of ours: OpenBLAS would have threads, and no mind does linear algebra."""
-_TICK_S = 0.05
 
 
 class Forked:
@@ -48,35 +46,23 @@ class Forked:
         self._reaping = threading.Lock()
 
     def poll(self) -> int | None:
-        """Look whether it has ended; its exit code, negative for a signal, or None while it lives."""
+        """Return its exit code, negative for a signal, or None while it lives."""
         with self._reaping:
             if self._code is None:
                 try:
                     ended, status = os.waitpid(self.pid, os.WNOHANG)
                 except ChildProcessError:  # its exit code is lost, which counts as 0, as subprocess has it
-                    ended, status = (self.pid if self._is_gone() else 0), 0
+                    ended, status = self.pid, 0
                 if ended:
                     self._code = os.waitstatus_to_exitcode(status)
             return self._code
 
     def wait(self) -> int:
-        """Wait until it has ended; its exit code."""
+        """Wait until it has ended; return its exit code."""
         while (code := self.poll()) is None:
-            try:
+            with suppress(ChildProcessError):  # another thread has just looked
                 os.waitid(os.P_PID, self.pid, os.WEXITED | os.WNOWAIT)
-            except ChildProcessError:  # another thread has just looked, or it is nobody's to wait for
-                time.sleep(_TICK_S)
         return code
-
-    def _is_gone(self) -> bool:
-        """Whether a process that is no child any more has ended: the system keeps none where SIGCHLD is ignored."""
-        if signal.getsignal(signal.SIGCHLD) == signal.SIG_IGN:
-            return True
-        try:
-            os.kill(self.pid, 0)
-        except ProcessLookupError:
-            return True
-        return False
 
     def send_signal(self, sig: int) -> None:
         """Send a signal, unless it is known to have ended."""
@@ -90,110 +76,75 @@ class Forked:
 
 
 class ForkServer:
-    """Makes the agents of a run. Without one, or once it has failed, each is started by itself."""
+    """Makes the agents of a run. Once it has failed, each is started by itself.
+
+    Attributes:
+        module: The module of the processes that it makes.
+    """
+
+    module = "agent"
 
     def __init__(
-        self,
-        children: Children,
-        log: Path,
-        stop: Callable[[], bool],
-        commands: Iterable[Sequence[str]],
-        kernels: Sequence[str] = (),
+        self, children: Children, log: Path, commands: Iterable[Sequence[str]], kernels: Sequence[str] = ()
     ) -> None:
-        """Start it, where the system is one for it; it loads while the launcher does other things.
+        """Start it; it loads while the launcher does other things.
 
         Args:
-            children: The processes of the run.
+            children: The processes of the run, of which the agents are to be made.
             log: The file that the server's own output goes to.
-            stop: Asked while the launcher waits for it.
             commands: The command lines that the agents will have, about; the longest counts.
             kernels: Kernel modules that it loads beside those that all agents need.
 
         Raises:
             OSError: It cannot be started.
         """
-        self._children = children
-        self._stop = stop
-        self._control: socket.socket | None = None
         self._asking = threading.Lock()  # robots are started again on a thread of its own
-        self._over = False
-        self._adopting = ExitStack()
-        if not can_fork() or not self._adopting.enter_context(adopting_orphans()):
-            return
         self._control, theirs = socket.socketpair()
         self._control.settimeout(ANSWER_S)
         try:
             with theirs:
-                self._spawn(theirs.fileno(), log, commands, kernels)
+                own = theirs.fileno()
+                arguments = ["--control", str(own), "--kernels", ",".join(kernels), "--room", room_for(commands)]
+                server = "agent.fork_server", arguments, log
+                self._child = children.spawn(
+                    FORK_SERVER, *server, inherit=[own], reports_start=True, environment=OF_MINDS
+                )
         except BaseException:
-            self.close()
+            self._control.close()
             raise
+        children.forks = self
 
-    def _spawn(self, control: int, log: Path, commands: Iterable[Sequence[str]], kernels: Sequence[str]) -> None:
-        module = "agent.fork_server"
-        arguments = ["--control", str(control), "--kernels", ",".join(kernels), "--room"]
-        arguments.append(room_for(commands, self._children.command(module, [*arguments, ""])))
-        self._children.spawn(
-            FORK_SERVER, module, arguments, log, inherit=[control], reports_start=True, environment=OF_MINDS
-        )
-
-    def make(
-        self, name: str, module: str, arguments: Sequence[str], log: Path, environment: Mapping[str, str]
-    ) -> Child | None:
-        """Make a child; it replaces an earlier one of the same name.
+    def await_start(self, stopped: Callable[[], bool]) -> None:
+        """Wait until it can be asked; one that does not load in time is given up.
 
         Args:
-            name: Its name in the run.
-            module: The module that it runs.
-            arguments: Its arguments; ``--lifeline`` is added.
-            log: The file that its output is appended to.
+            stopped: Asked all the time whether to wait no longer.
+        """
+        if self._child.await_start(READY_S, stopped) is None:
+            self._child.process.kill()
+
+    def make(self, command: Sequence[str], environment: Mapping[str, str], log: Path) -> Forked | None:
+        """Make a child.
+
+        Args:
+            command: Its command line.
             environment: Variables that its environment has beside the server's.
+            log: The file that its output is appended to.
 
         Returns:
-            The child; None where there is no server that can make it.
+            The child; None where there is no server that can make it. One that stands still is given up, and ended: it
+            must not do later what was asked of it.
         """
-        with self._asking:
-            if self._control is None or not self._ready():
-                return None
-            command = self._children.command(module, arguments)
-            try:
+        with self._asking, suppress(OSError):
+            report = None if self._child.start is None else self._child.start.report()
+            if report is not None and report.ready and self._child.poll() is None:
                 with log.open("ab") as output:
-                    pid = ask_for_fork(self._control, Orders(command, environment), output.fileno())
-            except OSError:
-                self._give_up()
-                return None
-            return None if pid is None else self._children.take_in(name, Forked(pid), log)
+                    return Forked(ask_for_fork(self._control, Orders(command, environment), output.fileno()))
+        self._child.process.kill()
+        return None
 
     def close(self) -> None:
-        """Have it end; what it has made goes on. Whoever asks it for a child meanwhile gets none."""
-        self._over = True
-        if (control := self._control) is not None:
-            with suppress(OSError):  # whoever asks has just given up
-                control.shutdown(socket.SHUT_RDWR)
+        """End it; what it has made goes on. Whoever asks it for a child meanwhile gets none."""
+        self._child.process.kill()  # first: so nobody waits for its answer any more
         with self._asking:
-            self._hang_up()
-            self._adopting.close()
-
-    def _ready(self) -> bool:
-        """Wait until it has loaded; False, and no longer of use, where that fails or takes too long."""
-        pipe = self._children.by_name[FORK_SERVER].start
-        until = time.monotonic() + READY_S
-        while pipe is not None:
-            if (report := pipe.report(_TICK_S)) is not None:
-                if report.ready:
-                    return True
-                break
-            if pipe.ended or self._over or self._stop() or time.monotonic() >= until:
-                break
-        self._give_up()
-        return False
-
-    def _give_up(self) -> None:
-        """Use it no more, and end it: one that stands still must not do later what was asked of it."""
-        self._children.by_name[FORK_SERVER].process.kill()
-        self._hang_up()
-
-    def _hang_up(self) -> None:
-        if self._control is not None:
             self._control.close()
-            self._control = None

@@ -35,6 +35,7 @@ from patrol.net.security.access import write_pointer
 from patrol.net.security.credentials import read_credentials
 from patrol.net.security.seats import SEAT, seat_of
 from patrol.process.exit_codes import BAD_INPUT
+from patrol.process.starting.forking import can_fork
 from patrol.process.starting.readiness import StartFailure
 from patrol.wire import read
 from worldsim.faults.lifecycle import process_name
@@ -127,9 +128,9 @@ class Launch:
         """
         self.folder.logs.mkdir(exist_ok=True)
         secrets = self._secrets = Secrets(self.fleet, self.robots)
-        if self.alike and len(self.robots) > 1:  # before the others, because it has most to load
+        if self.alike and len(self.robots) > 1 and can_fork():  # before the others, because it has most to load
             commands = [self.children.command(AGENT, self._agent_arguments(name, LATEST)) for name in self.robots]
-            self._fork_server = ForkServer(self.children, self._log(FORK_SERVER), self.stop, commands, self.kernels)
+            self._fork_server = ForkServer(self.children, self._log(FORK_SERVER), commands, self.kernels)
         self._start_router()
         secrets.for_members(self._endpoint)
         write_pointer(self.folder.access, self.fleet, self._endpoint, secrets.name)
@@ -155,6 +156,7 @@ class Launch:
             LaunchFailed: The router cannot be reached or keeps dying, or an agent ended before the run began.
         """
         if self._fork_server is not None:
+            self._fork_server.await_start(self.stop)
             self._spawn_agents()
         try:
             credentials = read_credentials(self._of_run.of_viewer, "the run")
@@ -300,13 +302,12 @@ class Launch:
                 self._spawn_agent(name, FIRST_INCARNATION)
 
     def _spawn_agent(self, name: str, incarnation: int) -> None:
-        seat = {SEAT: str(seat_of(self._of_run.token, self.fleet, name, incarnation))}
-        what = name, AGENT, self._agent_arguments(name, incarnation), self._log(name)
-        agent = None if self._fork_server is None else self._fork_server.make(*what, seat)
-        if agent is None:
-            if self._fork_server is not None and self.stop():  # nobody waits for it to load all by itself
-                return
-            agent = self.children.spawn(*what, environment={**(OF_MINDS if self.alike else {}), **seat})
+        environment = {SEAT: str(seat_of(self._of_run.token, self.fleet, name, incarnation))}
+        if self.alike:
+            environment |= OF_MINDS
+        agent = self.children.spawn(
+            name, AGENT, self._agent_arguments(name, incarnation), self._log(name), environment=environment
+        )
         agent.incarnation = incarnation
 
     def _agent_arguments(self, name: str, incarnation: int) -> list[str]:

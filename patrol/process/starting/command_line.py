@@ -17,14 +17,13 @@ _NAMED = 2
 """The last field before those that can be split at blanks."""
 
 
-def room_for(commands: Iterable[Sequence[str]], own: Sequence[str]) -> str:
-    """An argument of blanks that makes room for longer command lines; a longer one than was told is cut short.
+def room_for(commands: Iterable[Sequence[str]]) -> str:
+    """Return an argument of blanks that makes room for longer command lines; a longer one is cut short.
 
     Args:
         commands: The command lines that are going to be shown.
-        own: The command line of the process that is going to show one of them, without the blanks.
     """
-    return " " * (max(len(_line(words)) for words in commands) - len(_line(own)))
+    return " " * max(len(_line(words)) for words in commands)
 
 
 def show_as(words: Sequence[str]) -> None:

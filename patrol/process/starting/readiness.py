@@ -10,11 +10,14 @@ from __future__ import annotations
 import json
 import os
 import select
+import time
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 
 _READ_BYTES = 4096
+_REPORT_S = 0.05
 
 
 class StartFailure(StrEnum):
@@ -111,6 +114,22 @@ class StartPipe:
             if newline:
                 self._report = _read(line)
         return self._report
+
+    def await_report(self, limit_s: float, stopped: Callable[[], bool] = lambda: False) -> StartReport | None:
+        """Wait for the child's report.
+
+        Args:
+            limit_s: How long to wait at most, s of wall time.
+            stopped: Asked all the time whether to wait no longer.
+
+        Returns:
+            The report; None where there is none when the child ends, or when the wait is over.
+        """
+        until = time.monotonic() + limit_s
+        while (report := self.report(_REPORT_S)) is None:
+            if self.ended or stopped() or time.monotonic() >= until:
+                break
+        return report
 
     def close(self) -> None:
         """Close what is open of the pipe."""

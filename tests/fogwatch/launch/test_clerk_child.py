@@ -16,6 +16,7 @@ import pytest
 
 from fogwatch.clerk import News
 from fogwatch.launch import clerk_child
+from fogwatch.launch.children import Child
 from fogwatch.launch.clerk_child import CLERK, ClerkChild
 from fogwatch.launch.clerk_messages import JUDGING, REPORT, Progress, ReportWritten, VerdictAsked
 from fogwatch.launch.live_table import SilentDisplay
@@ -48,7 +49,7 @@ def test_a_clerk_whose_message_cannot_be_read_is_killed(tmp_path: Path, pair: tu
     process.stdout.readline()
     clerk = ClerkChild(RunFolder(tmp_path), SilentDisplay())
     clerk._connection = ours
-    clerk._children.take_in(CLERK, process, tmp_path / "log")
+    clerk._children.by_name[CLERK] = Child(CLERK, process, tmp_path / "log")
     theirs.send(Unreadable())
     assert clerk.report_written() is None
     assert process.poll() == -signal.SIGKILL

@@ -9,7 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -18,7 +18,7 @@ import pytest
 from fogwatch.launch.children import Child, Children
 from fogwatch.launch.fork_server import FORK_SERVER, READY_S, Forked, ForkServer
 from patrol.process.exit_codes import INTERRUPTED
-from patrol.process.starting.forking import adopt_orphans, adopters, can_fork
+from patrol.process.starting.forking import can_fork
 from patrol.process.starting.readiness import StartFailure, StartPipe, StartReport
 
 pytestmark = [pytest.mark.processes, pytest.mark.skipif(not can_fork(), reason="this system has no fork server")]
@@ -38,24 +38,29 @@ class Office:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.children = Children(lambda: False)
-        self.server = ForkServer(self.children, folder / "server.log", lambda: False, [self.command(folder)])
+        self.server = ForkServer(self.children, folder / "server.log", [self.command(folder)])
         (folder / "scenario.yaml").write_text(SCENARIO, encoding="utf-8")
 
     def command(self, folder: Path) -> list[str]:
         """The longest command line."""
         return self.children.command("agent", arguments_of("r1", folder))
 
-    def make(self, name: str, secret: str = "") -> Child | None:
-        """An agent that waits for static fields that never come."""
-        arguments = arguments_of(name, self.folder)
-        return self.server.make(name, "agent", arguments, self.folder / f"{name}.log", {"SECRET": secret})
+    def make(self, name: str, secret: str = "") -> Child:
+        """An agent that waits for static fields that never come, from the server if that can make it."""
+        self.server.await_start(lambda: False)
+        arguments, environment = arguments_of(name, self.folder), {"SECRET": secret}
+        return self.children.spawn(name, "agent", arguments, self.folder / f"{name}.log", environment=environment)
 
     def made(self, name: str, secret: str = "") -> Child:
-        """As `make`, and it heeds signals."""
+        """As `make`, by the server, and it heeds signals."""
         child = self.make(name, secret)
-        assert child is not None, (self.folder / "server.log").read_text()
+        assert isinstance(child.process, Forked), (self.folder / "server.log").read_text()
         until(lambda: signal.SIGTERM in caught(child.process.pid))
         return child
+
+    def starts_by_itself(self, name: str) -> bool:
+        """Whether the launcher starts an agent without the server."""
+        return isinstance(self.make(name).process, subprocess.Popen)
 
     @property
     def server_pid(self) -> int:
@@ -146,7 +151,6 @@ def test_an_agent_is_a_process_of_its_own_and_a_child_of_the_launcher(lasting: O
         assert os.getsid(pid) == pid, "Ctrl-C reaches the launcher alone"
         line = Path(f"/proc/{pid}/cmdline").read_bytes().decode()
         words = line.rstrip("\0").split("\0")
-        assert len(line) - len("\0".join(words)) < len("--ready\0 1000\0"), "no more room than it needs"
         assert words[:4] == [sys.executable, "-P", "-m", "agent"]
         assert words[words.index("--robot") + 1] == name
         held = descriptors(pid)
@@ -167,7 +171,6 @@ def test_no_agent_and_no_server_holds_what_is_another_agents(lasting: Office) ->
 def test_the_launcher_learns_how_each_one_ended(lasting: Office) -> None:
     killed, asked = lasting.made("r1"), lasting.made("r2")
     bad = lasting.make("r3")
-    assert bad is not None
     assert (bad.process.wait(), bad.poll()) == (2, 2)
     assert bad.last_words().startswith("--robot 'r3': no robot of scenario")
     assert killed.poll() is None
@@ -244,7 +247,7 @@ def runs(pid: int) -> bool:
 def test_the_end_of_the_server_is_nobody_elses_end(office: Office) -> None:
     agent = office.made("r1")
     os.kill(office.server_pid, signal.SIGKILL)
-    assert office.make("r2") is None, "the launcher starts it by itself then"
+    assert office.starts_by_itself("r2")
     assert agent.poll() is None
     agent.process.send_signal(signal.SIGTERM)
     assert agent.process.wait() == INTERRUPTED
@@ -253,34 +256,27 @@ def test_the_end_of_the_server_is_nobody_elses_end(office: Office) -> None:
 def test_a_server_that_stands_still_is_given_up(office: Office) -> None:
     office.made("r1")
     server = office.children.by_name[FORK_SERVER]
-    assert office.server._control is not None
     office.server._control.settimeout(0.2)
     server.process.send_signal(signal.SIGSTOP)
-    assert office.make("r2") is None
+    assert office.starts_by_itself("r2")
     assert server.process.wait() == -signal.SIGKILL, "it makes no process later on that nobody knows of"
-    assert office.make("r2") is None
-
-
-def test_a_server_that_has_loaded_makes_agents_however_late(office: Office, monkeypatch: pytest.MonkeyPatch) -> None:
-    office.made("r1")
-    late = time.monotonic() + 2 * READY_S
-    monkeypatch.setattr("fogwatch.launch.fork_server.time", SimpleNamespace(monotonic=lambda: late))
-    assert office.make("r2") is not None
-    assert office.children.by_name[FORK_SERVER].poll() is None
+    assert office.starts_by_itself("r3")
 
 
 def test_the_time_to_load_counts_from_the_first_wait(office: Office, monkeypatch: pytest.MonkeyPatch) -> None:
     late = time.monotonic() + 2 * READY_S  # so long the launcher has prepared a large ground
-    monkeypatch.setattr("fogwatch.launch.fork_server.time", SimpleNamespace(monotonic=lambda: late))
-    assert office.make("r1") is not None
+    monkeypatch.setattr("patrol.process.starting.readiness.time", SimpleNamespace(monotonic=lambda: late))
+    office.made("r1")
 
 
 def test_a_server_that_does_not_load_in_time_is_given_up(office: Office, monkeypatch: pytest.MonkeyPatch) -> None:
     clock = iter([0.0, READY_S])
     office.children.by_name[FORK_SERVER].process.send_signal(signal.SIGSTOP)
-    monkeypatch.setattr("fogwatch.launch.fork_server.time", SimpleNamespace(monotonic=lambda: next(clock)))
-    assert office.make("r1") is None
+    monkeypatch.setattr("patrol.process.starting.readiness.time", SimpleNamespace(monotonic=lambda: next(clock)))
+    office.server.await_start(lambda: False)
     assert office.children.by_name[FORK_SERVER].process.wait() == -signal.SIGKILL
+    monkeypatch.undo()
+    assert office.starts_by_itself("r1")
 
 
 def test_what_the_server_makes_ends_where_it_is_no_child_of_the_launcher(
@@ -289,16 +285,30 @@ def test_what_the_server_makes_ends_where_it_is_no_child_of_the_launcher(
     mark = os.urandom(12).hex()
     monkeypatch.setenv("FOGWATCH_TEST", mark)
     office = Office(tmp_path)
-    office.made("r1")
-    adopt_orphans(False)  # as a library may do
+    first = office.made("r1").process.pid
+    # As on a system that lets nobody take in orphans.
+    monkeypatch.setattr("patrol.process.starting.forking._adopting_orphans", nullcontext)
     try:
-        assert office.make("r2") is None, "the launcher starts it by itself then"
+        by_itself = office.make("r2").process
+        assert isinstance(by_itself, subprocess.Popen)
         assert office.children.by_name[FORK_SERVER].process.wait() == -signal.SIGKILL
-        until(lambda: marked(mark) == {office.children.by_name["r1"].process.pid})
-        assert (tmp_path / "r2.log").read_bytes() == b""
+        until(lambda: marked(mark) == {first, by_itself.pid})
     finally:
-        adopt_orphans(True)
         office.end()
+
+
+def test_whoever_asks_takes_in_no_orphans_afterwards(lasting: Office) -> None:
+    lasting.made("r1")
+    orphans = (
+        "import os\nif os.fork() == 0:\n    print(os.getpid(), flush=True)\n    import time\n    time.sleep(3600)\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", orphans], stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdout is not None
+        pid = int(parent.stdout.readline())
+        assert parent.wait(PATIENCE_S) == 0
+        until(lambda: fact(pid, "PPid") != str(parent.pid))
+        assert fact(pid, "PPid") != str(os.getpid())
+        os.kill(pid, signal.SIGKILL)
 
 
 def marked(mark: str) -> set[int]:
@@ -311,31 +321,21 @@ def marked(mark: str) -> set[int]:
     return found
 
 
-def test_a_process_that_somebody_else_waits_for_lives_until_it_has_ended() -> None:
-    program = (
-        "import os, sys, time\n"
-        "pid = os.fork()\n"
-        "if pid == 0:\n"
-        "    time.sleep(3600)\n"
-        "print(pid, flush=True)\n"
-        "os.waitpid(pid, 0)\n"
-    )
-    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) as parent:
-        assert parent.stdout is not None
-        child = Forked(int(parent.stdout.readline()))
-        assert child.poll() is None
-        child.kill()
-        assert (child.wait(), child.poll()) == (0, 0)
+def test_a_process_that_somebody_else_has_waited_for_has_ended() -> None:
+    ended = subprocess.Popen([sys.executable, "-c", "raise SystemExit(3)"])
+    child = Forked(ended.pid)
+    assert ended.wait(PATIENCE_S) == 3
+    assert (child.poll(), child.wait()) == (0, 0), "its exit code is lost, as with subprocess"
 
 
 def test_closing_it_does_not_wait_for_one_that_stands_still(office: Office) -> None:
     office.made("r1")
     server = office.children.by_name[FORK_SERVER].process
     server.send_signal(signal.SIGSTOP)
-    assert office.server._control is not None
     office.server._control.settimeout(None)
-    made: list[Child | None] = []
-    asks = threading.Thread(target=lambda: made.append(office.make("r2")))
+    made: list[object] = []
+    command = office.command(office.folder)
+    asks = threading.Thread(target=lambda: made.append(office.server.make(command, {}, office.folder / "r2.log")))
     asks.start()
     until(office.server._asking.locked)
     closes = threading.Thread(target=office.server.close)
@@ -354,20 +354,19 @@ def test_a_server_that_cannot_be_started_leaves_nothing(tmp_path: Path, monkeypa
 
     monkeypatch.setattr(Children, "spawn", spawn)
     tries = 50
-    before, adopting = len(descriptors(os.getpid())), adopters.count
+    before = len(descriptors(os.getpid()))
     for _ in range(tries):
         children = Children(lambda: False)
         with pytest.raises(OSError, match="no room"):
-            ForkServer(children, tmp_path / "log", lambda: False, [["python"]])
+            ForkServer(children, tmp_path / "log", [["python"]])
         children.close()
     assert len(descriptors(os.getpid())) < before + tries // 2, "other threads of this process hold some of their own"
-    assert adopters.count == adopting
 
 
 def test_a_server_that_cannot_load_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", "/dev/null/none")
     office = Office(tmp_path)
-    assert office.make("r1") is None
+    assert office.starts_by_itself("r1")
     assert office.children.by_name[FORK_SERVER].process.wait() != 0
     office.end()
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from fogwatch.launch.private import Secrets
 from fogwatch.launch.runfolder import RunFolder
 from patrol.net.link import LinkDown
 from patrol.net.security.seats import SEAT
+from patrol.process.starting.readiness import StartPipe
 
 
 @pytest.fixture
@@ -38,44 +38,40 @@ def secrets() -> Iterator[Secrets]:
     drawn.remove()
 
 
-class Silent:
-    """The pipe of a router that takes its time; it is an error to listen to it on and on."""
-
-    ended = False
+class Loading:
+    """A fork server that is still loading when the user interrupts the run."""
 
     def __init__(self) -> None:
-        self._rounds = itertools.count(1)
+        self.awaited = False
 
-    def report(self, _timeout_s: float) -> None:
-        assert next(self._rounds) < 3, "the router is awaited although the user has interrupted the run"
-
-
-class NoUse:
-    """A fork server that makes nothing, and is asked for it when the user interrupts the run."""
-
-    def __init__(self) -> None:
-        self.asked = False
-
-    def make(self, *_: object) -> None:
-        self.asked = True
+    def await_start(self, stopped: Callable[[], bool]) -> None:
+        self.awaited = True
+        assert stopped()
 
 
-def launch_of(folder: Path, secrets: Secrets, server: NoUse | None = None, *, alike: bool = True) -> Launch:
-    """One that is asked to stop while its fork server is asked for an agent."""
-    stop = (lambda: False) if server is None else (lambda: server.asked)
-    launch = Launch(RunFolder(folder), "f", ["r1", "r2"], SilentDisplay(), stop, alike=alike)
+def launch_of(folder: Path, secrets: Secrets, *, alike: bool = True) -> Launch:
+    launch = Launch(RunFolder(folder), "f", ["r1", "r2"], SilentDisplay(), lambda: False, alike=alike)
     launch._secrets = secrets
-    launch._fork_server = server  # type: ignore[assignment]
     return launch
 
 
 def test_nobody_is_started_any_more_where_the_user_interrupts_the_loading_server(
-    tmp_path: Path, secrets: Secrets, alone: dict[str, Mapping[str, str]]
+    tmp_path: Path, secrets: Secrets, alone: dict[str, Mapping[str, str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    server = NoUse()
-    launch_of(tmp_path, secrets, server)._spawn_agents()
-    assert server.asked
+    server, launch = Loading(), launch_of(tmp_path, secrets)
+    launch._fork_server = server  # type: ignore[assignment]
+    launch.stop = lambda: server.awaited
+    monkeypatch.setattr("fogwatch.launch.launcher.read_credentials", lambda *_: None)
+    monkeypatch.setattr("fogwatch.launch.launcher.open_link", no_router)
+    launch.watch()
+    assert server.awaited
+    assert launch.interrupted
     assert not alone
+
+
+def no_router(*_: object, stopped: Callable[[], bool], **__: object) -> None:
+    assert stopped()
+    raise LinkDown("no router answers")
 
 
 def stopped(folder: Path, secrets: Secrets) -> Launch:
@@ -88,20 +84,19 @@ def stopped(folder: Path, secrets: Secrets) -> Launch:
 def test_a_router_that_takes_its_time_is_not_awaited_where_the_user_interrupts(
     tmp_path: Path, secrets: Secrets, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    router = Child("the router", None, Path("log"), Silent())  # type: ignore[arg-type]
+    silent = StartPipe()
+    router = Child("the router", None, Path("log"), silent)  # type: ignore[arg-type]
     monkeypatch.setattr(Launch, "_spawn_router", lambda _self: router)
     with pytest.raises(KeyboardInterrupt):
         stopped(tmp_path, secrets)._start_router()
+    assert not silent.ended
+    silent.close()
 
 
 def test_a_router_that_cannot_be_reached_is_not_awaited_where_the_user_interrupts(
     tmp_path: Path, secrets: Secrets, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def join(*_: object, stopped: Callable[[], bool], **__: object) -> None:
-        assert stopped()
-        raise LinkDown("no router answers")
-
-    monkeypatch.setattr("fogwatch.launch.launcher.open_link", join)
+    monkeypatch.setattr("fogwatch.launch.launcher.open_link", no_router)
     launch = stopped(tmp_path, secrets)
     secrets.for_members("tcp/127.0.0.1:1")
     launch.watch()
