@@ -13,14 +13,13 @@ import sys
 from collections.abc import Sequence
 
 from patrol.process.lifeline import die_when_orphaned, run_process
-from patrol.process.memory.file_pages import give_back_file_pages
-from patrol.process.memory.freed_memory import keep_freed_memory
-from patrol.process.memory.garbage import hold_collection
+from patrol.process.memory import keep_freed_memory
 from patrol.process.starting.command_line import show_as
 from patrol.process.starting.forking import count_threads, serve_forks
 from patrol.process.starting.readiness import StartFailure, report_failure, report_ready
 
 NEEDED = (
+    "numba.np.arraymath",  # numba itself loads it when the first array meets a kernel
     "agent.process",
     "agent.mind_loop",
     "agent.policies.committed.policy",
@@ -62,13 +61,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _load(kernels: Sequence[str]) -> None:
     """Load what agents need, and some kernels beside. Nothing of it may open a connection or start a thread."""
-    from patrol.process.starting.warmup import numba_alone
-
-    numba_alone()
     importlib.import_module("agent.build")
     for module in (*NEEDED, *kernels):
         importlib.import_module(module)
-    give_back_file_pages()
 
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -86,5 +81,4 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
 
 if __name__ == "__main__":
     keep_freed_memory()
-    hold_collection()  # what follows loads much; each agent begins to collect when it is ready
     run_process(main)

@@ -17,8 +17,6 @@ from patrol.exchange import FIRST_INCARNATION
 from patrol.process.deadline import DECISION_LIMIT_S
 from patrol.process.exit_codes import BAD_INPUT, INTERRUPTED
 from patrol.process.lifeline import Ending, heed
-from patrol.process.memory.file_pages import give_back_file_pages
-from patrol.process.memory.garbage import begin_collection
 from patrol.process.options import (
     TOGETHER,
     Meeting,
@@ -82,7 +80,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if is_for_ros2(told):
         from agent.ros2_process import main as drive_ros2
 
-        begin_collection()
         return drive_ros2(told)
     options = simulated_parser().parse_args(told)
     log = Log(options.robot or "agent")
@@ -129,7 +126,6 @@ def _patrol(mind: Mind, scenario: Scenario, met: Meeting, on_air: str | None, pr
     spec, keys = mind.spec, met.keys
     numbers = {one.name: one.number for one in scenario.roster}
     callers = callers_of(keys, numbers)
-    give_back_file_pages()
     links = open_links(met.router, on_air, options.wait, log.info, lambda: bool(ending), met.credentials, callers)
     if links is None:
         return INTERRUPTED
@@ -162,7 +158,6 @@ def _patrol(mind: Mind, scenario: Scenario, met: Meeting, on_air: str | None, pr
             part.show(process.vitals)
         told = Both(told, TickFigures(mind, process.vitals, log))
     limit_s = None if policy_of(scenario).ours else DECISION_LIMIT_S
-    begin_collection()
     try:
         failure = run_mind(mind, robot, radio, told, limit_s)
     finally:
@@ -196,15 +191,10 @@ def _spec(scenario: Scenario, name: str) -> RobotSpec:
 def _mind(scenario: Scenario, spec: RobotSpec, process: _Process) -> Mind | None:
     """The robot's mind, built from the launcher's static fields or from its own; None when it is time to leave."""
     from patrol.process.starting.seldom import seldom_kernels
-    from patrol.process.starting.warmup import numba_alone, warm
-    from patrol.scenario.policy_file import BUILT_IN
-    from patrol.scenario.sections import BUILT_IN_SENSORS
+    from patrol.process.starting.warmup import warm
 
     options = process.options
     warm(("patrol", "agent"), process.log.info, seldom_kernels(scenario))
-    if scenario.patrol.policy in BUILT_IN and scenario.sensor.kind in BUILT_IN_SENSORS:
-        # A class of one's own may compile what needs scipy.
-        numba_alone()
     from agent.build import Shared, build_mind, radii_of, shared_by
     from agent.ports import PolicyFailed
     from agent.psi import load_psi

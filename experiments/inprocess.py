@@ -21,7 +21,6 @@ from patrol.journal import Event, JournalWriter, Status, TickRecord, read_journa
 from patrol.own_sensor import allow_sensor
 from patrol.prepare import Prepared, prepare, sensor_footprint
 from patrol.process.deadline import DECISION_LIMIT_S, Late, deadline
-from patrol.process.memory.garbage import spared
 from patrol.radio.fleet_key import fleet_key
 from patrol.radio.message import as_received
 from worldsim.fleet.loop import run_ticks
@@ -340,8 +339,7 @@ def _run(
 
     began = time.perf_counter()
     try:
-        with spared():
-            reason = run_ticks(world, fleet, on_tick, on_event, stop, fleet)
+        reason = run_ticks(world, fleet, on_tick, on_event, stop, fleet)
     except BaseException as error:
         asked = isinstance(error, KeyboardInterrupt)
         with suppress(OSError):  # it may be the journal's disk that is full

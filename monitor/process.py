@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import ctypes
 import os
 import socket
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -17,6 +15,7 @@ from monitor.replay.run_files import journal_in
 from patrol.errors import BadInput
 from patrol.process.exit_codes import BAD_INPUT, INTERRUPTED
 from patrol.process.lifeline import Ending, heed
+from patrol.process.memory import keep_freed_memory
 from patrol.process.options import ProcessParser
 from patrol.process.reporting.logs import Log, is_json
 from patrol.process.reporting.notify import Notifier
@@ -53,9 +52,8 @@ MAX_PORT = 65535
 SHUTDOWN_S = 1
 """Longest wait for open connections to close, s."""
 
-_M_MMAP_THRESHOLD = -3
-MMAP_THRESHOLD = 1 << 20
-"""Allocations of at least this many bytes return to the system as soon as they are freed."""
+KEPT = 1 << 20
+"""Bytes of the largest piece of freed memory that does not return to the system at once."""
 
 NICENESS = 10
 """Difference by which a page's priority is below that of the fleet that it shows."""
@@ -222,7 +220,7 @@ def source_opener(options: argparse.Namespace, ending: Ending) -> Callable[[], S
     def open_source() -> Source | None:
         from patrol.process.starting.warmup import warm
 
-        _free_early()
+        keep_freed_memory(KEPT)
         if options.replay is not None:
             journal_in(options.replay)
         warm(("patrol", "monitor"), Log("monitor", "").info)
@@ -246,12 +244,6 @@ def source_opener(options: argparse.Namespace, ending: Ending) -> Callable[[], S
         )
 
     return open_source
-
-
-def _free_early() -> None:
-    """Return large freed arrays to the system at once; GNU's C library would keep them in pieces of up to 32 MB."""
-    with suppress(AttributeError, OSError):  # another C library
-        ctypes.CDLL(None).mallopt(_M_MMAP_THRESHOLD, MMAP_THRESHOLD)
 
 
 def _listen(host: str, port: int) -> socket.socket:

@@ -17,7 +17,6 @@ import pytest
 from hypothesis import settings
 
 from patrol.errors import BadInput
-from patrol.process.memory.garbage import spare_what_is_loaded
 from patrol.process.starting.seldom import SELDOM
 from patrol.process.starting.warmup import warm
 
@@ -141,7 +140,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 def pytest_collection_finish() -> None:
     """Leave what is loaded by now out of garbage collection: going through it takes a tenth of a second each time."""
     gc.collect()
-    spare_what_is_loaded()
+    gc.freeze()
 
 
 def spread(items: list[pytest.Item]) -> list[pytest.Item]:

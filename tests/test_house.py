@@ -320,7 +320,6 @@ OWN_FILES = {
     "patrol/prepare.py": "fields that the launcher prepared",
     "patrol/process/starting/command_line.py": "the kernel's facts about this process",
     "patrol/process/reporting/vitals.py": "the kernel's facts about this process",
-    "patrol/process/memory/file_pages.py": "the kernel's facts about this process",
     "patrol/process/starting/compiling.py": "kernels of the packages",
     "patrol/regions/split.py": "fields that the launcher prepared",
     "patrol/untrusted.py": "the one place that opens files of others",

@@ -16,8 +16,6 @@ from patrol.errors import BadInput
 from patrol.process.exit_codes import BAD_INPUT, UNKNOWN
 from patrol.process.exit_codes import INTERRUPTED as EXIT_INTERRUPTED
 from patrol.process.lifeline import Ending, heed
-from patrol.process.memory.file_pages import give_back_file_pages
-from patrol.process.memory.garbage import begin_collection
 from patrol.process.options import meeting, prepared_as_told
 from patrol.process.reporting.logs import Log
 from patrol.process.reporting.notify import Notifier
@@ -91,9 +89,8 @@ def _run(options: WorldOptions, met: Meeting, ending: Ending, vitals: Vitals) ->
     from patrol.net.security.access import read_access
     from patrol.own_sensor import allow_sensor
     from patrol.process.starting.seldom import seldom_kernels
-    from patrol.process.starting.warmup import numba_alone, warm
+    from patrol.process.starting.warmup import warm
     from patrol.scenario import load_scenario
-    from patrol.scenario.sections import BUILT_IN_SENSORS
     from worldsim.output.folder import check
 
     token = None if met.credentials is None else met.credentials.token
@@ -103,8 +100,6 @@ def _run(options: WorldOptions, met: Meeting, ending: Ending, vitals: Vitals) ->
     radio = check_radio(options.radio, "--radio", scenario.radio.via)
     check(options.scenario, options.out)
     warm(("patrol", "worldsim"), _LOG.info, seldom_kernels(scenario))
-    if scenario.sensor.kind in BUILT_IN_SENSORS:  # one of one's own may compile what needs scipy
-        numba_alone()
     allow_sensor(scenario.sensor)
 
     from worldsim.fleet.sessions import Interrupted, Missing
@@ -148,7 +143,6 @@ def _wiring(
     from patrol.net.open_links import open_links
     from worldsim.wiring import Wiring
 
-    give_back_file_pages()
     callers = callers_of(met.keys, {spec.name: spec.number for spec in scenario.roster})
     links = open_links(met.router, radio, options.wait, _LOG.info, lambda: bool(ending), met.credentials, callers)
     if links is None:
@@ -212,7 +206,6 @@ def _record(
         later = PutOff(*wiring.sinks(world, recorder, table, feed.between))
         put_off(later, world, fleet, operator, feed.rest)
         reason = INTERRUPTED
-        begin_collection()
         began = time.monotonic()
         try:
             reason = run_ticks(world, fleet, later.tick, later.event, wiring.leaving, control, operator, later.settle)

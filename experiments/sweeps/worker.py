@@ -7,7 +7,6 @@ answers each with a JSON line. It ends when the input ends, even in the middle o
 from __future__ import annotations
 
 import gc
-import itertools
 import json
 import os
 import queue
@@ -20,7 +19,6 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.sweeps.results import FAILED, OK
 from patrol.errors import BadInput
-from patrol.process.memory.garbage import spare_what_is_loaded
 from patrol.summary.metric import metrics_of as declared
 from patrol.summary.model import Messages, RobotFigures, Summary, VerdictFacts
 
@@ -176,10 +174,8 @@ def main() -> None:
     os.dup2(2, 1)  # other output must not mix with the answers
     tasks: queue.SimpleQueue[Task] = queue.SimpleQueue()
     threading.Thread(target=_read, args=(tasks,), daemon=True).start()
-    for done in itertools.count(1):
+    while True:
         print(json.dumps(run_task(tasks.get()), allow_nan=False), file=out, flush=True)
-        if done == 1:
-            spare_what_is_loaded()  # the first run has loaded all that later ones need
 
 
 def _read(tasks: queue.SimpleQueue[Task]) -> None:

@@ -24,9 +24,7 @@ from patrol.pose import MODELS
 from patrol.printable import printable
 from patrol.process.exit_codes import INTERRUPTED, UNKNOWN
 from patrol.process.lifeline import heed
-from patrol.process.starting.warmup import numba_alone
 from patrol.scenario import BUILTINS, MAX_ROBOTS, RobotGroup, open_scenario, parse_overrides, with_spares
-from patrol.scenario.policy_file import BUILT_IN
 
 app = typer.Typer(
     cls=OrderedGroup,
@@ -228,8 +226,6 @@ def run(
     elif served and isinstance(scenario.robots, RobotGroup) and scenario.robots.spare is None:
         scenario = with_spares(scenario, min(PAGE_SPARES, MAX_ROBOTS - scenario.robots.count))
 
-    if scenario.patrol.policy in BUILT_IN:  # somebody's own may compile what needs scipy
-        numba_alone()
     from rich.console import Console
 
     from fogwatch.api import RunOptions, execute

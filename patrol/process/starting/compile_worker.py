@@ -14,13 +14,11 @@ from pathlib import Path
 from patrol.errors import BadInput
 from patrol.kernel_cache import load_alone
 from patrol.process.lifeline import die_when_orphaned
-from patrol.process.starting.warmup import numba_alone
 
 
 def main() -> None:
     """Compile what the parent names until it names no more."""
     die_when_orphaned(None)
-    numba_alone()
     for line in sys.stdin:
         name, source = json.loads(line)
         error = ""

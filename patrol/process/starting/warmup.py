@@ -3,20 +3,14 @@
 Importing a kernel module that is not in the cache compiles it (`patrol.kernel_cache`), in one process and when it is
 imported: in the middle of a tick, at worst. `warm` compiles modules beforehand, in several processes. Processes that
 start together wait for the first of them.
-
-No kernel of ours does linear algebra. Numba looks for scipy's all the same, which costs each process, where scipy is
-installed, a fifth of a second and 15 MB; `numba_alone` keeps it from that. It also loads what numba asks for when the
-first array meets a kernel, which would be in the first tick.
 """
 
 from __future__ import annotations
 
 import fcntl
-import importlib
-import sys
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 from typing import BinaryIO
@@ -66,16 +60,6 @@ def warm(
                 compile_modules(todo, show or _lines(say))
 
 
-def numba_alone() -> None:
-    """Load numba without scipy, which stays free to be imported later; for processes that run our kernels only.
-
-    Code that others compile with numba then does without BLAS, as it does where scipy is not installed.
-    """
-    with _hidden("scipy"), suppress(ImportError):  # where numba has moved its parts, they load when they are needed
-        importlib.import_module("numba.np.arraymath")
-        importlib.import_module("numpy.ma")
-
-
 def kernel_files(package: str) -> dict[str, Path]:
     """A package's kernel modules: every module in a folder called kernels.
 
@@ -116,19 +100,6 @@ def _lines(say: Callable[[str], None]) -> Callable[[Compiled], None]:
             say(progress_line(compiled))
 
     return show
-
-
-@contextmanager
-def _hidden(package: str) -> Iterator[None]:
-    """A package looks as if it were not installed, unless it has been imported before."""
-    if package in sys.modules:
-        yield
-        return
-    sys.modules[package] = None  # type: ignore[assignment]  # this is how to say so; the stubs do not know
-    try:
-        yield
-    finally:
-        del sys.modules[package]
 
 
 @contextmanager

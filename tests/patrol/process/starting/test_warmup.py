@@ -28,15 +28,6 @@ def double(n):
     return 2 * n
 """
 
-ALONE = """
-import sys
-from patrol.process.starting.warmup import numba_alone
-numba_alone()
-import toy.kernels.sums
-print([str(toy.kernels.sums.double(21)), str("scipy" in sys.modules)])
-import scipy.linalg
-"""
-
 WARM = """
 import sys
 from patrol.process.starting.warmup import warm
@@ -91,11 +82,6 @@ def said(process: subprocess.Popen[str]) -> list[str]:
 def entry_files(folder: Path) -> list[Path]:
     """The files of the one entry of a cache."""
     return sorted(path for path in (folder / "cache").rglob("*") if path.is_file() and path.name != "lock")
-
-
-@pytest.mark.usefixtures("toy")
-def test_kernels_run_without_scipy_which_can_still_be_imported_later() -> None:
-    assert said(start(ALONE)) == ["42", "False"]
 
 
 def test_every_kernel_of_ours_is_found() -> None:

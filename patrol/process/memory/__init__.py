@@ -1,1 +1,0 @@
-"""Memory that a process gives back or keeps."""
