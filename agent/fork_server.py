@@ -16,7 +16,7 @@ from patrol.process.lifeline import die_when_orphaned, run_process
 from patrol.process.memory import keep_freed_memory
 from patrol.process.starting.command_line import show_as
 from patrol.process.starting.forking import count_threads, serve_forks
-from patrol.process.starting.readiness import StartFailure, report_failure, report_ready
+from patrol.process.starting.readiness import StartFailure, StartReport, report_start
 
 NEEDED = (
     "numba.np.arraymath",  # numba itself loads it when the first array meets a kernel
@@ -42,10 +42,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     die_when_orphaned(options.lifeline)
     _load(options.kernels.split(",") if options.kernels else [])
     if (count := count_threads()) > 1:
-        report_failure(options.ready, StartFailure.OTHER, f"cannot fork: a library runs threads ({count} in all)")
+        why = f"cannot fork: a library runs threads ({count} in all)"
+        report_start(options.ready, StartReport("", StartFailure.OTHER, why))
         return 1
     sys.stdout.flush()  # what waits to be written would be written by each agent too
-    report_ready(options.ready, "")
+    report_start(options.ready, StartReport())
     if (made := serve_forks(options.control)) is None:
         return 0
     from agent.process import main as be_agent

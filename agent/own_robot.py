@@ -6,8 +6,8 @@ A driver only has to call `drive`; see ``examples/my_robot.py``.
 from __future__ import annotations
 
 import math
-import os
 import time
+from argparse import Namespace
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING
 
 from agent.ports import Telemetry
 from patrol.errors import BadInput
-from patrol.process.exit_codes import BAD_INPUT
-from patrol.process.reporting.logs import Log
+from patrol.process.context import ProcessContext, run_with
 from patrol.radio.message import MAX_TIME_MS
 from patrol.radio.units import ms_to_s
 
@@ -34,7 +33,6 @@ if TYPE_CHECKING:
     from patrol.pose import Pose
     from patrol.prepare import Prepared
     from patrol.process.lifeline import Ending
-    from patrol.process.reporting.vitals import Vitals
     from patrol.radio.peers import Peer
     from patrol.scenario import RobotSpec, Scenario
 
@@ -107,26 +105,15 @@ def drive(
     Returns:
         Exit code: 1 when the robot's policy has failed, 2 for bad input, 130 when interrupted.
     """
-    from patrol.process.lifeline import heed
     from patrol.scenario import load_scenario
 
-    ending = heed(None)
-    where = Where(None if credentials is None else Path(credentials), router, fleet, radio)
-    try:
-        return patrol_with(make, load_scenario(Path(scenario)), robot, where, Ticks(epoch_s, wait_s), ending)
-    except BadInput as bad:
-        Log(robot).error(str(bad))
-        return BAD_INPUT
+    proof = None if credentials is None else Path(credentials)
+    options = Namespace(credentials=proof, router=router, fleet=fleet, radio=radio, wait=wait_s)
 
+    def work(process: ProcessContext) -> int:
+        return patrol_with(process, make, load_scenario(Path(scenario)), robot, Ticks(epoch_s, wait_s))
 
-@dataclass(frozen=True, slots=True)
-class Where:
-    """Where the fleet meets, as `drive` is told."""
-
-    credentials: Path | None
-    router: str | None
-    fleet: str | None
-    radio: str | None
+    return run_with(options, robot, work)
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,77 +132,60 @@ class Ticks:
 
 
 def patrol_with(
+    process: ProcessContext,
     make: Callable[[Site], Robot],
     scenario: Scenario,
     name: str,
-    where: Where,
     ticks: Ticks,
-    ending: Ending,
-    vitals: Vitals | None = None,
 ) -> int:
     """Let a robot patrol with a fleet until it is asked to leave; a robot that is `Telemetry` too sees all decisions.
 
     Args:
+        process: Around it; the options say where the fleet meets and, as ``radio``, where the robots hear each other.
         make: Makes the robot.
         scenario: With ``radio.via: direct`` and the robot in its roster.
         name: In the roster.
-        where: Where the fleet meets.
         ticks: From when on ticks are counted.
-        ending: Whether to leave.
-        vitals: Gets the process's figures, if anybody wants them.
 
     Returns:
         Exit code: 1 when the robot's policy has failed, 130 when interrupted.
 
     Raises:
         BadInput: One line says what is wrong and what to do instead.
+        AskedToLeave: Before the patrol could begin.
     """
     from patrol.net.keys import callers_of, check_radio
-    from patrol.net.open_links import open_links
     from patrol.net.security.roles import Kind
     from patrol.process.exit_codes import INTERRUPTED
-    from patrol.process.options import meeting, robot_named
+    from patrol.process.options import robot_named
 
-    log = Log(name)
-    say = log.info
     spec = _spec_of(scenario, name)
-    met = meeting(where, Kind.ROBOT)
+    met = process.meet(Kind.ROBOT)
     robot_named(name, met.credentials)
     keys = met.keys
-    on_air = check_radio(where.radio, "radio", scenario.radio.via)
+    on_air = check_radio(process.options.radio, "radio", scenario.radio.via)
     # Its counts of frames begin anew, so whoever adds them up must not take it for the process before.
     incarnation = int(time.time()) % 2**31
-    prepared, mind = _mind_of(scenario, spec.number, incarnation, say)
-    callers = callers_of(keys, {one.name: one.number for one in scenario.roster})
-    links = open_links(met.router, on_air, ticks.wait_s, say, lambda: bool(ending), met.credentials, callers)
-    if links is None:
-        return INTERRUPTED
-    link, air = links
-    driver = _Driver(prepared, spec, mind, incarnation, log, ending, vitals)
-    try:
-        if link.sees(keys.alive(name)):
-            raise BadInput(f"robot {name}: another process is {name} already; end that one, or choose another robot")
-        link.live(keys.alive(name))
-        failure = driver.run(make, link, air, keys, ticks)
-    finally:
-        air.close()
-        link.close()
+    process.warm(("patrol", "agent"), scenario)
+    prepared, mind = _mind_of(scenario, spec.number, incarnation)
+    link, air = process.open_links(met, on_air, callers_of(keys, {one.name: one.number for one in scenario.roster}))
+    if link.sees(keys.alive(name)):
+        raise BadInput(f"robot {name}: another process is {name} already; end that one, or choose another robot")
+    link.live(keys.alive(name))
+    failure = _Driver(prepared, spec, mind, incarnation, process).run(make, link, air, keys, ticks)
     if failure is not None:
-        log.error(failure)
+        process.log.error(failure)
     return INTERRUPTED if failure is None else 1
 
 
-def _mind_of(scenario: Scenario, number: int, incarnation: int, say: Callable[[str], None]) -> tuple[Prepared, Mind]:
+def _mind_of(scenario: Scenario, number: int, incarnation: int) -> tuple[Prepared, Mind]:
     """The prepared scenario and one robot's mind."""
     from agent.build import build_mind
     from agent.ports import PolicyFailed
     from patrol.own_sensor import allow_sensor
     from patrol.prepare import prepare
-    from patrol.process.starting.seldom import seldom_kernels
-    from patrol.process.starting.warmup import warm
     from patrol.radio.fleet_key import fleet_key
 
-    warm(("patrol", "agent"), say, seldom_kernels(scenario))
     allow_sensor(scenario.sensor)
     prepared = prepare(scenario)
     try:
@@ -232,9 +202,7 @@ class _Driver:
     spec: RobotSpec
     mind: Mind
     incarnation: int
-    log: Log
-    ending: Ending
-    vitals: Vitals | None
+    process: ProcessContext
 
     def run(
         self,
@@ -251,21 +219,21 @@ class _Driver:
         from agent.radios.direct import tune_in
         from patrol.net.messages.stop_orders import StopOrders
         from patrol.process.deadline import DECISION_LIMIT_S
-        from patrol.process.reporting.notify import Notifier
 
-        scenario, name, say = self.prepared.scenario, self.spec.name, self.log.info
+        scenario, name, process = self.prepared.scenario, self.spec.name, self.process
+        log, ending = process.log, process.ending
         assert scenario.factor is not None  # a direct radio is refused in lockstep
         step_s = scenario.step / scenario.factor
         names = {one.name: one.number for one in scenario.roster}
-        clock = LateClock(Notifier(os.environ).alive)
+        clock = LateClock(process.notifier.alive)
         radio = tune_in(air, keys, name, names, clock)
         epoch_s = ticks.epoch_s
         if epoch_s is None:
-            epoch_s = _listen(radio, step_s, self.mind.facts.key, ticks, say, self.ending)
+            epoch_s = _listen(radio, step_s, self.mind.facts.key, ticks, log.info, ending)
         if epoch_s is None:
             return None
-        _check_epoch(epoch_s, time.time(), say)
-        clock.keeper = KeptClock(step_s, epoch_s, time.time, self.ending.wait)
+        _check_epoch(epoch_s, time.time(), log.info)
+        clock.keeper = KeptClock(step_s, epoch_s, time.time, ending.wait)
         start = self.prepared.starts[self.spec.number - 1]
         site = Site(
             spec=self.spec,
@@ -286,15 +254,15 @@ class _Driver:
         skew = Skew({number: other for other, number in names.items() if other != name})
         limit_s = None if policy_of(scenario).ours else DECISION_LIMIT_S
         told: Telemetry = Both(robot, telemetry) if isinstance(robot, Telemetry) else telemetry
-        if self.vitals is not None:
-            radio.show(self.vitals)
-            told = Both(told, TickFigures(self.mind, self.vitals, self.log))
-        say(f"patrols with fleet {keys.fleet}")
+        if process.supervision.counts:
+            radio.show(process.vitals)
+            told = Both(told, TickFigures(self.mind, process.vitals, log))
+        log.info(f"patrols with fleet {keys.fleet}")
         failure = None
         try:
-            failure = run_mind(self.mind, robot, _Watched(radio, clock, skew, self.log.warning), told, limit_s)
+            failure = run_mind(self.mind, robot, _Watched(radio, clock, skew, log.warning), told, limit_s)
         finally:
-            robot.stop(failure or self.ending.reason or "the driver ends")
+            robot.stop(failure or ending.reason or "the driver ends")
         telemetry.close()
         return failure
 

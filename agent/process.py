@@ -2,39 +2,26 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 import os
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from agent.robots.ros2.options import wanted as is_for_ros2
 from patrol.errors import BadInput
 from patrol.exchange import FIRST_INCARNATION
+from patrol.process.context import ProcessContext, run_with
 from patrol.process.deadline import DECISION_LIMIT_S
-from patrol.process.exit_codes import BAD_INPUT, INTERRUPTED
-from patrol.process.lifeline import Ending, heed
-from patrol.process.options import (
-    TOGETHER,
-    Meeting,
-    ProcessParser,
-    fleet_parser,
-    meeting,
-    prepared_as_told,
-    robot_named,
-)
-from patrol.process.reporting.logs import Log
-from patrol.process.reporting.notify import Notifier
-from patrol.process.reporting.supervision import Supervision, followed, take_supervision
+from patrol.process.exit_codes import INTERRUPTED
+from patrol.process.lifeline import Ending
+from patrol.process.options import TOGETHER, Meeting, ProcessParser, fleet_parser, robot_named
 
 if TYPE_CHECKING:
     from agent.mind import Mind
     from agent.ports import Telemetry
     from agent.robots.sim import SimRobot
-    from patrol.process.reporting.vitals import Vitals
     from patrol.scenario import RobotSpec, Scenario
 
 HELP = f"""
@@ -48,23 +35,6 @@ fogwatch agent --robot ros2 --help.
 
 Exit codes: 0 the run is over, 1 the robot failed or was left out of the run, 2 bad input, 130 interrupted.
 """
-
-
-@dataclass(frozen=True, slots=True)
-class _Process:
-    """This process.
-
-    Attributes:
-        options: Its command line.
-        ending: Whether it should leave.
-        log: What it reports.
-        vitals: Its figures; None when nobody wants them.
-    """
-
-    options: argparse.Namespace
-    ending: Ending
-    log: Log
-    vitals: Vitals | None
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -82,42 +52,31 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
         return drive_ros2(told)
     options = simulated_parser().parse_args(told)
-    log = Log(options.robot or "agent")
-    ending = heed(options.lifeline)
-    try:
-        supervision = take_supervision(options)
-        supervision.begin_log(log.process)
-        return _run(options, supervision, ending)
-    except BadInput as bad:
-        log.error(str(bad))
-        return BAD_INPUT
+    return run_with(options, options.robot or "agent", _run)
 
 
-def _run(options: argparse.Namespace, supervision: Supervision, ending: Ending) -> int:
-    """Check the input and find out who this is, then patrol; the exit code."""
+def _run(process: ProcessContext) -> int:
+    """Check the input and find out which robot this is, then patrol; return the exit code."""
     from patrol.net.keys import check_radio
     from patrol.net.security.roles import Kind
     from patrol.scenario import load_scenario
 
-    met = meeting(options, Kind.ROBOT)
+    options = process.options
+    met = process.meet(Kind.ROBOT)
     scenario = load_scenario(options.scenario)
     on_air = check_radio(options.radio, "--radio", scenario.radio.via)
     spec = _spec(scenario, robot_named(options.robot, met.credentials))
-    log = supervision.begin_log(spec.name)
-    with followed(supervision, log, {"fleet": met.keys.fleet}) as vitals:
-        process = _Process(options, ending, log, vitals if supervision.counts else None)
-        mind = _mind(scenario, spec, process)
-        return INTERRUPTED if mind is None else _patrol(mind, scenario, met, on_air, process)
+    process.follow(spec.name, fleet=met.keys.fleet)
+    return _patrol(_mind(scenario, spec, process), scenario, met, on_air, process)
 
 
-def _patrol(mind: Mind, scenario: Scenario, met: Meeting, on_air: str | None, process: _Process) -> int:
-    """Join the fleet and patrol with it until it is time to leave; the exit code."""
+def _patrol(mind: Mind, scenario: Scenario, met: Meeting, on_air: str | None, process: ProcessContext) -> int:
+    """Join the fleet and patrol with it until it is time to leave; return the exit code."""
     from agent.mind_loop import Both, TelemetrySender, TickFigures, run_mind
     from agent.policies.found import policy_of
     from agent.radios.direct import DirectRadio, tune_in
     from agent.robots.sim import join
     from patrol.net.keys import callers_of
-    from patrol.net.open_links import open_links
     from patrol.net.security.seats import own_instance
     from patrol.net.session import Identity
     from patrol.scenario import scenario_hash
@@ -125,11 +84,7 @@ def _patrol(mind: Mind, scenario: Scenario, met: Meeting, on_air: str | None, pr
     options, ending, log = process.options, process.ending, process.log
     spec, keys = mind.spec, met.keys
     numbers = {one.name: one.number for one in scenario.roster}
-    callers = callers_of(keys, numbers)
-    links = open_links(met.router, on_air, options.wait, log.info, lambda: bool(ending), met.credentials, callers)
-    if links is None:
-        return INTERRUPTED
-    link, air = links
+    link, air = process.open_links(met, on_air, callers_of(keys, numbers))
     identity = Identity(spec.name, options.incarnation, own_instance(os.environ), scenario_hash(scenario))
 
     def waiting(waited_s: float) -> None:
@@ -143,9 +98,9 @@ def _patrol(mind: Mind, scenario: Scenario, met: Meeting, on_air: str | None, pr
             log.info(f"waiting for the world of fleet {keys.fleet} ({waited_s:.0f} s){but}")
 
     blind_s = math.inf if scenario.factor is None else scenario.watchdog / scenario.factor
-    alive = Notifier(os.environ).alive
+    alive = process.notifier.alive
     # A launcher ends its agents when the world is gone; until then the world may be slow, or the router stand still.
-    patience_s = options.wait if options.lifeline is None else math.inf
+    patience_s = process.patience_s
     robot = join(link, keys, identity, len(scenario.roster), ending, patience_s, waiting, blind_s, spec.model, alive)
     telemetry = TelemetrySender(link.publisher(keys.telemetry(spec.name)))
     radio: SimRobot | DirectRadio = robot
@@ -153,7 +108,7 @@ def _patrol(mind: Mind, scenario: Scenario, met: Meeting, on_air: str | None, pr
         radio = direct = tune_in(air, keys, spec.name, numbers, robot)
         telemetry.traffic = lambda final: direct.traffic(options.incarnation, final=final)
     told: Telemetry = Both(robot, telemetry)
-    if process.vitals is not None:
+    if process.supervision.counts:
         for part in {robot, radio}:  # of a robot without a direct radio these are one
             part.show(process.vitals)
         told = Both(told, TickFigures(mind, process.vitals, log))
@@ -162,8 +117,6 @@ def _patrol(mind: Mind, scenario: Scenario, met: Meeting, on_air: str | None, pr
         failure = run_mind(mind, robot, radio, told, limit_s)
     finally:
         telemetry.close()
-        air.close()
-        link.close()
     if failure is not None:
         log.error(failure)
         return 1
@@ -188,13 +141,9 @@ def _spec(scenario: Scenario, name: str) -> RobotSpec:
     raise BadInput(f"--robot {name!r}: no robot of scenario {scenario.name}; its first are {names}")
 
 
-def _mind(scenario: Scenario, spec: RobotSpec, process: _Process) -> Mind | None:
-    """The robot's mind, built from the launcher's static fields or from its own; None when it is time to leave."""
-    from patrol.process.starting.seldom import seldom_kernels
-    from patrol.process.starting.warmup import warm
-
-    options = process.options
-    warm(("patrol", "agent"), process.log.info, seldom_kernels(scenario))
+def _mind(scenario: Scenario, spec: RobotSpec, process: ProcessContext) -> Mind:
+    """Return the robot's mind, built from the launcher's static fields or from its own."""
+    process.warm(("patrol", "agent"), scenario)
     from agent.build import Shared, build_mind, radii_of, shared_by
     from agent.ports import PolicyFailed
     from agent.psi import load_psi
@@ -203,16 +152,14 @@ def _mind(scenario: Scenario, spec: RobotSpec, process: _Process) -> Mind | None
     from patrol.radio.fleet_key import fleet_key
 
     allow_sensor(scenario.sensor)
-    prepared = prepared_as_told(scenario, options, process.ending)
-    if prepared is None:
-        return None
-    static: Path | None = options.static
+    prepared = process.prepare(scenario)
+    static: Path | None = process.options.static
     if static is None:
         shared = shared_by(prepared)
     else:
         shared = Shared(sensor_footprint(scenario, prepared.terrain), load_psi(scenario, static), radii_of(scenario))
     try:
-        return build_mind(prepared, spec.number, options.incarnation, fleet_key(scenario.radio.key), shared)
+        return build_mind(prepared, spec.number, process.options.incarnation, fleet_key(scenario.radio.key), shared)
     except PolicyFailed as failed:
         if failed.__cause__ is not None:
             process.log.failure(failed.__cause__)

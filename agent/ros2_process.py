@@ -7,16 +7,14 @@ import os
 import tempfile
 import time
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from agent.robots.ros2.options import domain_of, drive_settings, options_of
 from patrol.errors import BadInput
-from patrol.process.exit_codes import BAD_INPUT, INTERRUPTED
-from patrol.process.lifeline import Ending, heed, rest_before_pause
+from patrol.process.context import AskedToLeave, ProcessContext, run_with
+from patrol.process.lifeline import rest_before_pause
 from patrol.process.reporting.logs import Log
-from patrol.process.reporting.supervision import followed, take_supervision
 
 if TYPE_CHECKING:
     from agent.own_robot import Site
@@ -25,7 +23,6 @@ if TYPE_CHECKING:
     from agent.robots.ros2.rivals import Rivals
     from agent.robots.ros2.settings import DriveSettings
     from patrol.pose import Pose
-    from patrol.process.reporting.vitals import Vitals
     from patrol.ros2.link import ZenohRos2Link
     from patrol.ros2.ports import Ros2Link
     from patrol.scenario import Scenario
@@ -72,23 +69,11 @@ def main(arguments: Sequence[str]) -> int:
     Returns:
         The exit code.
     """
-    options = options_of(arguments)
-    ending = heed(options.lifeline)
-    log = Log("robot")
-    try:
-        name = _name(options)
-        log = Log(name)
-        supervision = take_supervision(options)
-        supervision.begin_log(name)
-        with followed(supervision, log, {}) as vitals:
-            return _run(options, log, ending, vitals if supervision.counts else None)
-    except BadInput as bad:
-        log.error(str(bad))
-        return BAD_INPUT
+    return run_with(options_of(arguments), "robot", _run)
 
 
 def _name(options: argparse.Namespace) -> str:
-    """The robot's name in its fleet."""
+    """Return the robot's name in its fleet."""
     from patrol.net.security.credentials import read_credentials
 
     if options.name is not None:
@@ -98,15 +83,17 @@ def _name(options: argparse.Namespace) -> str:
     return options.namespace.strip("/").rpartition("/")[2] or "robot"
 
 
-def _run(options: argparse.Namespace, log: Log, ending: Ending, vitals: Vitals | None) -> int:
-    """Find the robot, and patrol with it; the exit code."""
+def _run(process: ProcessContext) -> int:
+    """Find the robot, and patrol with it; return the exit code."""
     from agent.robots.ros2.hardware import Hardware
     from agent.robots.ros2.stops.files import StopFiles, state_folder
-    from patrol.net.link import LinkDown
     from patrol.net.security.roles import robot_role
     from patrol.scenario import load_scenario, parse_overrides
 
-    name, say = log.process, log.info
+    options = process.options
+    name = _name(options)
+    process.follow(name)
+    say = process.log.info
     settings = drive_settings(options)
     stop_files = StopFiles(state_folder(options.state, os.environ), robot_role(name).robot)
     overrides = parse_overrides(options.set)
@@ -115,76 +102,58 @@ def _run(options: argparse.Namespace, log: Log, ending: Ending, vitals: Vitals |
     for spec in () if given is None else given.roster:
         if spec.name == name:
             settings = settings.of_body(spec.model, spec.limits)
-    with ExitStack() as stack:
-        try:
-            link = _link(options, ending, say)
-        except LinkDown as down:
-            if ending:
-                return INTERRUPTED
-            raise BadInput(f"--connect {options.connect}: {down}; is the robot's Zenoh router running?") from None
-        stack.callback(link.close)
-        factor = 1.0 if given is None or given.factor is None else given.factor
-        hardware = Hardware(link, settings, factor, say, stop_files)
-        pose = _found(hardware, link, options.wait, ending, say)
-        if pose is None:
-            return INTERRUPTED
-        say(f"is at ({pose.x:.2f}, {pose.y:.2f}), heading {pose.heading:.2f}")
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="fogwatch-")))
-        has_map = given is not None or options.map is not None
-        if given is None:
-            map_file = options.map or _robots_map(link, settings, folder, options.wait, ending, say)
-            if map_file is None:
-                return INTERRUPTED
-            given = _scenario(options, name, map_file, pose, overrides)
-        if options.write_scenario is not None:
-            _write(given, options.write_scenario)
-        return _patrol(options, given, hardware, has_map, ending, log, vitals)
+    link = _link(process)
+    process.closing.callback(link.close)
+    factor = 1.0 if given is None or given.factor is None else given.factor
+    hardware = Hardware(link, settings, factor, say, stop_files)
+    pose = _found(hardware, link, process)
+    say(f"is at ({pose.x:.2f}, {pose.y:.2f}), heading {pose.heading:.2f}")
+    has_map = given is not None or options.map is not None
+    if given is None:
+        folder = Path(process.closing.enter_context(tempfile.TemporaryDirectory(prefix="fogwatch-")))
+        map_file = options.map or _robots_map(link, settings, folder, process)
+        given = _scenario(options, name, map_file, pose, overrides)
+    if options.write_scenario is not None:
+        _write(given, options.write_scenario)
+    return _patrol(process, given, hardware, has_map)
 
 
-def _patrol(
-    options: argparse.Namespace,
-    scenario: Scenario,
-    hardware: Hardware,
-    shows_map: bool,
-    ending: Ending,
-    log: Log,
-    vitals: Vitals | None,
-) -> int:
-    """Patrol with a robot that was found; the exit code."""
-    from agent.own_robot import Ticks, Where, patrol_with
+def _patrol(process: ProcessContext, scenario: Scenario, hardware: Hardware, shows_map: bool) -> int:
+    """Patrol with a robot that was found; return the exit code."""
+    from agent.own_robot import Ticks, patrol_with
     from agent.robots.ros2.driver import DriverFailed
 
-    name = log.process
+    name, options = process.log.process, process.options
     numbers = {spec.name: spec.number for spec in scenario.roster}
     alone_s = LISTEN_S + LISTEN_MORE_S * (numbers.get(name, 1) - 1)
-    rivals = _alone(hardware, ending)
-    where = Where(options.credentials, *_meeting(options, log.info), options.radio)
+    rivals = _alone(hardware, process)
+    _choose_router(options, process.log.info)
     ticks = Ticks(options.epoch, options.wait, alone_s)
 
     def make(site: Site) -> Ros2Robot:
-        robot = _robot(site, hardware, shows_map, log, rivals)
-        if vitals is not None:
-            robot.show(vitals)
+        robot = _robot(site, hardware, shows_map, process.log, rivals)
+        if process.supervision.counts:
+            robot.show(process.vitals)
         rest_before_pause(robot.rest, robot.go_on)
         return robot
 
     try:
-        return patrol_with(make, scenario, name, where, ticks, ending, vitals)
+        return patrol_with(process, make, scenario, name, ticks)
     except DriverFailed as failed:
-        log.error(str(failed))
+        process.log.error(str(failed))
         return FAILED
     finally:
         rivals.close()
 
 
-def _alone(hardware: Hardware, ending: Ending) -> Rivals:
+def _alone(hardware: Hardware, process: ProcessContext) -> Rivals:
     """Make sure that nobody else drives the robot, from now on. Raises BadInput if somebody does."""
     from agent.robots.ros2.rivals import Rivals
 
     settings, link = hardware.settings, hardware.link
     usual = None if settings.is_shared else settings.commands
     rivals = Rivals(link, None if usual is None else link.resolve(settings.topic(usual)))
-    if found := rivals.are_there(stopped=lambda: bool(ending)):
+    if found := rivals.are_there(stopped=process.leaving):
         raise BadInput(
             f"{', '.join(found)}: drives the robot already; end that first, or let a twist_mux choose and give its "
             "input by --topic, or give --shared-commands for a joystick"
@@ -203,13 +172,16 @@ def _check_map(options: argparse.Namespace, name: str, given: Scenario | None, o
         load_terrain(given.terrain, given.point, Path())
 
 
-def _link(options: argparse.Namespace, ending: Ending, say: _Say) -> ZenohRos2Link:
+def _link(process: ProcessContext) -> ZenohRos2Link:
+    """Join the robot's router. Raises AskedToLeave, or BadInput when there is none."""
     from patrol.net.keys import check_locator
+    from patrol.net.link import LinkDown
     from patrol.net.security.credentials import read_credentials
     from patrol.ros2.formats import format_named
     from patrol.ros2.link import open_ros2
     from patrol.ros2.names import NodeName, check_name
 
+    options = process.options
     locator = check_locator(options.connect, "--connect")
     namespace = options.namespace.strip("/")
     if namespace:
@@ -218,23 +190,29 @@ def _link(options: argparse.Namespace, ending: Ending, say: _Say) -> ZenohRos2Li
     if proof is None and locator.startswith("tls/"):
         option, proof = "--credentials", options.credentials
     credentials = None if proof is None else read_credentials(proof, option)
-    return open_ros2(
-        locator,
-        format_named(options.format, domain_of(options), "--format"),
-        NodeName(NODE, namespace),
-        options.wait,
-        lambda waited: say(f"waiting for the robot's router at {locator} ({waited:.0f} s)"),
-        lambda: bool(ending),
-        credentials,
-    )
+    try:
+        return open_ros2(
+            locator,
+            format_named(options.format, domain_of(options), "--format"),
+            NodeName(NODE, namespace),
+            options.wait,
+            lambda waited: process.log.info(f"waiting for the robot's router at {locator} ({waited:.0f} s)"),
+            process.leaving,
+            credentials,
+        )
+    except LinkDown as down:
+        if process.ending:
+            raise AskedToLeave from None
+        raise BadInput(f"--connect {options.connect}: {down}; is the robot's Zenoh router running?") from None
 
 
-def _found(hardware: Hardware, link: ZenohRos2Link, wait_s: float, ending: Ending, say: _Say) -> Pose | None:
-    """Where the robot is at first; None when it is time to leave. Raises BadInput when it cannot be found."""
+def _found(hardware: Hardware, link: ZenohRos2Link, process: ProcessContext) -> Pose:
+    """Return where the robot is at first. Raises AskedToLeave, or BadInput when it cannot be found."""
     from patrol.ros2.formats import other_format
 
+    wait_s = process.options.wait
     began = said = time.monotonic()
-    while not ending.wait(_LOOK_S):
+    while not process.ending.wait(_LOOK_S):
         if (fix := hardware.fix()) is not None:
             return fix.pose
         now = time.monotonic()
@@ -245,14 +223,13 @@ def _found(hardware: Hardware, link: ZenohRos2Link, wait_s: float, ending: Endin
         if now - began >= wait_s:
             remedy = f"the nodes on this router speak {other}" if other else "fogwatch doctor says more"
             raise BadInput(f"the robot was not found within {wait_s:g} s: {hardware.why}; {remedy}")
-        say(f"waiting for the robot: {hardware.why}{f'; the nodes on this router speak {other}' if other else ''}")
-    return None
+        speaks = f"; the nodes on this router speak {other}" if other else ""
+        process.log.info(f"waiting for the robot: {hardware.why}{speaks}")
+    raise AskedToLeave
 
 
-def _robots_map(
-    link: Ros2Link, settings: DriveSettings, folder: Path, wait_s: float, ending: Ending, say: _Say
-) -> Path | None:
-    """The robot's own map as a file; None when it is time to leave."""
+def _robots_map(link: Ros2Link, settings: DriveSettings, folder: Path, process: ProcessContext) -> Path:
+    """Return the robot's own map as a file. Raises AskedToLeave, or BadInput when none comes."""
     from agent.robots.ros2.robot_map import write_map
     from patrol.ros2.mailbox import RosMailbox
     from patrol.ros2.messages import OccupancyGrid
@@ -261,14 +238,14 @@ def _robots_map(
     topic = link.resolve(settings.topic("map"))
     mailbox: RosMailbox[OccupancyGrid] = RosMailbox()
     link.subscribe(topic, OccupancyGrid, mailbox, LATCHED)
-    say(f"waits for the map on {topic}")
-    began = time.monotonic()
-    while not ending:
+    process.log.info(f"waits for the map on {topic}")
+    wait_s, began = process.options.wait, time.monotonic()
+    while not process.ending:
         if (received := mailbox.take(_LOOK_S)) is not None:
             return write_map(received.message, folder)
         if time.monotonic() - began >= wait_s:
             raise BadInput(f"no map on {topic} within {wait_s:g} s; give --map FILE, or start the robot's map_server")
-    return None
+    raise AskedToLeave
 
 
 def _scenario(
@@ -307,13 +284,12 @@ def _write(scenario: Scenario, path: Path) -> None:
         raise BadInput(f"--write-scenario {path}: cannot be written ({error.strerror}); give another file") from None
 
 
-def _meeting(options: argparse.Namespace, say: _Say) -> tuple[str | None, str | None]:
-    """Router and fleet; where no option says where the fleet meets, it meets at the robot's own router."""
-    if options.credentials is not None:
-        return options.router, options.fleet
-    if options.router is None:
-        say(f"meets its fleet at the robot's own router, {options.connect}; give --router if others have another")
-    return options.router or options.connect, options.fleet or FLEET
+def _choose_router(options: argparse.Namespace, say: _Say) -> None:
+    """Where no option says where the fleet meets, let it meet at the robot's own router."""
+    if options.credentials is None:
+        if options.router is None:
+            say(f"meets its fleet at the robot's own router, {options.connect}; give --router if others have another")
+        options.router, options.fleet = options.router or options.connect, options.fleet or FLEET
 
 
 def _robot(site: Site, hardware: Hardware, shows_map: bool, log: Log, rivals: Rivals) -> Ros2Robot:

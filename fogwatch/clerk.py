@@ -9,7 +9,6 @@ launcher does the same from the finished journal.
 
 from __future__ import annotations
 
-import argparse
 import os
 import threading
 import time
@@ -28,10 +27,9 @@ from fogwatch.launch.clerk_messages import (
     VerdictAsked,
 )
 from fogwatch.launch.runfolder import RunFolder
-from patrol.errors import BadInput
-from patrol.process.exit_codes import BAD_INPUT, INTERRUPTED
-from patrol.process.lifeline import InterruptedBySignal, heed, run_process
-from patrol.process.starting.readiness import report_ready
+from patrol.process.context import ProcessContext, run_with
+from patrol.process.lifeline import run_process
+from patrol.process.options import ProcessParser
 
 if TYPE_CHECKING:
     from patrol.summary.model import Summary
@@ -105,31 +103,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         The exit code: 0 when the launcher has hung up, 2 for a journal that cannot be judged, 130 interrupted.
     """
-    options = _options(arguments)
-    os.nice(options.nice)
-    heed(options.lifeline, patience=0)
+    return run_with(_parser().parse_args(arguments), "clerk", _work, patience=0)
+
+
+def _work(process: ProcessContext) -> int:
+    process.follow()
+    os.nice(process.options.nice)
     try:
-        with Connection(options.talk) as connection:
-            _serve(options, connection)
+        with Connection(process.options.talk) as connection:
+            _serve(process, connection)
     except (EOFError, BrokenPipeError, ConnectionResetError):
-        return 0
-    except InterruptedBySignal:
-        return INTERRUPTED
-    except BadInput as bad:
-        print(bad)
-        return BAD_INPUT
+        pass
     return 0
 
 
-def _serve(options: argparse.Namespace, connection: Connection) -> None:
+def _serve(process: ProcessContext, connection: Connection) -> None:
     from fogwatch.launch.derived import load
     from patrol.best_tour import best_tour
     from patrol.prepare import Prepared
     from worldsim.verdict.live import LiveJudge
 
-    folder = RunFolder(options.run)
+    folder = RunFolder(process.options.run)
     prepared = Prepared.load(folder.load(), folder.static)
-    report_ready(options.ready, "")
+    process.ready()
     news = News(connection, prepared.scenario.ticks)
     best_tour(prepared)  # summary and report show it, and on new ground it takes long
     live = LiveJudge(folder.journal, prepared)
@@ -161,14 +157,12 @@ def _report_written(live: LiveJudge, summary: Summary, asked: ReportAsked, news:
     return ReportWritten("; ".join(problems))
 
 
-def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="python -m fogwatch.clerk", description="Judge a run that goes on.")
+def _parser() -> ProcessParser:
+    parser = ProcessParser("python -m fogwatch.clerk", "Judge a run that goes on.", "", reports_start=True)
     parser.add_argument("--run", type=Path, required=True, metavar="DIR", help="run folder")
     parser.add_argument("--talk", type=int, required=True, metavar="FD", help="socket to the launcher")
     parser.add_argument("--nice", type=int, default=0, metavar="N", help="how much lower its priority is")
-    parser.add_argument("--lifeline", type=int, metavar="FD", help="leave when this pipe ends (set by the launcher)")
-    parser.add_argument("--ready", type=int, metavar="FD", help="report the start on this pipe (set by the launcher)")
-    return parser.parse_args(arguments)
+    return parser
 
 
 if __name__ == "__main__":

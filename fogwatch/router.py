@@ -9,7 +9,6 @@ everybody do everything; beyond this machine it then starts only when it is told
 from __future__ import annotations
 
 import argparse
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -17,13 +16,11 @@ from patrol.errors import BadInput
 from patrol.net.keys import check_locator, fleet_keys, is_local
 from patrol.net.link import LinkDown, PortBusy, open_router
 from patrol.net.security.credentials import RouterSecurity, read_router
-from patrol.process.exit_codes import BAD_INPUT
-from patrol.process.lifeline import heed, run_process
+from patrol.process.context import PortTaken, ProcessContext, run_with
+from patrol.process.lifeline import run_process
+from patrol.process.options import ProcessParser
 from patrol.process.reporting.logs import Log
-from patrol.process.reporting.notify import Notifier
-from patrol.process.reporting.supervision import add_supervision, followed, take_supervision
 from patrol.process.reporting.vitals import CONNECTIONS
-from patrol.process.starting.readiness import StartFailure, report_failure, report_ready
 
 HELP = """
 A fleet on several hosts needs one router that all of them can reach. Once, for all of them:
@@ -63,40 +60,35 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         The exit code: 0 stopped, 2 bad input or a port that cannot be listened on.
     """
-    options = _options(arguments)
+    return run_with(router_parser().parse_args(arguments), "router", _route, prefix="fogwatch router: ")
+
+
+def _route(process: ProcessContext) -> int:
+    """Route until asked to stop; return the exit code."""
+    listen, security = _security(process.options)
+    others = _others(process.options, security)
+    process.follow(**({} if security is None else {"fleet": security.keys.fleet}))
     try:
-        _route(options)
-    except (LinkDown, BadInput) as error:
-        Log("router", "fogwatch router: ").error(str(error))
-        failure = StartFailure.PORT_BUSY if isinstance(error, PortBusy) else StartFailure.OTHER
-        report_failure(options.ready, failure, str(error))
-        return BAD_INPUT
-    return 0
-
-
-def _route(options: argparse.Namespace) -> None:
-    """Route until asked to stop. Raises BadInput or LinkDown where it cannot begin."""
-    supervision = take_supervision(options)
-    log = supervision.begin_log("router")
-    listen, security = _security(options)
-    others = _others(options, security)
-    ending = heed(options.lifeline)
-    fleet = {} if security is None else {"fleet": security.keys.fleet}
-    with followed(supervision, log, fleet) as vitals:
         router = open_router(listen, security, others)
-        vitals.probe(CONNECTIONS, lambda: router.connections)
-        who = OPEN.format(listen=listen) if security is None else f"for the members of fleet {security.keys.fleet}"
-        linked = f"; linked to {', '.join(others)}" if others else ""
-        Log("router", "").announce(f"router ready at {listen}; {who}{linked}")
-        report_ready(options.ready, listen)
-        notifier = Notifier(os.environ)
-        notifier.alive()
-        answered = router.pulse(PULSE)
-        while not ending.wait(PULSE_S):
-            if answered():
-                notifier.alive()
-                answered = router.pulse(PULSE)
+    except PortBusy as busy:
+        raise PortTaken(str(busy)) from None
+    except LinkDown as down:
+        raise BadInput(str(down)) from None
+    process.vitals.probe(CONNECTIONS, lambda: router.connections)
+    who = OPEN.format(listen=listen) if security is None else f"for the members of fleet {security.keys.fleet}"
+    linked = f"; linked to {', '.join(others)}" if others else ""
+    Log("router", "").announce(f"router ready at {listen}; {who}{linked}")
+    process.ready(listen)
+    alive = process.notifier.alive
+    alive()
+    answered = router.pulse(PULSE)
+    while not process.ending.wait(PULSE_S):
+        if answered():
+            alive()
+            answered = router.pulse(PULSE)
+    process.closing.close()
     router.close(CLOSE_S)
+    return 0
 
 
 def _security(options: argparse.Namespace) -> tuple[str, RouterSecurity | None]:
@@ -130,13 +122,10 @@ def _others(options: argparse.Namespace, security: RouterSecurity | None) -> lis
     return others
 
 
-def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        prog="python -m fogwatch.router",
-        description="Forward messages between the processes of a fleet.",
-        epilog=HELP,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def router_parser() -> ProcessParser:
+    """Return the parser of the router's command line."""
+    what = "Forward messages between the processes of a fleet."
+    parser = ProcessParser("python -m fogwatch.router", what, HELP, reports_start=True)
     parser.add_argument(
         "--listen",
         metavar="tcp/HOST:PORT",
@@ -157,10 +146,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
         help="link to this fleet's router at another site, whenever it is there; repeatable",
     )
     parser.add_argument("--open", action="store_true", help="let everybody do everything, from other machines too")
-    parser.add_argument("--lifeline", type=int, metavar="FD", help="leave when this pipe ends (set by the launcher)")
-    parser.add_argument("--ready", type=int, metavar="FD", help="report the start on this pipe (set by the launcher)")
-    add_supervision(parser)
-    return parser.parse_args(arguments)
+    return parser
 
 
 if __name__ == "__main__":

@@ -6,22 +6,20 @@ import argparse
 import os
 import socket
 from collections.abc import Callable, Sequence
-from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from monitor.replay.run_files import journal_in
 from patrol.errors import BadInput
-from patrol.process.exit_codes import BAD_INPUT, INTERRUPTED
-from patrol.process.lifeline import Ending, heed
+from patrol.process.context import ProcessContext, run_with
+from patrol.process.exit_codes import INTERRUPTED
+from patrol.process.lifeline import Ending
 from patrol.process.memory import keep_freed_memory
 from patrol.process.options import ProcessParser
 from patrol.process.reporting.logs import Log, is_json
 from patrol.process.reporting.notify import Notifier
-from patrol.process.reporting.supervision import add_supervision, followed, take_supervision
 from patrol.process.reporting.vitals import Vitals
-from patrol.process.starting.readiness import report_ready
 
 if TYPE_CHECKING:
     from monitor.observation.source import Source
@@ -68,30 +66,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         The exit code.
     """
-    options = _options(arguments)
-    ending = heed(options.lifeline)
     key = os.environ.pop(KEY, "")
-    open_source = source_opener(options, ending)
-    try:
-        supervision = take_supervision(options)
-        log = supervision.begin_log("monitor")
-        opened = partial(report_ready, options.ready)
-        with followed(supervision, log, {}) as vitals:
-            serve(
-                open_source,
-                options.host,
-                options.page_port,
-                key,
-                ending,
-                announced=bool(key),
-                key_name=KEY,
-                opened=opened,
-                vitals=vitals,
-            )
-    except BadInput as bad:
-        Log("monitor").error(str(bad))
-        return BAD_INPUT
-    return INTERRUPTED
+
+    def work(process: ProcessContext) -> int:
+        process.follow()
+        options = process.options
+        serve(
+            source_opener(options, process.ending),
+            options.host,
+            options.page_port,
+            key,
+            process.ending,
+            announced=bool(key),
+            key_name=KEY,
+            opened=process.ready,
+            vitals=process.vitals,
+        )
+        return INTERRUPTED
+
+    return run_with(page_parser().parse_args(arguments), "monitor", work)
 
 
 def serve(
@@ -263,8 +256,9 @@ def _listen(host: str, port: int) -> socket.socket:
     return listening
 
 
-def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
-    parser = ProcessParser("python -m monitor", "", HELP)
+def page_parser() -> ProcessParser:
+    """Return the parser of the page's command line."""
+    parser = ProcessParser("python -m monitor", "", HELP, reports_start=True)
 
     def add(name: str, metavar: str, says: str, **more: Any) -> None:
         parser.add_argument(name, metavar=metavar, help=says, **more)
@@ -280,7 +274,4 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     add("--host", "HOST", "address to serve on (default: 127.0.0.1)", default="127.0.0.1")
     add("--page-port", "N", "TCP port of the page (default: a free one)", type=int, default=0)
     add("--wait", "S", "how long to wait for the fleet, s (default: 60)", type=float, default=60.0)
-    add("--lifeline", "FD", "file descriptor of the launcher's pipe, set by the launcher", type=int)
-    add("--ready", "FD", "file descriptor of a pipe on which to report the page's address", type=int)
-    add_supervision(parser)
-    return parser.parse_args(arguments)
+    return parser

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import time
+from argparse import Namespace
 from collections.abc import Sequence
 from contextlib import ExitStack, closing
 from datetime import UTC, datetime
@@ -13,29 +13,32 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
-from patrol.process.exit_codes import BAD_INPUT, UNKNOWN
-from patrol.process.exit_codes import INTERRUPTED as EXIT_INTERRUPTED
-from patrol.process.lifeline import Ending, heed
-from patrol.process.options import meeting, prepared_as_told
+from patrol.net.security.roles import Kind
+from patrol.process.context import ProcessContext, run_with
+from patrol.process.deadline import ANSWER_S
+from patrol.process.exit_codes import INTERRUPTED, UNKNOWN
+from patrol.process.options import TOGETHER, Meeting, ProcessParser, fleet_parser
 from patrol.process.reporting.logs import Log
-from patrol.process.reporting.notify import Notifier
-from patrol.process.reporting.supervision import followed
 from patrol.whole_file import write_whole
-from worldsim.options import WorldOptions, parse_options
 from worldsim.run_record import Unwritten
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared
-    from patrol.process.options import Meeting
-    from patrol.process.reporting.vitals import Vitals
     from patrol.scenario import Scenario
     from worldsim.fleet.sessions import Sessions
     from worldsim.radio.listener import Listener
     from worldsim.wiring import Wiring
 
+HELP = f"""
+The world of a fleet whose router and robots run elsewhere. {TOGETHER}
+
+The run begins when all robots of the scenario are there. The folder gets the journal and ticks.csv; without a launcher
+also summary.json and scenario.yaml with a copy of its map, for `fogwatch report`, `replay` and `record`.
+Exit codes: 0 verdict valid, 1 invalid, 2 bad input, 3 unknown (it could not be judged), 130 interrupted.
+"""
+
 JUDGING_S = 3600.0
 """How long a service manager is asked to wait for the verdict, s."""
-_LOG = Log("world")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -47,116 +50,71 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         The exit code.
     """
-    try:
-        options = parse_options(arguments)
-    except BadInput as bad:
-        _LOG.error(str(bad))
-        return BAD_INPUT
-    options.supervision.begin_log(_LOG.process)
-    ending = heed(options.lifeline, lambda: _remove_static(options))
-    try:
-        return _follow(options, ending)
-    except BadInput as bad:
-        _LOG.error(str(bad))
-        return BAD_INPUT
-    except Unwritten as unwritten:
-        _LOG.error(str(unwritten))
-        return UNKNOWN
-    finally:
-        if ending:
-            _remove_static(options)
+    options = world_parser().parse_args(arguments)
+    return run_with(options, "world", _run, on_death=lambda: _remove_static(options))
 
 
-def _remove_static(options: WorldOptions) -> None:
+def _remove_static(options: Namespace) -> None:
     """Remove the static fields of a run that a launcher began, which may be gone."""
-    if options.launched and options.static is not None:
+    if options.lifeline is not None and options.static is not None:
         for static in (options.static, options.static.with_suffix(".part")):
             shutil.rmtree(static, ignore_errors=True)
 
 
-def _follow(options: WorldOptions, ending: Ending) -> int:
-    """Run the world while others may follow how it does; the exit code."""
-    from patrol.net.security.roles import Kind
+def _run(process: ProcessContext) -> int:
+    """Run the world, and leave nothing behind that a launcher would have removed; return the exit code."""
+    met = process.meet(Kind.WORLD)
+    process.follow(fleet=met.keys.fleet)
+    try:
+        return _run_and_judge(process, met)
+    except Unwritten as unwritten:
+        process.log.error(str(unwritten))
+        return UNKNOWN
+    finally:
+        if process.ending:
+            _remove_static(process.options)
 
-    met = meeting(options, Kind.WORLD)
-    with followed(options.supervision, _LOG, {"fleet": met.keys.fleet}) as vitals:
-        return _run(options, met, ending, vitals)
 
-
-def _run(options: WorldOptions, met: Meeting, ending: Ending, vitals: Vitals) -> int:
-    """Check the input, connect, record the run and, without a launcher, judge it; the exit code."""
-    from patrol.net.keys import check_radio
+def _run_and_judge(process: ProcessContext, met: Meeting) -> int:
+    """Check the input, connect, record the run and, without a launcher, judge it; return the exit code."""
+    from patrol.net.keys import callers_of, check_radio
     from patrol.net.security.access import read_access
     from patrol.own_sensor import allow_sensor
-    from patrol.process.starting.seldom import seldom_kernels
-    from patrol.process.starting.warmup import warm
     from patrol.scenario import load_scenario
     from worldsim.output.folder import check
 
+    options = process.options
     token = None if met.credentials is None else met.credentials.token
     token = token if options.control is None else read_access(options.control, "--control").token
     scenario = load_scenario(options.scenario)
     _check_process_control(scenario, options)
     radio = check_radio(options.radio, "--radio", scenario.radio.via)
     check(options.scenario, options.out)
-    warm(("patrol", "worldsim"), _LOG.info, seldom_kernels(scenario))
+    process.warm(("patrol", "worldsim"), scenario)
     allow_sensor(scenario.sensor)
 
     from worldsim.fleet.sessions import Interrupted, Missing
+    from worldsim.wiring import Wiring
 
-    prepared = prepared_as_told(scenario, options, ending)
-    if prepared is None:
-        return EXIT_INTERRUPTED
-
-    notifier = Notifier(os.environ)
+    prepared = process.prepare(scenario)
+    callers = callers_of(met.keys, {spec.name: spec.number for spec in scenario.roster})
     with ExitStack() as opened:
-        wiring = _wiring(opened, options, scenario, met, radio, ending, vitals, notifier)
-        if wiring is None:
-            return EXIT_INTERRUPTED
+        link, air = process.open_links(met, radio, callers, closing=opened)
+        outward, _ = process.open_links(met, quiet=True, closing=opened)  # the first has said that it waits
+        wiring = Wiring(process, scenario, met.keys, link, outward, air)
         try:
             listener = wiring.listener()
             _record(wiring, prepared, wiring.gather(token), listener, token)
         except Interrupted:
-            return EXIT_INTERRUPTED
+            return INTERRUPTED
         except Missing as missing:
-            _LOG.error(f"{missing}; {_remedy(met)}")
+            process.log.error(f"{missing}; {_remedy(met)}")
             return UNKNOWN
-    if options.launched:
+    if process.launched:
         return 0  # the journal is complete; the launcher judges it
-    notifier.busy(JUDGING_S)
-    code = _judge(options.out, prepared)
-    return EXIT_INTERRUPTED if ending else code
-
-
-def _wiring(
-    opened: ExitStack,
-    options: WorldOptions,
-    scenario: Scenario,
-    met: Meeting,
-    radio: str | None,
-    ending: Ending,
-    vitals: Vitals,
-    notifier: Notifier,
-) -> Wiring | None:
-    """What the world is connected to; the stack closes it. None when it is time to leave."""
-    from patrol.net.keys import callers_of
-    from patrol.net.open_links import open_links
-    from worldsim.wiring import Wiring
-
-    callers = callers_of(met.keys, {spec.name: spec.number for spec in scenario.roster})
-    links = open_links(met.router, radio, options.wait, _LOG.info, lambda: bool(ending), met.credentials, callers)
-    if links is None:
-        return None
-    link, air = links
-    opened.callback(link.close)
-    if air is not link:
-        opened.callback(air.close)
-    watched = open_links(met.router, None, options.wait, _quietly, lambda: bool(ending), met.credentials)
-    if watched is None:
-        return None
-    outward = watched[0]
-    opened.callback(outward.close)
-    return Wiring(options, scenario, met.keys, link, outward, air, ending, _LOG, vitals, notifier.alive)
+    process.notifier.busy(JUDGING_S)
+    code = _judge(options.out, prepared, process.log)
+    return INTERRUPTED if process.ending else code
 
 
 def _remedy(met: Meeting) -> str:
@@ -166,7 +124,7 @@ def _remedy(met: Meeting) -> str:
     return "start each with: python -m agent --credentials FOLDER ...; or one of them was revoked, or this world"
 
 
-def _check_process_control(scenario: Scenario, options: WorldOptions) -> None:
+def _check_process_control(scenario: Scenario, options: Namespace) -> None:
     """A scenario whose faults kill, pause or start processes needs the launcher that has started these."""
     from worldsim.faults.timeline import Timeline
     from worldsim.fleet.acts import NEEDS_LAUNCHER
@@ -185,7 +143,8 @@ def _record(
     from worldsim.output.folder import keep
     from worldsim.output.record import Recorder, header_of
     from worldsim.output.ticks_table import TicksTable
-    from worldsim.run_record import INTERRUPTED, PutOff, recording
+    from worldsim.run_record import INTERRUPTED as RUN_INTERRUPTED
+    from worldsim.run_record import PutOff, recording
     from worldsim.wiring import put_off
     from worldsim.world import World
 
@@ -199,13 +158,13 @@ def _record(
         JournalWriter(options.out / "journal", header) as journal,
         closing(TicksTable(options.out / "ticks.csv", scenario.step)) as table,
     ):
-        if not options.launched:
+        if not wiring.process.launched:
             keep(scenario, options.scenario, options.out)
         feed = wiring.feed(world, journal, header, fleet, operator)
         recorder = Recorder(feed, scenario.spares)
         later = PutOff(*wiring.sinks(world, recorder, table, feed.between))
         put_off(later, world, fleet, operator, feed.rest)
-        reason = INTERRUPTED
+        reason = RUN_INTERRUPTED
         began = time.monotonic()
         try:
             reason = run_ticks(world, fleet, later.tick, later.event, wiring.leaving, control, operator, later.settle)
@@ -222,7 +181,7 @@ def _record(
             feed.flush()
 
 
-def _judge(out: Path, prepared: Prepared) -> int:
+def _judge(out: Path, prepared: Prepared, log: Log) -> int:
     """Summarise and judge a run whose robots were not started by a launcher; the exit code."""
     from patrol.journal import read_journal
     from worldsim.output.summary import summarise
@@ -235,14 +194,37 @@ def _judge(out: Path, prepared: Prepared) -> int:
     mean = summary.mfow_mean_s
     mfow = "no ticks" if mean is None else f"mean MFoW {mean:.1f} s"
     warned = ", with warnings" if verdict.warnings else ""
-    tell = _LOG.info if verdict.exit_code == 0 else _LOG.error
+    tell = log.info if verdict.exit_code == 0 else log.error
     tell(f"verdict {verdict.outcome}{warned}, {mfow}; see {out / 'summary.json'}")
     for line in verdict.warnings:
-        _LOG.warning(f"  warning: {line}")
+        log.warning(f"  warning: {line}")
     for check in verdict.failed:
-        _LOG.error(f"  {check.name}: {check.detail}")
+        log.error(f"  {check.name}: {check.detail}")
     return verdict.exit_code
 
 
-def _quietly(_line: str) -> None:
-    """Nothing: the first link to the router has said that it waits."""
+def world_parser() -> ProcessParser:
+    """Return the parser of the world's command line."""
+    parser = fleet_parser("worldsim", "The world of a simulated fleet, as a process.", HELP, "router and robots")
+    add = parser.add_argument
+    add("--out", required=True, type=Path, metavar="DIR", help="folder for the journal and ticks.csv")
+    add(
+        "--deadline",
+        type=float,
+        default=ANSWER_S,
+        metavar="S",
+        help="lockstep: wall time for an answer (%(default)g s)",
+    )
+    add(
+        "--control",
+        type=Path,
+        metavar="FILE",
+        help="obey operators who have the token in this file (default: the credentials')",
+    )
+    add(
+        "--process-control",
+        type=int,
+        metavar="FD",
+        help="socket on which to ask for kills, pauses and starts (set by the launcher)",
+    )
+    return parser

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import socket
 import threading
@@ -28,7 +27,7 @@ from patrol.net.security.seats import seat_of
 from patrol.net.security.tick_chain import TickChain
 from patrol.net.session import WorldRun
 from patrol.process.reporting.logs import Log
-from patrol.process.reporting.vitals import MFOW, ROBOTS, ROUTER_SILENT, Vitals
+from patrol.process.reporting.vitals import MFOW, ROBOTS, ROUTER_SILENT
 from patrol.radio.message import MAX_FRAME
 from patrol.scenario import Scenario, scenario_hash
 from worldsim.controls.operator import Operator, RunState
@@ -46,8 +45,10 @@ from worldsim.radio.listener import MAX_TRAFFIC, ROOM, Listener
 from worldsim.run_record import PutOff, recording
 
 if TYPE_CHECKING:
+    from argparse import Namespace
+
+    from patrol.process.context import ProcessContext
     from patrol.process.lifeline import Ending
-    from worldsim.options import WorldOptions
     from worldsim.output.record import Recorder
     from worldsim.output.ticks_table import TicksTable
     from worldsim.world import World
@@ -73,30 +74,32 @@ class Wiring:
     """What a world's process is connected to.
 
     Attributes:
-        options: Its command line.
+        process: The world's.
         scenario: The scenario.
         keys: The fleet's keys.
         link: The link to the fleet's router.
         outward: Another link to it, for those who watch: one who asks and stops reading holds up its own link only.
         air: What carries frames where robots hear each other directly.
-        ending: Whether the process should end.
-        log: Of this process.
-        vitals: Its figures.
-        alive: Called in each round of waiting, and between ticks.
         run: Random number of the run.
     """
 
-    options: WorldOptions
+    process: ProcessContext
     scenario: Scenario
     keys: FleetKeys
     link: Link
     outward: Link
     air: Air
-    ending: Ending
-    log: Log
-    vitals: Vitals
-    alive: Callable[[], None]
     run: int = field(default_factory=_random_run)
+
+    @property
+    def options(self) -> Namespace:
+        """The process's command line."""
+        return self.process.options
+
+    @property
+    def log(self) -> Log:
+        """The process's log."""
+        return self.process.log
 
     @cached_property
     def router(self) -> RouterWatch:
@@ -106,8 +109,8 @@ class Wiring:
 
     def leaving(self) -> bool:
         """Whether the process should end; whatever waits or loops asks this in each round."""
-        self.alive()
-        return bool(self.ending)
+        self.process.notifier.alive()
+        return bool(self.process.ending)
 
     def gather(self, token: str | None) -> Sessions:
         """Announce the world and wait until each robot's process has come.
@@ -123,7 +126,7 @@ class Wiring:
             Missing: Robots have not come in time.
             Interrupted: The process should end.
         """
-        keys, link, options = self.keys, self.link, self.options
+        keys, link = self.keys, self.link
         names = {spec.number: spec.name for spec in self.scenario.roster}
         robots = [make(name) for name in names.values() for make in (keys.reply, keys.alive)]
         mailbox: Mailbox[ToWorld | Presence] = Mailbox([keys.alive(WORLD), *robots], decode_to_world, MAX_REPLY)
@@ -142,14 +145,14 @@ class Wiring:
         link.subscribe(keys.reply("*"), mailbox)
         link.watch(keys.alive("*"), mailbox)
         link.live(keys.alive(WORLD))
-        self.vitals.probe_mailbox(mailbox)
-        self.vitals.probe(ROUTER_SILENT, lambda: self.router.silent_s)
+        self.process.vitals.probe_mailbox(mailbox)
+        self.process.vitals.probe(ROUTER_SILENT, lambda: self.router.silent_s)
 
         def waiting(missing: list[str], waited_s: float) -> None:
             self.log.info(f"waiting for {', '.join(missing[:8])} ({waited_s:.0f} s)")
 
         # A launcher notices when a robot's process ends; where it has started many at once, they take their time.
-        sessions.gather(math.inf if options.launched else options.wait, waiting)
+        sessions.gather(self.process.patience_s, waiting)
         return sessions
 
     def _identity(self, token: str | None, names: Mapping[int, str]) -> WorldRun:
@@ -189,7 +192,7 @@ class Wiring:
     def _ask_launcher(self) -> Callable[[bytes], bytes] | None:
         """Asks the launcher for process control; None without one."""
         descriptor = self.options.process_control
-        return None if descriptor is None else _asking(descriptor, self.ending)
+        return None if descriptor is None else _asking(descriptor, self.process.ending)
 
     def operator(self, world: World, fleet: LockstepFleet | PacedFleet, token: str | None) -> Operator | None:
         """What does what operators ask for, and keeps the scenario as they change it; None without a token."""
@@ -278,7 +281,7 @@ class Wiring:
                 tell(f"tick {record.k}: {notice.robot} {notice.detail}")
             if metrics is not None:
                 to_metrics(pack_view(metrics))
-            if self.options.supervision.counts:
+            if self.process.supervision.counts:
                 self._leave_figures(record)
             between()
 
@@ -296,7 +299,7 @@ class Wiring:
         """What those who follow this process see of a tick."""
         statuses = Counter(robot.status.name.lower() for robot in record.robots)
         mfow_s = record.mfow * self.scenario.step
-        self.vitals.beat(record.k, {MFOW: mfow_s, ROBOTS: {status: statuses[status] for status in _STATUSES}})
+        self.process.vitals.beat(record.k, {MFOW: mfow_s, ROBOTS: {status: statuses[status] for status in _STATUSES}})
         self.log.debug(f"tick {record.k}: {statuses['alive']} robots alive, MFoW {mfow_s:.1f} s")
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -106,20 +105,11 @@ def open_fleet(
         met = Meeting(control.router, fleet_keys(control.fleet), control.credentials)
         token = control.token
     else:
-        met = meeting(_Named(credentials, router, fleet), Kind.VIEWER, Kind.OPERATOR)
+        met = meeting(credentials, router, fleet, Kind.VIEWER, Kind.OPERATOR)
     if scenario is None:
         own = None if access is None else _own_scenario(access)
         return _of_a_world(met, token, wait_s, ending, own, fleet_key(key))
     return _of_robots(met, scenario, radio, wait_s, ending)
-
-
-@dataclass(frozen=True, slots=True)
-class _Named:
-    """Return the arguments that name a fleet, as `patrol.process.options.meeting` takes them."""
-
-    credentials: Path | None
-    router: str | None
-    fleet: str | None
 
 
 def _own_scenario(access: Path) -> Scenario | None:

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import argparse
-import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn, Protocol
+from typing import TYPE_CHECKING, NoReturn
 
 from patrol.errors import BadInput
 from patrol.process.exit_codes import BAD_INPUT
-from patrol.process.lifeline import Ending
 from patrol.process.reporting.supervision import add_supervision
 
 if TYPE_CHECKING:
     from patrol.net.keys import FleetKeys
     from patrol.net.security.credentials import Credentials
     from patrol.net.security.roles import Kind
-    from patrol.prepare import Prepared
-    from patrol.scenario import Scenario
 
 TOGETHER = """All processes are given the same scenario file. Who they
 are, and where the router is, they know from a folder of their own:
@@ -43,16 +39,21 @@ _REQUIRED = "the following arguments are required: "
 class ProcessParser(argparse.ArgumentParser):
     """A parser of a process's command line, whose errors are one line that says what to give."""
 
-    def __init__(self, prog: str, description: str, epilog: str) -> None:
-        """Make a parser.
+    def __init__(self, prog: str, description: str, epilog: str, *, reports_start: bool = False) -> None:
+        """Make a parser of the options that every process has; the caller adds its own.
 
         Args:
             prog: How the process is started.
             description: First lines of the help.
             epilog: Last lines of the help.
+            reports_start: Whether the process reports to its launcher that it can be used.
         """
         form = argparse.RawDescriptionHelpFormatter
         super().__init__(prog, description=description, epilog=epilog, formatter_class=form, allow_abbrev=False)
+        self.add_argument("--lifeline", type=int, metavar="FD", help="leave when this pipe ends (set by the launcher)")
+        if reports_start:
+            self.add_argument("--ready", type=int, metavar="FD", help="report the start here (set by the launcher)")
+        add_supervision(self)
 
     def list_options(self) -> str:
         """The options with their explanations, as the help has them, without the rest of the help."""
@@ -77,7 +78,7 @@ class ProcessParser(argparse.ArgumentParser):
 
 
 def fleet_parser(package: str, description: str, epilog: str, others: str) -> ProcessParser:
-    """A parser of the options that all have; the caller adds its own.
+    """Make a parser of the options that world and agents have; the caller adds its own.
 
     Args:
         package: Run with ``python -m``.
@@ -98,8 +99,6 @@ def fleet_parser(package: str, description: str, epilog: str, others: str) -> Pr
     )
     add("--static", type=Path, metavar="DIR", help="static fields made by the launcher (default: make them here)")
     add("--wait", type=float, default=60.0, metavar="S", help=f"how long to wait for {others} (%(default)g s)")
-    add("--lifeline", type=int, metavar="FD", help="leave when this pipe ends (set by the launcher)")
-    add_supervision(parser)
     return parser
 
 
@@ -123,53 +122,34 @@ class Meeting:
         return self.credentials is not None and self.credentials.folder is not None
 
 
-class MeetingOptions(Protocol):
-    """Those of the options that say where the fleet meets."""
-
-    @property
-    def credentials(self) -> Path | None:
-        """The member's credentials, or None."""
-        ...
-
-    @property
-    def router(self) -> str | None:
-        """The router's locator, or None for that of the credentials."""
-        ...
-
-    @property
-    def fleet(self) -> str | None:
-        """The fleet's name, or None for that of the credentials."""
-        ...
-
-
-def meeting(options: argparse.Namespace | MeetingOptions, *kinds: Kind) -> Meeting:
-    """Where the options say that the fleet meets.
+def meeting(credentials: Path | None, router: str | None, fleet: str | None, *kinds: Kind) -> Meeting:
+    """Find out where a fleet meets.
 
     Args:
-        options: From `fleet_parser`.
+        credentials: The member's credentials, or None.
+        router: The router's locator, or None for that of the credentials.
+        fleet: The fleet's name, or None for that of the credentials.
         kinds: Whose credentials fit; a run of this machine has those of the first.
 
     Raises:
-        BadInput: When they do not say it, or the credentials are of another fleet or kind.
+        BadInput: When these do not say it, or the credentials are of another fleet or kind.
     """
     from patrol.net.keys import check_locator, fleet_keys
     from patrol.net.security.access import credentials_at
     from patrol.net.security.roles import Role
 
-    file: Path | None = options.credentials
-    if file is None:
-        if options.router is None or options.fleet is None:
+    if credentials is None:
+        if router is None or fleet is None:
             raise BadInput("no fleet named; give --credentials FOLDER, or both --router LOCATOR and --fleet NAME")
-        return Meeting(check_locator(options.router, "--router"), fleet_keys(options.fleet))
-    found = credentials_at(file, "--credentials", Role(kinds[0]))
+        return Meeting(check_locator(router, "--router"), fleet_keys(fleet))
+    found = credentials_at(credentials, "--credentials", Role(kinds[0]))
     if found.role.kind not in kinds:
-        raise BadInput(f"--credentials {file}: of {found.role.user}; give those of a {' or '.join(kinds)}")
-    if options.fleet not in (None, found.fleet):
-        raise BadInput(f"--fleet {options.fleet}: the credentials are for fleet {found.fleet}; leave the option out")
-    router = found.router
-    if options.router is not None:
-        router = found.check_router(check_locator(options.router, "--router"), "--router")
-    return Meeting(router, fleet_keys(found.fleet), found)
+        raise BadInput(f"--credentials {credentials}: of {found.role.user}; give those of a {' or '.join(kinds)}")
+    if fleet not in (None, found.fleet):
+        raise BadInput(f"--fleet {fleet}: the credentials are for fleet {found.fleet}; leave the option out")
+    if router is not None:
+        router = found.check_router(check_locator(router, "--router"), "--router")
+    return Meeting(router or found.router, fleet_keys(found.fleet), found)
 
 
 def robot_named(name: str | None, credentials: Credentials | None) -> str:
@@ -188,51 +168,3 @@ def robot_named(name: str | None, credentials: Credentials | None) -> str:
     if own is not None and name not in (None, own):
         raise BadInput(f"--robot {name}: the credentials are {own}'s; leave the option out, or give {name}'s")
     return name or own or ""
-
-
-class StaticOptions(Protocol):
-    """Those of the options that say where the static fields come from."""
-
-    @property
-    def static(self) -> Path | None:
-        """The launcher's folder, None to compute them here."""
-        ...
-
-    @property
-    def wait(self) -> float:
-        """How long to wait without a launcher, s."""
-        ...
-
-    @property
-    def lifeline(self) -> int | None:
-        """File descriptor of the launcher's pipe, None without one."""
-        ...
-
-
-def prepared_as_told(
-    scenario: Scenario, options: argparse.Namespace | StaticOptions, ending: Ending
-) -> Prepared | None:
-    """Prepare the scenario, or load what the launcher has prepared.
-
-    Args:
-        scenario: The one that all processes run.
-        options: From `fleet_parser`.
-        ending: Whether to leave.
-
-    Returns:
-        The prepared scenario, or None when asked to leave.
-
-    Raises:
-        BadInput: When the launcher's static fields do not come.
-    """
-    from patrol.prepare import Prepared, prepare
-
-    static: Path | None = options.static
-    if static is None:
-        return prepare(scenario)
-    limit_s = options.wait if options.lifeline is None else math.inf  # a launcher may have a large map to work on
-    if ending.wait_for(static, limit_s):
-        return Prepared.load(scenario, static)
-    if ending:
-        return None
-    raise BadInput(f"--static {static}: no such folder; leave the option out to compute the fields here")

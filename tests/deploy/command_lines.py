@@ -10,19 +10,18 @@ import agent.process
 import fogwatch.router
 import monitor.process
 from agent.robots.ros2.options import options_of, wanted
-from worldsim.options import WorldOptions, parse_options
+from worldsim.process import world_parser
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
-Options = Namespace | WorldOptions
-READERS: dict[str, Callable[[Sequence[str]], Options]] = {
+READERS: dict[str, Callable[[Sequence[str]], Namespace]] = {
     "agent": lambda words: (options_of if wanted(words) else agent.process.simulated_parser().parse_args)(words),
-    "fogwatch.router": fogwatch.router._options,
-    "monitor": monitor.process._options,
-    "worldsim": parse_options,
+    "fogwatch.router": fogwatch.router.router_parser().parse_args,
+    "monitor": monitor.process.page_parser().parse_args,
+    "worldsim": world_parser().parse_args,
 }
 
 
-def options_in(words: Sequence[str]) -> tuple[str, Options]:
+def options_in(words: Sequence[str]) -> tuple[str, Namespace]:
     """The module that a command line starts, and the options that it is given.
 
     Args:

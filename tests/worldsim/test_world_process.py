@@ -14,8 +14,7 @@ from patrol.net.security.credentials import Credentials
 from patrol.net.security.roles import WORLD_ROLE
 from patrol.process.lifeline import Ending
 from patrol.process.options import Meeting
-from worldsim.options import parse_options
-from worldsim.process import _follow, _remedy
+from worldsim.process import _remedy, main
 
 
 class FakeLink:
@@ -42,7 +41,8 @@ def test_a_link_is_closed_once_where_the_next_does_not_come(
     scenario = {"terrain": {"builtin": "open"}, "point": 1.0, "duration": 5, "robots": [{"model": "holonomic"}]}
     file.write_text(json.dumps(scenario), encoding="utf-8")
     words = ["--router", "tcp/127.0.0.1:7447", "--fleet", "f", "--scenario", str(file), "--out", str(tmp_path / "run")]
-    assert _follow(parse_options(words), Ending()) == 130
+    monkeypatch.setattr("patrol.process.context.heed", lambda *_, **__: Ending())
+    assert main(words) == 130
     assert (link.closed, air.closed) == (1, int(apart))
     assert len(set(told)) == 2, "what waits for the same router says so once"
 

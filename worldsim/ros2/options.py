@@ -11,7 +11,6 @@ from pathlib import Path
 from patrol.errors import BadInput
 from patrol.pose import MODELS, Pose, wrap
 from patrol.process.options import ProcessParser
-from patrol.process.reporting.supervision import add_supervision
 from worldsim.ros2.node import DRIVES
 from worldsim.ros2.odometry import Errors
 
@@ -47,17 +46,6 @@ class Named:
     format: str
 
 
-def options_of(arguments: Sequence[str] | None) -> argparse.Namespace:
-    """Read a command line.
-
-    Args:
-        arguments: Its words; None for those of this process.
-    """
-    options = parser().parse_args(arguments)
-    _check(options)
-    return options
-
-
 def parser() -> ProcessParser:
     """Return the parser of the command line of simulated ROS 2 robots."""
     made = ProcessParser("fogwatch robot-sim", "Simulate ROS 2 robots, to try an agent without a robot.", HELP)
@@ -91,8 +79,6 @@ def parser() -> ProcessParser:
     add("--duration", type=float, default=math.inf, metavar="S", help="of what is measured (default: until Ctrl-C)")
     add("--out", type=Path, metavar="FILE", help="write what was measured, as JSON (default: print it)")
     add("--wait", type=float, default=60.0, metavar="S", help="for the router (default: %(default)g s)")
-    add("--lifeline", type=int, metavar="FD", help=argparse.SUPPRESS)
-    add_supervision(made)
     return made
 
 
@@ -100,7 +86,7 @@ def errors_of(options: argparse.Namespace) -> Errors:
     """Read the errors of odometry.
 
     Args:
-        options: From `options_of`.
+        options: From `parser`.
     """
     return Errors(options.noise, options.noise_heading, options.drift, options.drift_heading)
 
@@ -109,7 +95,7 @@ def robots_of(options: argparse.Namespace) -> list[Named]:
     """Return the robots.
 
     Args:
-        options: From `options_of`.
+        options: From `parser`.
 
     Raises:
         BadInput: There are none, or too many, or two of one name.
@@ -127,7 +113,7 @@ def starts_of(options: argparse.Namespace) -> list[Pose]:
     """Return the starts that are given.
 
     Args:
-        options: From `options_of`.
+        options: From `parser`.
 
     Raises:
         BadInput: One is no pose.
@@ -148,7 +134,7 @@ def unplugged(options: argparse.Namespace, names: Sequence[str]) -> dict[str, fl
     """Read the times at which robots' odometry ends, s.
 
     Args:
-        options: From `options_of`.
+        options: From `parser`.
         names: The robots.
 
     Raises:
@@ -163,7 +149,15 @@ def unplugged(options: argparse.Namespace, names: Sequence[str]) -> dict[str, fl
     return found
 
 
-def _check(options: argparse.Namespace) -> None:
+def check(options: argparse.Namespace) -> None:
+    """Refuse what is out of range.
+
+    Args:
+        options: From `parser`.
+
+    Raises:
+        BadInput: A number is, or what is simulated is not named, or named twice.
+    """
     for name, least, most in (
         ("margin", 0.0, 10.0),
         ("acceleration", 0.01, math.inf),

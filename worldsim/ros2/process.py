@@ -6,16 +6,14 @@ import argparse
 import json
 import time
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from patrol.errors import BadInput
-from patrol.process.exit_codes import BAD_INPUT, INTERRUPTED
-from patrol.process.lifeline import Ending, heed
-from patrol.process.reporting.logs import Log
-from patrol.process.reporting.supervision import followed, take_supervision
-from worldsim.ros2.options import errors_of, options_of, robots_of, starts_of, unplugged
+from patrol.process.context import AskedToLeave, ProcessContext, run_with
+from patrol.process.exit_codes import INTERRUPTED
+from patrol.process.lifeline import Ending
+from worldsim.ros2.options import check, errors_of, parser, robots_of, starts_of, unplugged
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared
@@ -36,42 +34,30 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         The exit code.
     """
-    log = Log("robot-sim")
-    try:
-        options = options_of(arguments)
-        ending = heed(options.lifeline)
-        supervision = take_supervision(options)
-        supervision.begin_log(log.process)
-        with followed(supervision, log, {}) as vitals:
-            return _run(options, ending, log.info, vitals)
-    except BadInput as bad:
-        log.error(str(bad))
-        return BAD_INPUT
+    return run_with(parser().parse_args(arguments), "robot-sim", _run)
 
 
-def _run(options: argparse.Namespace, ending: Ending, say: Callable[[str], None], vitals: Vitals) -> int:
+def _run(process: ProcessContext) -> int:
     from patrol.own_sensor import allow_sensor
     from patrol.prepare import prepare
-    from patrol.process.starting.seldom import seldom_kernels
-    from patrol.process.starting.warmup import warm
     from patrol.scenario import load_scenario
 
+    options, say = process.options, process.log.info
+    check(options)
+    process.follow()
     scenario = _scenario(options) if options.scenario is None else load_scenario(options.scenario)
     names = [one.name for one in robots_of(options)]
     plugs = unplugged(options, names)
-    warm(("patrol", "worldsim"), say, seldom_kernels(scenario))
+    process.warm(("patrol", "worldsim"), scenario)
     allow_sensor(scenario.sensor)
     prepared = prepare(scenario)
     pace = options.pace or scenario.factor or 1.0
-    with ExitStack() as stack:
-        simulation = _simulation(options, prepared, pace, stack, ending)
-        if simulation is None:
-            return INTERRUPTED
-        say(f"simulates {', '.join(names)} at {options.connect}")
-        show(simulation, vitals)
-        _keep_time(simulation, pace, options.duration, plugs, ending, say)
-        _write(options, simulation.summary())
-    return INTERRUPTED if ending else 0
+    simulation = _simulation(process, prepared, pace)
+    say(f"simulates {', '.join(names)} at {options.connect}")
+    show(simulation, process.vitals)
+    _keep_time(simulation, pace, options.duration, plugs, process.ending, say)
+    _write(options, simulation.summary())
+    return INTERRUPTED if process.ending else 0
 
 
 def _scenario(options: argparse.Namespace) -> Scenario:
@@ -96,10 +82,8 @@ def _scenario(options: argparse.Namespace) -> Scenario:
     return load_scenario(raw, called="options", aliases={"terrain.map": "--map", "robots": "--robots"})
 
 
-def _simulation(
-    options: argparse.Namespace, prepared: Prepared, pace: float, stack: ExitStack, ending: Ending
-) -> Simulation | None:
-    """Return the robots, each with a connection of its own; None when it is time to leave."""
+def _simulation(process: ProcessContext, prepared: Prepared, pace: float) -> Simulation:
+    """Return the robots, each with a connection of its own."""
     from patrol.net.keys import check_locator
     from patrol.net.link import LinkDown
     from patrol.prepare import sensor_footprint
@@ -110,7 +94,7 @@ def _simulation(
     from worldsim.ros2.robot import Build, SimulatedRobot
     from worldsim.ros2.simulation import CollisionGround, Simulation
 
-    scenario, terrain = prepared.scenario, prepared.terrain
+    options, scenario, terrain = process.options, prepared.scenario, prepared.terrain
     specs = {spec.name: spec for spec in scenario.roster}
     habits = _habits(options, pace)
     locator = check_locator(options.connect, "--connect")
@@ -134,12 +118,12 @@ def _simulation(
         form = format_named(named.format, options.domain, f"--robots {named.name}")
         node = NodeName(NODE, check_name(named.name, "--robots"))
         try:
-            link = open_ros2(locator, form, node, options.wait, stopped=lambda: bool(ending))
+            link = open_ros2(locator, form, node, options.wait, stopped=process.leaving)
         except LinkDown as down:
-            if ending:
-                return None
+            if process.ending:
+                raise AskedToLeave from None
             raise BadInput(f"--connect {options.connect}: {down}; start one: python -m fogwatch.router") from None
-        stack.callback(link.close)
+        process.closing.callback(link.close)
         nodes[named.name] = RobotNode(link, SimulatedRobot(build), habits, terrain)
     ground = CollisionGround(terrain, sensor_footprint(scenario, terrain), prepared.patrolled, scenario.step)
     return Simulation(nodes, ground, time.time())

@@ -13,7 +13,6 @@ from agent.robots.ros2.settings import DRIVES, TOPICS, DriveSettings, turn_rate_
 from patrol.errors import BadInput, did_you_mean
 from patrol.pose import MODELS, Limits, Pose, wrap
 from patrol.process.options import ProcessParser
-from patrol.process.reporting.supervision import add_supervision
 
 TURNING_RADIUS = 3.5
 """A car's tightest turn unless options say otherwise, m, as in scenarios."""
@@ -140,8 +139,6 @@ def ros2_parser() -> ProcessParser:
     add("--epoch", type=float, metavar="S", help="Unix time of tick 0 (default: as a robot that is heard counts)")
     add("--wait", type=float, default=60.0, metavar="S", help="for routers, map and pose (default: %(default)g s)")
     add("--state", type=Path, metavar="FOLDER", help="where stops are noted (default: $STATE_DIRECTORY, or the user's)")
-    add("--lifeline", type=int, metavar="FD", help=argparse.SUPPRESS)
-    add_supervision(parser)
     return parser
 
 

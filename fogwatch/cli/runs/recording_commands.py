@@ -66,7 +66,7 @@ def record(
     from patrol.process.options import meeting
 
     named = Namespace(credentials=credentials, router=router, fleet=fleet)
-    name = meeting(named, Kind.VIEWER, Kind.OPERATOR).keys.fleet
+    name = meeting(credentials, router, fleet, Kind.VIEWER, Kind.OPERATOR).keys.fleet
     return _record_fleet(out or Path(f"{name}.mcap"), name, named, scenario, radio, wait)
 
 

@@ -1,7 +1,7 @@
 """How a child process reports that it is ready, or why it could not start: one JSON line on a pipe of its own.
 
 The parent passes the writing end of a `StartPipe` to the child as a file descriptor (the option ``--ready FD``). The
-child writes one line with `report_ready` or `report_failure`. A pipe that ends without a line belongs to a child that
+child writes one line with `report_start`. A pipe that ends without a line belongs to a child that
 ended or was killed before it could report; its exit code says the rest.
 """
 
@@ -47,28 +47,13 @@ class StartReport:
         return self.failure is None
 
 
-def report_ready(descriptor: int | None, address: str) -> None:
-    """Report to the parent that this process is ready.
+def report_start(descriptor: int | None, report: StartReport) -> None:
+    """Report to the parent that this process is ready, or cannot start.
 
     Args:
         descriptor: Writing end of the parent's pipe, which this closes; None where no parent waits.
-        address: Where this process listens.
+        report: What to report.
     """
-    _report(descriptor, StartReport(address))
-
-
-def report_failure(descriptor: int | None, failure: StartFailure, detail: str) -> None:
-    """Report to the parent that this process cannot start.
-
-    Args:
-        descriptor: Writing end of the parent's pipe, which this closes; None where no parent waits.
-        failure: The reason, for the parent to act on.
-        detail: The reason in one line, for people.
-    """
-    _report(descriptor, StartReport("", failure, detail))
-
-
-def _report(descriptor: int | None, report: StartReport) -> None:
     if descriptor is None:
         return
     with suppress(OSError):  # the parent has died: the lifeline ends this process

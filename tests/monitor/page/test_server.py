@@ -16,6 +16,7 @@ from monitor.page.server import FULL
 from monitor.process import main
 from monitor.replay.player import Player
 from patrol.net.keys import is_loopback
+from patrol.process.lifeline import Ending
 from tests.monitor.pages import PATIENCE_S, ServedPage
 
 if TYPE_CHECKING:
@@ -254,7 +255,7 @@ def test_bad_input_is_reported_in_terms_of_the_options_that_there_are(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("monitor.process.heed", lambda _: None)
+    monkeypatch.setattr("patrol.process.context.heed", lambda *_, **__: Ending())
     monkeypatch.setattr("os.nice", lambda _: 0)  # it would hold for all tests after this one, and for what they start
     monkeypatch.setenv("FOGWATCH_PAGE_KEY", token)
     assert main([argument.replace("RUN", str(tmp_path)) for argument in arguments]) == 2

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from argparse import Namespace
 from pathlib import Path
 
 import pytest
@@ -16,10 +15,6 @@ from patrol.process.options import meeting, robot_named
 ROUTER = "tcp/127.0.0.1:7447"
 
 
-def named(credentials: Path | None = None, router: str | None = None, fleet: str | None = None) -> Namespace:
-    return Namespace(credentials=credentials, router=router, fleet=fleet)
-
-
 def file_of(role: Role, folder: Path) -> Path:
     file = folder / f"{role.user}.json"
     write_private(file, as_json(Credentials("f", ROUTER, role, "secret")))
@@ -27,23 +22,23 @@ def file_of(role: Role, folder: Path) -> Path:
 
 
 def test_credentials_say_it_all(tmp_path: Path) -> None:
-    met = meeting(named(file_of(robot_role("r1"), tmp_path)), Kind.ROBOT)
+    met = meeting(file_of(robot_role("r1"), tmp_path), None, None, Kind.ROBOT)
     assert (met.router, met.keys) == (ROUTER, fleet_keys("f"))
     assert met.credentials is not None
     assert robot_named(None, met.credentials) == robot_named("r1", met.credentials) == "r1"
 
 
 def test_another_way_to_the_router_may_be_given(tmp_path: Path) -> None:
-    met = meeting(named(file_of(VIEWER, tmp_path), "tcp/127.0.0.1:7000", "f"), Kind.VIEWER, Kind.OPERATOR)
+    met = meeting(file_of(VIEWER, tmp_path), "tcp/127.0.0.1:7000", "f", Kind.VIEWER, Kind.OPERATOR)
     assert met.router == "tcp/127.0.0.1:7000"
 
 
 def test_without_credentials_both_are_needed() -> None:
-    met = meeting(named(None, ROUTER, "f"), Kind.ROBOT)
+    met = meeting(None, ROUTER, "f", Kind.ROBOT)
     assert (met.router, met.keys.fleet, met.credentials) == (ROUTER, "f", None)
-    for options in (named(), named(router=ROUTER), named(fleet="f")):
+    for router, fleet in ((None, None), (ROUTER, None), (None, "f")):
         with pytest.raises(BadInput, match="give --credentials FOLDER, or both --router LOCATOR and --fleet NAME"):
-            meeting(options, Kind.ROBOT)
+            meeting(None, router, fleet, Kind.ROBOT)
     with pytest.raises(BadInput, match="--robot: name the robot"):
         robot_named(None, None)
 
@@ -53,15 +48,15 @@ def test_without_credentials_both_are_needed() -> None:
 )
 def test_credentials_of_another_kind_are_refused(role: Role, kind: Kind, tmp_path: Path) -> None:
     with pytest.raises(BadInput, match=f"of {role.user}; give those of a {kind}"):
-        meeting(named(file_of(role, tmp_path)), kind)
+        meeting(file_of(role, tmp_path), None, None, kind)
 
 
 def test_what_contradicts_the_credentials_is_refused(tmp_path: Path) -> None:
     file = file_of(robot_role("r1"), tmp_path)
     with pytest.raises(BadInput, match="--fleet g: the credentials are for fleet f"):
-        meeting(named(file, fleet="g"), Kind.ROBOT)
+        meeting(file, None, "g", Kind.ROBOT)
     with pytest.raises(BadInput, match="--robot r2: the credentials are r1's"):
-        robot_named("r2", meeting(named(file), Kind.ROBOT).credentials)
+        robot_named("r2", meeting(file, None, None, Kind.ROBOT).credentials)
 
 
 @pytest.mark.parametrize(

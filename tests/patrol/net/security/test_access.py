@@ -7,7 +7,6 @@ import shutil
 import stat
 import sys
 import time
-from argparse import Namespace
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -289,9 +288,8 @@ def test_credentials_are_used_only_at_a_router_that_can_ask_for_them(tmp_path: P
     for name in ("key.pem", "authority.pem", "certificate.pem"):
         write_private(tmp_path / name, "")
     write_private(tmp_path / "member.json", as_json(own))
-    named = Namespace(credentials=tmp_path, router=AWAY, fleet=None)
     with pytest.raises(BadInput, match=f"--router {AWAY}: the members have certificates"):
-        meeting(named, Kind.OPERATOR)
+        meeting(tmp_path, AWAY, None, Kind.OPERATOR)
 
 
 @pytest.mark.timeout(60)

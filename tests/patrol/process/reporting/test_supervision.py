@@ -1,14 +1,12 @@
 from __future__ import annotations
 
 import argparse
-import urllib.request
 
 import pytest
 
 from patrol.errors import BadInput
-from patrol.process.reporting.logs import Format, Log
-from patrol.process.reporting.supervision import Supervision, add_supervision, followed, take_supervision
-from patrol.process.reporting.vitals import TICK
+from patrol.process.reporting.logs import Format
+from patrol.process.reporting.supervision import Supervision, add_supervision, take_supervision
 
 
 def parsed(*words: str) -> argparse.Namespace:
@@ -42,13 +40,3 @@ def test_health_lines_come_at_times_that_make_sense(words: str) -> None:
 def test_open_metrics_need_metrics() -> None:
     with pytest.raises(BadInput, match="--metrics-open: means nothing without --metrics"):
         take_supervision(parsed("--metrics-open"))
-
-
-def test_metrics_are_there_meanwhile_and_say_where(capsys: pytest.CaptureFixture[str]) -> None:
-    with followed(Supervision(metrics="127.0.0.1:0"), Log("r1"), {"fleet": "yards-1"}) as vitals:
-        vitals.beat(5, {})
-        address = capsys.readouterr().err.removeprefix("r1: metrics at ").strip()
-        with urllib.request.urlopen(address, timeout=300.0) as answer:
-            assert f'{TICK.name}{{process="r1",fleet="yards-1"}} 5\n' in answer.read().decode()
-    with pytest.raises(OSError, match="refused"):
-        urllib.request.urlopen(address, timeout=300.0)

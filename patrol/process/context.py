@@ -1,0 +1,251 @@
+"""What every process of a fleet is given, set up in one order: log, ending, figures, signs of life, links.
+
+A process's own file holds its options and its work. For example, a process that does nothing until it is told to leave:
+
+    def main(arguments: Sequence[str] | None = None) -> int:
+        options = ProcessParser("python -m idle", "Do nothing.", "").parse_args(arguments)
+        return run_with(options, "idle", _idle)
+
+    def _idle(process: ProcessContext) -> int:
+        process.follow()
+        process.log.info("begins")
+        while not process.ending.wait(1.0):
+            process.notifier.alive()
+        return 0
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from patrol.errors import BadInput
+from patrol.process.exit_codes import BAD_INPUT, INTERRUPTED
+from patrol.process.lifeline import Ending, Interrupted, heed
+from patrol.process.options import Meeting, meeting
+from patrol.process.reporting.health import HealthLines
+from patrol.process.reporting.logs import Log, begin_log
+from patrol.process.reporting.metrics import MetricsServer, listen_at
+from patrol.process.reporting.notify import Notifier
+from patrol.process.reporting.supervision import Supervision, take_supervision
+from patrol.process.reporting.vitals import Vitals
+from patrol.process.starting.readiness import StartFailure, StartReport, report_start
+
+if TYPE_CHECKING:
+    from patrol.net.link import Link
+    from patrol.net.mailbox import Air
+    from patrol.net.security.roles import Kind
+    from patrol.prepare import Prepared
+    from patrol.scenario import Scenario
+
+
+class AskedToLeave(Exception):
+    """The process was asked to leave while it waited for something that it needs."""
+
+
+@dataclass(slots=True)
+class ProcessContext:
+    """What a process is given, from its start to its end.
+
+    Attributes:
+        options: Its command line, without what `ProcessParser` adds to follow a process.
+        log: What it reports.
+        ending: Whether it should leave.
+        supervision: How it is followed, as its options say.
+        vitals: Its figures.
+        notifier: Tells the service manager that its loop turns.
+        closing: What is closed when it ends, the latest first.
+    """
+
+    options: argparse.Namespace
+    log: Log
+    ending: Ending
+    supervision: Supervision = field(default_factory=Supervision)
+    vitals: Vitals = field(default_factory=Vitals)
+    notifier: Notifier = field(default_factory=lambda: Notifier(os.environ))
+    closing: ExitStack = field(default_factory=ExitStack)
+
+    @property
+    def launched(self) -> bool:
+        """True where a launcher has started this process, which also ends it."""
+        return getattr(self.options, "lifeline", None) is not None
+
+    @property
+    def static(self) -> Path | None:
+        """The folder with what the launcher has prepared; None where this process prepares it."""
+        return getattr(self.options, "static", None)
+
+    def leaving(self) -> bool:
+        """Return whether the process should leave."""
+        return bool(self.ending)
+
+    def follow(self, name: str = "", **labels: str) -> None:
+        """Write health lines and answer with metrics from now on, as far as the options ask for it.
+
+        Args:
+            name: The process's name from now on, if it has learnt of another.
+            labels: Of all of its metrics besides its name, such as its fleet.
+
+        Raises:
+            BadInput: The metrics cannot be where the option says.
+        """
+        if name:
+            self.log = begin_log(name, self.supervision.log_format, self.supervision.log_level)
+        metrics, health_s = self.supervision.metrics, self.supervision.health
+        if metrics is not None:
+            listening = listen_at(metrics, is_open=self.supervision.metrics_open)
+            server = MetricsServer(listening, self.vitals, {"process": self.log.process, **labels})
+            self.closing.callback(server.close)
+            self.log.info(f"metrics at {server.address}")
+        if health_s is not None:
+            self.closing.callback(HealthLines(self.vitals, self.log, health_s).close)
+
+    def ready(self, address: str = "") -> None:
+        """Tell the launcher, if it waits for that, that this process can be used.
+
+        Args:
+            address: Where it listens.
+        """
+        report_start(getattr(self.options, "ready", None), StartReport(address))
+
+    def meet(self, *kinds: Kind) -> Meeting:
+        """Find out where the options say that the fleet meets.
+
+        Args:
+            kinds: As for `patrol.process.options.meeting`.
+
+        Raises:
+            BadInput: They do not say it, or not well.
+        """
+        return meeting(self.options.credentials, self.options.router, self.options.fleet, *kinds)
+
+    def open_links(
+        self,
+        met: Meeting,
+        radio: str | None = None,
+        callers: Mapping[int, str] = MappingProxyType({}),
+        *,
+        quiet: bool = False,
+        closing: ExitStack | None = None,
+    ) -> tuple[Link, Air]:
+        """Open the link to the fleet's router and the one for positions.
+
+        Args:
+            met: Where the fleet meets.
+            radio: Where robots hear each other; None for the same router.
+            callers: The keys under which the robots send, by their numbers.
+            quiet: Whether to say nothing while it waits.
+            closing: Closes them; None for when the process ends.
+
+        Returns:
+            Both links, which may be the same.
+
+        Raises:
+            AskedToLeave: Before they were open.
+            BadInput: Nobody has answered in time, or the credentials cannot be used.
+        """
+        from patrol.net.open_links import open_links
+
+        say = _quietly if quiet else self.log.info
+        links = open_links(met.router, radio, self.options.wait, say, self.leaving, met.credentials, callers)
+        if links is None:
+            raise AskedToLeave
+        link, air = links
+        closing = self.closing if closing is None else closing
+        closing.callback(link.close)
+        if air is not link:
+            closing.callback(air.close)
+        return link, air
+
+    def warm(self, packages: Sequence[str], scenario: Scenario | None = None) -> None:
+        """Make sure that the kernels of some packages are compiled.
+
+        Args:
+            packages: Their names.
+            scenario: Says which kernels are needed that few runs need; None for none of these.
+
+        Raises:
+            BadInput: Nothing can be stored on disk, or compiling fails.
+        """
+        from patrol.process.starting.seldom import seldom_kernels
+        from patrol.process.starting.warmup import warm
+
+        warm(packages, self.log.info, () if scenario is None else seldom_kernels(scenario))
+
+    def prepare(self, scenario: Scenario) -> Prepared:
+        """Prepare the scenario, or load what the launcher has prepared.
+
+        Args:
+            scenario: The one that all processes run.
+
+        Raises:
+            AskedToLeave: While the launcher prepared it.
+            BadInput: The launcher's static fields do not come.
+        """
+        from patrol.prepare import Prepared, prepare
+
+        static = self.static
+        if static is None:
+            return prepare(scenario)
+        if self.ending.wait_for(static, self.patience_s):
+            return Prepared.load(scenario, static)
+        if self.ending:
+            raise AskedToLeave
+        raise BadInput(f"--static {static}: no such folder; leave the option out to compute the fields here")
+
+    @property
+    def patience_s(self) -> float:
+        """How long to wait for others, s: without end for a launcher, which may have a large map to work on."""
+        return math.inf if self.launched else float(self.options.wait)
+
+
+def run_with(
+    options: argparse.Namespace,
+    name: str,
+    work: Callable[[ProcessContext], int],
+    *,
+    prefix: str | None = None,
+    on_death: Callable[[], None] = lambda: None,
+    patience: int | None = None,
+) -> int:
+    """Run a process's work, and close what it has opened.
+
+    Args:
+        options: Its command line.
+        name: The process's name.
+        work: Does the work; returns the exit code.
+        prefix: What lines for people begin with, instead of the name and a colon, where an error ends the process.
+        on_death: Called when the process has not left in time after its launcher's death, right before it ends.
+        patience: As for `heed`.
+
+    Returns:
+        The exit code: that of `work`, 2 for bad input, 130 where it was asked to leave before it could begin.
+    """
+    process = ProcessContext(options, Log(name), heed(getattr(options, "lifeline", None), on_death, patience=patience))
+    try:
+        process.supervision = said = take_supervision(options)
+        process.log = begin_log(name, said.log_format, said.log_level)
+        with process.closing:
+            return work(process)
+    except (AskedToLeave, Interrupted):
+        return INTERRUPTED
+    except BadInput as bad:
+        Log(process.log.process, prefix).error(str(bad))
+        why = StartFailure.PORT_BUSY if isinstance(bad, PortTaken) else StartFailure.OTHER
+        report_start(getattr(options, "ready", None), StartReport("", why, str(bad)))
+        return BAD_INPUT
+
+
+class PortTaken(BadInput):
+    """Somebody else listens at a port; whoever starts the process may try another one."""
+
+
+def _quietly(_line: str) -> None:
+    """Say nothing."""
