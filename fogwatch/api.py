@@ -328,9 +328,11 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
                 shutil.rmtree(static, ignore_errors=True)
         options.over()
         if not folder.journal.exists():
-            raise KeyboardInterrupt if launch.interrupted else LaunchFailed(launch.describe_end(WORLD))
+            raise (
+                KeyboardInterrupt if launch.interrupted else LaunchFailed(launch.children.by_name[WORLD].describe_end())
+            )
         if exit_codes[WORLD] != 0:
-            options.display.say(launch.describe_end(WORLD))
+            options.display.say(launch.children.by_name[WORLD].describe_end())
         return _ended_as_processes(folder, prepared, exit_codes, options, clerk)
 
 

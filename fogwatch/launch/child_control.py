@@ -5,74 +5,40 @@ The world's side, and the lines between the two, are in `worldsim.fleet.process_
 
 from __future__ import annotations
 
+import os
+import signal
 import socket
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import Protocol
+from pathlib import Path
 
+from fogwatch.launch.children import Child, Children
 from worldsim.fleet.process_control import ENDED, Request, answer_line
 
-
-class ProcessController(Protocol):
-    """Starts, stops and ends robots' processes, as `fogwatch.launch.launcher.Launch` does.
-
-    Robots are given by number.
-    """
-
-    def kill(self, robot: int) -> None:
-        """Send SIGKILL and wait for the end."""
-        ...
-
-    def pause(self, robot: int) -> None:
-        """Send SIGSTOP and wait until the process is stopped."""
-        ...
-
-    def state(self, robot: int) -> str:
-        """A process's state by proc(5), empty where the system does not report it."""
-        ...
-
-    def has_ended(self, robot: int) -> bool:
-        """Return whether a process has ended."""
-        ...
-
-    def resume(self, robot: int) -> None:
-        """Send SIGCONT."""
-        ...
-
-    def await_exit(self, robot: int) -> None:
-        """Wait for a process that has been asked to leave."""
-        ...
-
-    def restart(self, robot: int, incarnation: int) -> None:
-        """Start a new process.
-
-        Args:
-            robot: Number of the robot.
-            incarnation: How often the robot has been started, this time included.
-        """
-        ...
+GOODBYE_S = 30.0
+"""How long processes may take to leave by themselves once the run is over; killed, they would fail the verdict."""
 
 
 class ProcessControlServer:
     """Answers the world's requests, one at a time, until either end is closed."""
 
-    def __init__(self, end: socket.socket, controller: ProcessController) -> None:
+    def __init__(
+        self, end: socket.socket, children: Children, robots: Sequence[str], restart: Callable[[int, int], None]
+    ) -> None:
         """Start the thread that serves.
 
         Args:
             end: The launcher's end of the socket, which this closes.
-            controller: What does the work.
+            children: The processes of the run.
+            robots: The robots' names, in the order of their numbers.
+            restart: Starts a new process for a robot, by its number and how often it has been started, this time
+                included.
         """
         self._end = end
-        self._controller = controller
-        self._actions: Mapping[str, Callable[[Request], None]] = {
-            "kill": lambda request: controller.kill(request.robot),
-            "pause": lambda request: controller.pause(request.robot),
-            "resume": lambda request: controller.resume(request.robot),
-            "leave": lambda request: controller.await_exit(request.robot),
-            "start": lambda request: controller.restart(request.robot, request.incarnation),
-        }
+        self._children = children
+        self._robots = robots
+        self._restart = restart
         self._thread = threading.Thread(target=self._serve, name="process-control", daemon=True)
         self._thread.start()
 
@@ -86,16 +52,63 @@ class ProcessControlServer:
     def _serve(self) -> None:
         with self._end.makefile("rb") as lines, suppress(OSError):
             for line in lines:
-                self._end.sendall(self._perform(line))
+                self._end.sendall(self._answer(line))
 
-    def _perform(self, line: bytes) -> bytes:
-        """Do what a line asks for; the answer. The state of a process is read when its pause begins and ends."""
+    def _answer(self, line: bytes) -> bytes:
         try:
-            request = Request.read(line)
-            if request.do == "look":
-                return answer_line(state=ENDED if self._controller.has_ended(request.robot) else "")
-            before = self._controller.state(request.robot) if request.do == "resume" else ""
-            self._actions[request.do](request)
-            return answer_line(state=self._controller.state(request.robot) if request.do == "pause" else before)
+            return answer_line(state=self._perform(Request.read(line)))
         except Exception as error:  # noqa: BLE001 - the world reports whatever went wrong
             return answer_line(f"{type(error).__name__}: {error}")
+
+    def _perform(self, request: Request) -> str:
+        """Do what is asked for; return the state of a process when its pause begins and ends, and whether it ended."""
+        name = self._robots[request.robot - 1]
+        if request.do == "start":
+            self._restart(request.robot, request.incarnation)
+            return ""
+        child = self._children.by_name[name]
+        match request.do:
+            case "look":
+                return ENDED if child.poll() is not None else ""
+            case "pause":
+                pause(child)
+                return state_of(child)
+            case "resume":
+                before = state_of(child)
+                child.process.send_signal(signal.SIGCONT)
+                return before
+            case "kill":
+                child.killed_by_fault = True
+                child.process.kill()
+                child.process.wait()
+                child.poll()
+            case "leave":
+                self._children.wait([name], GOODBYE_S)
+                self._children.end([name])
+            case unknown:
+                raise KeyError(unknown)
+        return ""
+
+
+def pause(child: Child) -> None:
+    """Send SIGSTOP and wait until the process is stopped.
+
+    Args:
+        child: Whose process.
+    """
+    child.process.send_signal(signal.SIGSTOP)
+    with suppress(ChildProcessError):  # it has ended by itself
+        os.waitid(os.P_PID, child.process.pid, os.WSTOPPED | os.WEXITED | os.WNOWAIT)
+
+
+def state_of(child: Child) -> str:
+    """Return the state of a process by proc(5), T where it is stopped; empty where there is no proc.
+
+    Args:
+        child: Whose process.
+    """
+    try:
+        stat = Path(f"/proc/{child.process.pid}/stat").read_text(encoding="ascii", errors="replace")
+    except OSError:
+        return ""
+    return stat.rpartition(")")[2].split()[0]

@@ -10,8 +10,10 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -29,26 +31,51 @@ TERM_S = 20.0
 _POLL_S = 0.01
 
 
-class Process(Protocol):
-    """What the launcher asks of a child's process, as `subprocess.Popen` has it."""
+class Forked:
+    """A child that another process has made for this one; as `subprocess.Popen`, as far as the launcher uses it.
 
-    pid: int
+    Attributes:
+        pid: Its process id, which stays its own until `poll` or `wait` has returned its exit code.
+    """
+
+    def __init__(self, pid: int) -> None:
+        """Take over a child.
+
+        Args:
+            pid: Its process id.
+        """
+        self.pid = pid
+        self._code: int | None = None
+        self._reaping = threading.Lock()
 
     def poll(self) -> int | None:
-        """The exit code, negative for a signal; None while it lives."""
-        ...
+        """Return its exit code, negative for a signal, or None while it lives."""
+        with self._reaping:
+            if self._code is None:
+                try:
+                    ended, status = os.waitpid(self.pid, os.WNOHANG)
+                except ChildProcessError:  # its exit code is lost, which counts as 0, as subprocess has it
+                    ended, status = self.pid, 0
+                if ended:
+                    self._code = os.waitstatus_to_exitcode(status)
+            return self._code
 
     def wait(self) -> int:
-        """Wait for the end; the exit code."""
-        ...
+        """Wait until it has ended; return its exit code."""
+        while (code := self.poll()) is None:
+            with suppress(ChildProcessError):  # another thread has just looked
+                os.waitid(os.P_PID, self.pid, os.WEXITED | os.WNOWAIT)
+        return code
 
     def send_signal(self, sig: int) -> None:
-        """Send a signal to a process that lives."""
-        ...
+        """Send a signal, unless it is known to have ended."""
+        with self._reaping:
+            if self._code is None:
+                os.kill(self.pid, sig)
 
     def kill(self) -> None:
-        """Send SIGKILL to a process that lives."""
-        ...
+        """Send SIGKILL, unless it is known to have ended."""
+        self.send_signal(signal.SIGKILL)
 
 
 class Forks(Protocol):
@@ -60,7 +87,7 @@ class Forks(Protocol):
 
     module: str
 
-    def make(self, command: Sequence[str], environment: Mapping[str, str], log: Path) -> Process | None:
+    def make(self, command: Sequence[str], environment: Mapping[str, str], log: Path) -> Forked | None:
         """Make a child with a command line, more variables and a log; None where it has to be started by itself."""
         ...
 
@@ -80,7 +107,7 @@ class Child:
     """
 
     name: str
-    process: Process
+    process: subprocess.Popen[bytes] | Forked
     log: Path
     start: StartPipe | None = None
     code: int | None = None

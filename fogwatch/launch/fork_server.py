@@ -5,8 +5,6 @@ A process that it has made is a child of the launcher like any other (`patrol.pr
 
 from __future__ import annotations
 
-import os
-import signal
 import socket
 import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -14,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from types import MappingProxyType
 
-from fogwatch.launch.children import Children
+from fogwatch.launch.children import Children, Forked
 from patrol.process.starting.command_line import room_for
 from patrol.process.starting.forking import Orders, ask_for_fork
 
@@ -26,53 +24,6 @@ ANSWER_S = 10.0
 """How long it may take to fork."""
 OF_MINDS = MappingProxyType({"OPENBLAS_NUM_THREADS": "1"})
 """In the environment of all minds of ours: OpenBLAS would have threads, and no mind does linear algebra."""
-
-
-class Forked:
-    """A child that another process has made for this one; as `subprocess.Popen`, as far as the launcher uses it.
-
-    Attributes:
-        pid: Its process id, which stays its own until `poll` or `wait` has returned its exit code.
-    """
-
-    def __init__(self, pid: int) -> None:
-        """Take over a child.
-
-        Args:
-            pid: Its process id.
-        """
-        self.pid = pid
-        self._code: int | None = None
-        self._reaping = threading.Lock()
-
-    def poll(self) -> int | None:
-        """Return its exit code, negative for a signal, or None while it lives."""
-        with self._reaping:
-            if self._code is None:
-                try:
-                    ended, status = os.waitpid(self.pid, os.WNOHANG)
-                except ChildProcessError:  # its exit code is lost, which counts as 0, as subprocess has it
-                    ended, status = self.pid, 0
-                if ended:
-                    self._code = os.waitstatus_to_exitcode(status)
-            return self._code
-
-    def wait(self) -> int:
-        """Wait until it has ended; return its exit code."""
-        while (code := self.poll()) is None:
-            with suppress(ChildProcessError):  # another thread has just looked
-                os.waitid(os.P_PID, self.pid, os.WEXITED | os.WNOWAIT)
-        return code
-
-    def send_signal(self, sig: int) -> None:
-        """Send a signal, unless it is known to have ended."""
-        with self._reaping:
-            if self._code is None:
-                os.kill(self.pid, sig)
-
-    def kill(self) -> None:
-        """Send SIGKILL, unless it is known to have ended."""
-        self.send_signal(signal.SIGKILL)
 
 
 class ForkServer:

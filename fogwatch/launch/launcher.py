@@ -7,16 +7,14 @@ and the fork server report on a pipe when they are ready; how a child ended is k
 
 from __future__ import annotations
 
-import os
 import signal
 import socket
 from collections.abc import Callable, Collection, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
-from fogwatch.launch.child_control import ProcessControlServer
+from fogwatch.launch.child_control import GOODBYE_S, ProcessControlServer
 from fogwatch.launch.children import Child, Children
 from fogwatch.launch.clerk_child import ClerkChild
 from fogwatch.launch.fork_server import FORK_SERVER, OF_MINDS, ForkServer
@@ -55,8 +53,6 @@ ROUTER_S = 60.0
 """How long a router may take to listen, on a machine with much else to do; one that ends is noticed at once."""
 BEGIN_S = 5.0
 """How long a world that is interrupted may take until it either ends or has a run to end in order."""
-GOODBYE_S = 30.0
-"""How long processes may take to leave by themselves once the run is over; killed, they would fail the verdict."""
 PAGE_WAIT_S = "86400"
 """How long the page waits for the world, which may have a large map to work on."""
 MOST_ROUTERS = 20
@@ -139,7 +135,7 @@ class Launch:
             own = ["--out", str(self.folder.path), "--process-control", str(theirs.fileno())]
             arguments = [*self._common_arguments(secrets.of_world), *own]
             self.children.spawn(WORLD, "worldsim", arguments, self._log(WORLD), inherit=[theirs.fileno()])
-        self._control = ProcessControlServer(ours, self)
+        self._control = ProcessControlServer(ours, self.children, self.robots, self.restart)
         if self._fork_server is None:
             self._spawn_agents()
         if self.page:
@@ -199,55 +195,8 @@ class Launch:
         judged = [child for child in (*children.by_name.values(), *children.former) if child.name not in NOT_JUDGED]
         return {process_name(child.name, child.incarnation): child.code for child in judged}
 
-    def describe_end(self, name: str) -> str:
-        """How a process ended, and the end of its log, for people.
-
-        Args:
-            name: The process's name.
-        """
-        return self.children.by_name[name].describe_end()
-
-    # --- process control: what the world asks for, called on a thread of its own -------------------------------------
-
-    def kill(self, robot: int) -> None:
-        """Send SIGKILL to a robot's process and wait for its end; one that has ended stays as it is."""
-        child = self._child(robot)
-        child.killed_by_fault = True
-        child.process.kill()
-        child.process.wait()
-        child.poll()
-
-    def pause(self, robot: int) -> None:
-        """Send SIGSTOP to a robot's process and wait until it is stopped."""
-        process = self._child(robot).process
-        process.send_signal(signal.SIGSTOP)
-        with suppress(ChildProcessError):  # it has ended by itself
-            os.waitid(os.P_PID, process.pid, os.WSTOPPED | os.WEXITED | os.WNOWAIT)
-
-    def state(self, robot: int) -> str:
-        """The state of a robot's process by proc(5), T where it is stopped; empty where there is no proc."""
-        try:
-            stat = Path(f"/proc/{self._child(robot).process.pid}/stat").read_text(encoding="ascii", errors="replace")
-        except OSError:
-            return ""
-        return stat.rpartition(")")[2].split()[0]
-
-    def has_ended(self, robot: int) -> bool:
-        """Return whether a robot's process has ended."""
-        return self._child(robot).poll() is not None
-
-    def resume(self, robot: int) -> None:
-        """Send SIGCONT to a robot's process."""
-        self._child(robot).process.send_signal(signal.SIGCONT)
-
-    def await_exit(self, robot: int) -> None:
-        """Wait for a robot's process that has been asked to leave; end one that does not leave in time."""
-        name = self.robots[robot - 1]
-        self.children.wait([name], GOODBYE_S)
-        self.children.end([name])
-
     def restart(self, robot: int, incarnation: int) -> None:
-        """Start a new process for a robot whose last one has ended, or that had none.
+        """Start a new process for a robot whose last one has ended, or that had none; called by process control.
 
         Args:
             robot: Number of the robot.
@@ -258,9 +207,6 @@ class Launch:
             self.children.former.append(last)
         self._reported.discard(name)
         self._spawn_agent(name, incarnation)
-
-    def _child(self, robot: int) -> Child:
-        return self.children.by_name[self.robots[robot - 1]]
 
     # --- starting ----------------------------------------------------------------------------------------------------
 

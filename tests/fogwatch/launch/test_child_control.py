@@ -36,7 +36,7 @@ class Office:
         assert self.process.stdout is not None
         assert self.process.stdout.readline() == b"here\n"
         self.launch.children.by_name["r1"] = Child("r1", self.process, folder / "log")
-        self.server = ProcessControlServer(ours, self.launch)
+        self.server = ProcessControlServer(ours, self.launch.children, self.launch.robots, self.launch.restart)
 
     def answer(self, what: str, robot: int = 1) -> dict[str, str]:
         self.end.sendall(Request(what, robot).line())
@@ -76,7 +76,7 @@ def test_a_process_that_was_let_go_on_during_its_pause_is_seen_to_run(office: Of
 
 
 def test_a_process_that_nobody_stopped_is_seen_to_run(office: Office, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Launch, "pause", lambda _self, _robot: None)
+    monkeypatch.setattr("fogwatch.launch.child_control.pause", lambda _child: None)
     assert office.answer("pause")["state"] in ("R", "S")
 
 

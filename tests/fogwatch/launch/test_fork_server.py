@@ -15,8 +15,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from fogwatch.launch.children import Child, Children
-from fogwatch.launch.fork_server import FORK_SERVER, READY_S, Forked, ForkServer
+from fogwatch.launch.children import Child, Children, Forked
+from fogwatch.launch.fork_server import FORK_SERVER, READY_S, ForkServer
 from patrol.process.exit_codes import INTERRUPTED
 from patrol.process.starting.forking import can_fork
 from patrol.process.starting.readiness import StartFailure, StartPipe, StartReport
