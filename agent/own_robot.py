@@ -159,15 +159,18 @@ def patrol_with(
     from patrol.process.exit_codes import INTERRUPTED
     from patrol.process.options import robot_named
 
-    spec = _spec_of(scenario, name)
+    if scenario.radio.via != "direct":
+        raise BadInput(
+            f"scenario {scenario.name}: radio.via = ether, which only a world carries; set radio: {{via: direct}}"
+        )
+    spec = spec_of(scenario, name)
     met = process.meet(Kind.ROBOT)
     robot_named(name, met.credentials)
     keys = met.keys
     on_air = check_radio(process.options.radio, "radio", scenario.radio.via)
     # Its counts of frames begin anew, so whoever adds them up must not take it for the process before.
     incarnation = int(time.time()) % 2**31
-    process.warm(("patrol", "agent"), scenario)
-    prepared, mind = _mind_of(scenario, spec.number, incarnation)
+    prepared, mind = mind_of(process, scenario, spec, incarnation)
     link, air = process.open_links(met, on_air, callers_of(keys, {one.name: one.number for one in scenario.roster}))
     if link.sees(keys.alive(name)):
         raise BadInput(f"robot {name}: another process is {name} already; end that one, or choose another robot")
@@ -178,20 +181,58 @@ def patrol_with(
     return INTERRUPTED if failure is None else 1
 
 
-def _mind_of(scenario: Scenario, number: int, incarnation: int) -> tuple[Prepared, Mind]:
-    """The prepared scenario and one robot's mind."""
-    from agent.build import build_mind
+def mind_of(process: ProcessContext, scenario: Scenario, spec: RobotSpec, incarnation: int) -> tuple[Prepared, Mind]:
+    """Make a robot's mind, from the static fields of a launcher or from its own.
+
+    Args:
+        process: Around it.
+        scenario: With the robot in its roster.
+        spec: The robot.
+        incarnation: How often it was started.
+
+    Returns:
+        The prepared scenario and the mind.
+
+    Raises:
+        BadInput: The scenario cannot be patrolled, or its policy cannot be made.
+        AskedToLeave: Before there was a mind.
+    """
+    process.warm(("patrol", "agent"), scenario)
+    from agent.build import Shared, build_mind, radii_of
     from agent.ports import PolicyFailed
+    from agent.psi import load_psi
     from patrol.own_sensor import allow_sensor
-    from patrol.prepare import prepare
+    from patrol.prepare import sensor_footprint
     from patrol.radio.fleet_key import fleet_key
 
     allow_sensor(scenario.sensor)
-    prepared = prepare(scenario)
+    prepared, shared = process.prepare(scenario), None
+    if (static := process.static) is not None:
+        shared = Shared(sensor_footprint(scenario, prepared.terrain), load_psi(scenario, static), radii_of(scenario))
     try:
-        return prepared, build_mind(prepared, number, incarnation, fleet_key(scenario.radio.key))
+        return prepared, build_mind(prepared, spec.number, incarnation, fleet_key(scenario.radio.key), shared)
     except PolicyFailed as failed:
-        raise BadInput(str(failed)) from failed
+        if failed.__cause__ is not None:
+            process.log.failure(failed.__cause__)
+        raise BadInput(str(failed)) from None
+
+
+def spec_of(scenario: Scenario, name: str, called: str = "robot") -> RobotSpec:
+    """Find a robot in a scenario's roster.
+
+    Args:
+        scenario: The scenario.
+        name: The robot's name.
+        called: What the user knows the name by.
+
+    Raises:
+        BadInput: There is no such robot.
+    """
+    for spec in scenario.roster:
+        if spec.name == name:
+            return spec
+    names = ", ".join(spec.name for spec in scenario.roster[:8])
+    raise BadInput(f"{called} {name!r}: no robot of scenario {scenario.name}; its first are {names}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -328,18 +369,6 @@ class _Watched:
             self._due = now + COMPLAIN_S
             self._say(complaint)
         return heard
-
-
-def _spec_of(scenario: Scenario, name: str) -> RobotSpec:
-    if scenario.radio.via != "direct":
-        raise BadInput(
-            f"scenario {scenario.name}: radio.via = ether, which only a world carries; set radio: {{via: direct}}"
-        )
-    for spec in scenario.roster:
-        if spec.name == name:
-            return spec
-    names = ", ".join(spec.name for spec in scenario.roster[:8])
-    raise BadInput(f"robot {name!r}: no robot of scenario {scenario.name}; its first are {names}")
 
 
 def _check_epoch(epoch_s: float, now_s: float, say: Callable[[str], None]) -> None:

@@ -6,7 +6,6 @@ import math
 import os
 import sys
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from agent.robots.ros2.options import wanted as is_for_ros2
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
     from agent.mind import Mind
     from agent.ports import Telemetry
     from agent.robots.sim import SimRobot
-    from patrol.scenario import RobotSpec, Scenario
+    from patrol.scenario import Scenario
 
 HELP = f"""
 One robot of a fleet whose router and world run elsewhere. {TOGETHER}
@@ -57,6 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(process: ProcessContext) -> int:
     """Check the input and find out which robot this is, then patrol; return the exit code."""
+    from agent.own_robot import mind_of, spec_of
     from patrol.net.keys import check_radio
     from patrol.net.security.roles import Kind
     from patrol.scenario import load_scenario
@@ -65,9 +65,10 @@ def _run(process: ProcessContext) -> int:
     met = process.meet(Kind.ROBOT)
     scenario = load_scenario(options.scenario)
     on_air = check_radio(options.radio, "--radio", scenario.radio.via)
-    spec = _spec(scenario, robot_named(options.robot, met.credentials))
+    spec = spec_of(scenario, robot_named(options.robot, met.credentials), "--robot")
     process.follow(spec.name, fleet=met.keys.fleet)
-    return _patrol(_mind(scenario, spec, process), scenario, met, on_air, process)
+    _, mind = mind_of(process, scenario, spec, options.incarnation)
+    return _patrol(mind, scenario, met, on_air, process)
 
 
 def _patrol(mind: Mind, scenario: Scenario, met: Meeting, on_air: str | None, process: ProcessContext) -> int:
@@ -131,39 +132,6 @@ def _left(robot: SimRobot, warn: Callable[[str], None], ending: Ending) -> int:
         raise BadInput(robot.farewell)
     warn(f"left: {robot.farewell}")
     return INTERRUPTED if ending else 1
-
-
-def _spec(scenario: Scenario, name: str) -> RobotSpec:
-    for spec in scenario.roster:
-        if spec.name == name:
-            return spec
-    names = ", ".join(spec.name for spec in scenario.roster[:8])
-    raise BadInput(f"--robot {name!r}: no robot of scenario {scenario.name}; its first are {names}")
-
-
-def _mind(scenario: Scenario, spec: RobotSpec, process: ProcessContext) -> Mind:
-    """Return the robot's mind, built from the launcher's static fields or from its own."""
-    process.warm(("patrol", "agent"), scenario)
-    from agent.build import Shared, build_mind, radii_of, shared_by
-    from agent.ports import PolicyFailed
-    from agent.psi import load_psi
-    from patrol.own_sensor import allow_sensor
-    from patrol.prepare import sensor_footprint
-    from patrol.radio.fleet_key import fleet_key
-
-    allow_sensor(scenario.sensor)
-    prepared = process.prepare(scenario)
-    static: Path | None = process.options.static
-    if static is None:
-        shared = shared_by(prepared)
-    else:
-        shared = Shared(sensor_footprint(scenario, prepared.terrain), load_psi(scenario, static), radii_of(scenario))
-    try:
-        return build_mind(prepared, spec.number, process.options.incarnation, fleet_key(scenario.radio.key), shared)
-    except PolicyFailed as failed:
-        if failed.__cause__ is not None:
-            process.log.failure(failed.__cause__)
-        raise BadInput(str(failed)) from None
 
 
 def simulated_parser() -> ProcessParser:
