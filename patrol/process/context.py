@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
 from patrol.process.exit_codes import BAD_INPUT, INTERRUPTED
-from patrol.process.lifeline import Ending, Interrupted, heed
+from patrol.process.lifeline import Ending, InterruptedBySignal, heed
 from patrol.process.options import Meeting, meeting
 from patrol.process.reporting.health import HealthLines
 from patrol.process.reporting.logs import Log, begin_log
@@ -234,7 +234,7 @@ def run_with(
         process.log = begin_log(name, said.log_format, said.log_level)
         with process.closing:
             return work(process)
-    except (AskedToLeave, Interrupted):
+    except (AskedToLeave, InterruptedBySignal):
         return INTERRUPTED
     except BadInput as bad:
         Log(process.log.process, prefix).error(str(bad))
