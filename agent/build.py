@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from agent.answers import raised_at
-from agent.belief.believed import Belief, spreads
-from agent.belief.marked_fog import MarkedFog
+from agent.belief.believed import Belief
 from agent.belief.posts import Posts
 from agent.belief.shared import Company, SharedBelief
 from agent.bodies import BODIES
@@ -29,7 +28,6 @@ from agent.routes.ground import Ground
 from agent.routes.routes import Routes
 from agent.sender import Sending
 from agent.view import FogView
-from patrol.ground.fog import Fog
 from patrol.ground.footprint import Footprint
 from patrol.prepare import inbox_of, sensor_footprint
 from patrol.radio.prediction import Predictor
@@ -209,9 +207,7 @@ def _belief_of(
     inbox = inbox_of(prepared.scenario, number, prepared.terrain.bounds, key)
 
     def blank() -> Belief:
-        counted = shared.company is None or spreads(posts, dilatation)
-        fog = Fog(fields.patrolled) if counted else MarkedFog(fields.patrolled)
-        return Belief(fields.patrolled, spread, posts, shared.footprint, inbox, dilatation, fog)
+        return Belief(fields.patrolled, spread, posts, shared.footprint, inbox, dilatation)
 
     return shared.company.join(number, inbox, blank, (id(fields), dilatation)) if shared.company else blank()
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from agent.belief.contacts import Contacts
 from agent.belief.posts import Posts
 from agent.routes.ground import Disc
-from patrol.ground.fog import Box, Fog
+from patrol.ground.fog import Box, Fog, Looks
 from patrol.ground.footprint import Footprint
 from patrol.ground.terrain import BoolGrid
 from patrol.pose import Pose
@@ -120,6 +120,20 @@ class Belief:
         self._tick = tick
         self._changed([self._look(pose, at) for at, pose in looks])
 
+    def see_some(self, looks: Looks, chosen: NDArray[np.uint8], tick: int) -> None:
+        """Take in some of many looks.
+
+        Args:
+            looks: They are all of the belief's sensor.
+            chosen: uint8, for each of them, not 0 for those to take in.
+            tick: Now.
+        """
+        self._tick = tick
+        self.fog.observe_each(looks, chosen)
+        if self._dilated is not None:
+            shape = self.looked.shape
+            self._changed([looks.views[place].box(shape) for place in np.flatnonzero(chosen).tolist()])
+
     def fork(self) -> Belief:
         """Another belief in the same fog, with its own grids; inbox, peers and contacts stay the same ones."""
         other = copy.copy(self)
@@ -171,7 +185,8 @@ class Belief:
         view = self._footprint.visible(pose)
         if self._footprint.leaves_age:
             view.mark(self.looked, tick)
-        return self.fog.observe(view, tick)
+        self.fog.observe(view, tick)
+        return view.box(self.looked.shape)
 
     def peers_at(self, tick: int, predictor: Predictor | None) -> Mapping[int, Peer]:
         """The peers where they should be by now.

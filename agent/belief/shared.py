@@ -17,10 +17,8 @@ from numpy.typing import NDArray
 from agent.belief.believed import Belief
 from agent.belief.contacts import Contacts
 from agent.belief.kernels.heard import heard_places
-from agent.belief.kernels.look import look, show
-from agent.belief.marked_fog import MarkedFog
 from agent.routes.ground import Disc
-from patrol.ground.fog import Box, Fog
+from patrol.ground.fog import Box, Fog, Looks
 from patrol.ground.footprint import Footprint
 from patrol.pose import Pose
 from patrol.radio.ears import NOTHING, Ear, Ears, Learnt
@@ -250,7 +248,6 @@ class _Tick:
 
     def __init__(self, tick: int, learnt: Learnt, own: Mapping[int, Pose], footprint: Footprint) -> None:
         self._tick = tick
-        self._footprint = footprint
         poses, knows = [said.pose for said in learnt.said], learnt.knows
         place = {said.robot: at for at, said in enumerate(learnt.said)}
         own_place: list[int] = []
@@ -263,29 +260,12 @@ class _Tick:
         wide = np.zeros((len(own), len(poses)), dtype=np.uint8)
         wide[:, : knows.shape[1]] = knows
         wide[np.arange(len(own)), own_place] = 1
-        self._poses = poses
-        self._masks: dict[int, tuple[NDArray[np.uint8], NDArray[np.int64], NDArray[np.int64]]] = {}
+        self._looks = Looks([(tick, footprint.visible(pose)) for pose in poses])
         more = {number: frozenset(learnt.more.get(number, ())) for number in own}
         self.of: dict[int, _Looks] = {number: (wide[row].tobytes(), more[number]) for row, number in enumerate(own)}
 
     def show(self, belief: Belief, what: _Looks) -> None:
         """Let a belief take in looks."""
-        chosen, more = np.frombuffer(what[0], dtype=np.uint8), what[1]
-        if isinstance(belief.fog, MarkedFog):
-            look(belief.fog.last_seen, *self._shown(belief.fog), chosen, self._tick)
-            belief.see(more, self._tick)
-        else:
-            belief.see([*((self._tick, self._poses[at]) for at in np.flatnonzero(chosen)), *more], self._tick)
+        belief.see_some(self._looks, np.frombuffer(what[0], dtype=np.uint8), self._tick)
+        belief.see(what[1], self._tick)
         belief.fog.mfow(self._tick)  # found now, so that minds that decide at once in several threads only read
-
-    def _shown(self, fog: MarkedFog) -> tuple[NDArray[np.uint8], NDArray[np.int64], NDArray[np.int64]]:
-        """What the looks show of the points of a fog, as `agent.belief.kernels.look.look` takes them."""
-        found = self._masks.get(id(fog.patrolled))
-        if found is None:
-            views = [self._footprint.visible(pose) for pose in self._poses]
-            masks = np.stack([view.mask for view in views])
-            rows = np.array([view.row0 for view in views], dtype=np.int64)
-            cols = np.array([view.col0 for view in views], dtype=np.int64)
-            show(masks, rows, cols, fog.patrolled)
-            found = self._masks[id(fog.patrolled)] = masks, rows, cols
-        return found

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from patrol.ground.footprint import View
-from patrol.ground.kernels.fog import find, observe
+from patrol.ground.kernels.fog import observe, observe_each, stalest_row
 
 NEVER = -1
 """``last_seen`` of a point that nobody has seen yet; its age counts from tick 0."""
@@ -17,11 +18,27 @@ Box = tuple[int, int, int, int]
 """First row, last row, first column, last column (inclusive)."""
 
 
-class Fog:
-    """Last-seen ticks of the points of a patrolled area, with MFoW and mean in constant time.
+class Looks:
+    """Looks of a sensor that leaves nothing of a point's age, side by side: fogs take in some of them at once."""
 
-    The cost of an observation depends on its footprint, not on the map: a histogram of last-seen ticks follows each
-    change, and its oldest bin that is not empty is the MFoW. All ages are in ticks.
+    def __init__(self, looks: Sequence[tuple[int, View]]) -> None:
+        """Put looks side by side.
+
+        Args:
+            looks: Tick and footprint of each; at least one, all of one sensor.
+        """
+        self.views = [view for _, view in looks]
+        self.masks = np.stack([view.mask for view in self.views])
+        places = np.array([(view.row0, view.col0, tick) for tick, view in looks], dtype=np.int64)
+        self.rows, self.cols, self.ticks = np.ascontiguousarray(places.T)
+
+
+class Fog:
+    """Last-seen ticks of the points of a patrolled area, with MFoW, mean and the number of points seen.
+
+    A look costs its footprint, not the map: what it changes is added to a sum, and of each row of points a tick is kept
+    before which none of them was last seen. The MFoW is found when it is asked for, in the rows that might hold the
+    stalest point. All ages are in ticks.
     """
 
     def __init__(self, patrolled: NDArray[np.bool_]) -> None:
@@ -35,13 +52,10 @@ class Fog:
         if self.points == 0:
             raise ValueError("a fog needs at least one patrolled point")
         self.last_seen: NDArray[np.int32] = np.full(patrolled.shape, NEVER, dtype=np.int32)
-        self._histogram = np.zeros(1024, dtype=np.int64)
-        self._histogram[0] = self.points
-        self._oldest = 0
+        self._oldest: NDArray[np.int32] = np.full(patrolled.shape[0], NEVER, dtype=np.int32)
         self._sum = 0
-        self._box = np.zeros(4, dtype=np.int64)
+        self._seen = 0
         self._stalest = (0, 0)
-        self._stalest_of = NEVER
 
     @classmethod
     def resumed(cls, patrolled: NDArray[np.bool_], last_seen: NDArray[np.int32]) -> Fog:
@@ -57,36 +71,35 @@ class Fog:
         fog = cls(patrolled)
         fog.last_seen = np.array(last_seen, dtype=np.int32, order="C")
         counted = fog.last_seen[fog.patrolled.view(np.bool_)]
-        fog._histogram = np.bincount(counted + 1, minlength=1024).astype(np.int64)
         fog._sum = int(np.maximum(counted, 0).sum(dtype=np.int64))
+        fog._seen = int(np.count_nonzero(counted != NEVER))
         return fog
 
     def fork(self) -> Fog:
         """An independent fog of the same points, now as fresh as this one."""
         other = copy.copy(self)
         other.last_seen = self.last_seen.copy()
-        other._histogram = self._histogram.copy()
-        other._box = self._box.copy()
+        other._oldest = self._oldest.copy()
         return other
 
-    def observe(self, view: View, tick: int) -> Box | None:
+    def observe(self, view: View, tick: int) -> None:
         """Take in one robot's footprint.
 
         Args:
             view: The footprint.
             tick: At which it was observed.
-
-        Returns:
-            The box of the points that changed, or None when none did.
         """
-        if tick + 2 > self._histogram.size:
-            grown = np.zeros(2 * (tick + 2), dtype=np.int64)
-            grown[: self._histogram.size] = self._histogram
-            self._histogram = grown
-        state = (self.last_seen, self.patrolled, self._histogram)
-        self._sum += observe(*state, view.mask, view.quality, view.row0, view.col0, tick, self._box)
-        first_row, last_row, first_col, last_col = self._box.tolist()
-        return (first_row, last_row, first_col, last_col) if first_row <= last_row else None
+        self._count(observe(self.last_seen, self.patrolled, view.mask, view.quality, view.row0, view.col0, tick))
+
+    def observe_each(self, looks: Looks, chosen: NDArray[np.uint8]) -> None:
+        """Take in some of many footprints.
+
+        Args:
+            looks: The footprints.
+            chosen: uint8, for each of them, not 0 for those to take in.
+        """
+        places = looks.rows, looks.cols, looks.ticks
+        self._count(observe_each(self.last_seen, self.patrolled, looks.masks, *places, chosen))
 
     def mfow(self, tick: int) -> int:
         """The age of the stalest patrolled point (MFoW), in ticks.
@@ -94,9 +107,8 @@ class Fog:
         Args:
             tick: Now.
         """
-        while self._histogram.item(self._oldest) == 0:
-            self._oldest += 1
-        return tick - max(self._oldest - 1, 0)
+        row = stalest_row(self.last_seen, self.patrolled, self._oldest)
+        return tick - max(self._oldest.item(row), 0)
 
     def stalest(self) -> tuple[int, int]:
         """One of the points that nobody has seen for longest: the same as before while it is one of them.
@@ -104,14 +116,11 @@ class Fog:
         Returns:
             Its row and column.
         """
-        self.mfow(0)
-        oldest = self._oldest - 1
+        row = stalest_row(self.last_seen, self.patrolled, self._oldest)
+        oldest = self._oldest[row]
         if self.patrolled[self._stalest] == 0 or self.last_seen[self._stalest] != oldest:
-            # Last-seen ticks only grow, so no point before the last one found has this tick again.
-            width = self.last_seen.shape[1]
-            begin = self._stalest[0] * width + self._stalest[1] if oldest == self._stalest_of else 0
-            self._stalest = divmod(find(self.last_seen, self.patrolled, oldest, begin), width)
-            self._stalest_of = oldest
+            found = (self.last_seen[row] == oldest) & (self.patrolled[row] != 0)
+            self._stalest = row, int(found.argmax())
         return self._stalest
 
     def mean(self, tick: int) -> float:
@@ -136,4 +145,8 @@ class Fog:
     @property
     def seen(self) -> int:
         """How many patrolled points have been seen at least once."""
-        return self.points - int(self._histogram[0])
+        return self._seen
+
+    def _count(self, gains: tuple[int, int]) -> None:
+        self._sum += gains[0]
+        self._seen += gains[1]

@@ -62,6 +62,19 @@ class View:
         seen = self.mask[top : top + part.shape[0], left : left + part.shape[1]] != 0
         part[seen] = np.maximum(part[seen], tick)
 
+    def box(self, shape: tuple[int, int]) -> tuple[int, int, int, int] | None:
+        """Cut the window to a terrain.
+
+        Args:
+            shape: The terrain's rows and columns.
+
+        Returns:
+            First and last row and first and last column on the terrain; None where the window lies beside it.
+        """
+        (rows, cols), (height, width) = self.mask.shape, shape
+        box = max(0, self.row0), min(height, self.row0 + rows) - 1, max(0, self.col0), min(width, self.col0 + cols) - 1
+        return box if box[0] <= box[1] and box[2] <= box[3] else None
+
     def shows(self, row: int, col: int) -> bool:
         """Whether the terrain's point (row, col) is seen.
 

@@ -1,115 +1,121 @@
-"""Kernels of the fog: observations, at the cost of a footprint.
+"""Kernels of the fog: observations, at the cost of a footprint, and the points that were not seen for longest.
 
 ``last_seen`` holds the tick at which each point was last seen, -1 where it never was. A point never seen counts as
-seen at tick 0, so both have the age k. ``histogram[last_seen + 1]`` counts the tracked points with that value; the
-oldest bin that is not empty gives the MFoW.
+seen at tick 0, so both have the age k. Last-seen ticks only grow.
 """
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit, types
 
 TRACKED = types.Array(types.uint8, 2, "C", readonly=True)
 SEEN = types.Array(types.int32, 2, "C")
-HISTOGRAM = types.Array(types.int64, 1, "C")
 VIEW = types.Array(types.uint8, 2, "C", readonly=True)
+VIEWS = types.Array(types.uint8, 3, "C", readonly=True)
 QUALITY = types.Array(types.float64, 2, "C", readonly=True)
-BOX = types.Array(types.int64, 1, "C")
+NUMBERS = types.Array(types.int64, 1, "C", readonly=True)
+CHOSEN = types.Array(types.uint8, 1, "C", readonly=True)
+OLDEST = types.Array(types.int32, 1, "C")
 int64 = types.int64
+GAINS = types.UniTuple(int64, 2)  # type: ignore[no-untyped-call]
+
+_ZERO, _LATEST = np.int32(0), np.int32(2**31 - 1)
 
 
 @njit(
-    [
-        int64(SEEN, TRACKED, HISTOGRAM, VIEW, quality, int64, int64, int64, BOX)
-        for quality in (types.none, QUALITY)  # each compiled by itself: without qualities it costs a tenth less
-    ],
+    [GAINS(SEEN, TRACKED, VIEW, quality, int64, int64, int64) for quality in (types.none, QUALITY)],
     cache=True,
     nogil=True,
 )
-def observe(last_seen, tracked, histogram, view, quality, row0, col0, tick, box):
+def observe(last_seen, tracked, view, quality, row0, col0, tick):
     """Take in the tracked points of a footprint. A point already seen at `tick` or later stays as it is.
 
     Args:
-        last_seen: int32 (h, w).
-        tracked: uint8 (h, w).
-        histogram: Counts of tracked points by last_seen + 1.
-        view: uint8 (m, m), its element (0, 0) lies over point (row0, col0).
+        last_seen: int32 (h, w); changed in place.
+        tracked: uint8 (h, w), 1 for the points that count.
+        view: uint8 (m, m), 1 where a point is seen; its element (0, 0) lies over point (row0, col0).
         quality: float64 (m, m) in [0, 1], laid over the points like `view`, for a sensor that leaves floor(age * (1 -
             quality)) ticks of a point's age; None for one that leaves nothing.
-        row0: Of the grid, under the view's row 0.
-        col0: Of the grid, under the view's column 0.
-        tick: Now.
-        box: int64 (4,), overwritten with the first and last row and column that changed (first > last: none did).
+        row0: Of the grid, under the view's row 0; may be negative.
+        col0: Of the grid, under the view's column 0; may be negative.
+        tick: Of the observation.
 
     Returns:
-        The increase of the sum of last-seen ticks.
+        The increase of the sum of last-seen ticks, and how many points were seen for the first time.
     """
     height, width = last_seen.shape
-    box[0] = height
-    box[1] = -1
-    box[2] = width
-    box[3] = -1
-    gained = 0
-    taken = 0
-    # Neighbours were mostly seen in the same tick: they leave its bin together.
-    leaving, left = -1, 0
-    begin, end = max(0, -col0), min(view.shape[1], width - col0)
-    if begin >= end:
-        return 0
+    gained, first = 0, 0
+    now = np.int32(tick)
+    # So few columns at a time that what they gain fits into the 32 bits that vector instructions add up.
+    piece = 2**31 // (tick + 1)
     for i in range(max(0, -row0), min(view.shape[0], height - row0)):
         r = row0 + i
-        # Slices, for an index into one of them cannot be below zero, which would have to be asked of each point.
-        in_view, counts = view[i, begin:end], tracked[r, col0 + begin : col0 + end]
-        seen = last_seen[r, col0 + begin : col0 + end]
-        first, last = width, -1
-        for j in range(in_view.size):
-            if in_view[j] == 0 or counts[j] == 0:
-                continue
-            old = seen[j]
-            if old >= tick:
-                continue
-            since = max(old, 0)
-            new = tick
-            if quality is not None:
-                new -= int((tick - since) * (1.0 - quality[i, begin + j]))
-                if new <= old:
-                    continue
-                histogram[new + 1] += 1
-            seen[j] = new
-            if old != leaving:
-                histogram[leaving + 1] -= left
-                leaving, left = old, 0
-            left += 1
-            taken += 1
-            gained += new - since
-            first = min(first, j)
-            last = j
-        if last >= 0:
-            box[0] = min(box[0], r)
-            box[1] = r
-            box[2] = min(box[2], col0 + begin + first)
-            box[3] = max(box[3], col0 + begin + last)
-    histogram[leaving + 1] -= left
-    if quality is None:
-        histogram[tick + 1] += taken
-    return gained
+        for begin in range(max(0, -col0), min(view.shape[1], width - col0), piece):
+            end = min(begin + piece, view.shape[1], width - col0)
+            # Slices, for an index into one of them cannot be below zero, which would have to be asked of each point.
+            in_view, counts = view[i, begin:end], tracked[r, col0 + begin : col0 + end]
+            seen = last_seen[r, col0 + begin : col0 + end]
+            more, new_points = np.int32(0), np.int32(0)
+            for j in range(in_view.size):
+                old = seen[j]
+                new = now
+                if quality is not None:
+                    new = np.int32(tick - int((tick - max(old, _ZERO)) * (1.0 - quality[i, begin + j])))
+                new = max(old, new) if in_view[j] & counts[j] != 0 else old
+                seen[j] = new
+                more = np.int32(more + np.int32(max(new, _ZERO) - max(old, _ZERO)))
+                new_points = np.int32(new_points + np.int32(np.int32(new >> 31) - np.int32(old >> 31)))
+            gained += int(more)
+            first += int(new_points)
+    return gained, first
 
 
-@njit(int64(SEEN, TRACKED, int64, int64), cache=True, nogil=True)
-def find(last_seen, tracked, tick, begin):
-    """The first tracked point that was last seen at a tick, row by row.
+@njit(GAINS(SEEN, TRACKED, VIEWS, NUMBERS, NUMBERS, NUMBERS, CHOSEN), cache=True, nogil=True)
+def observe_each(last_seen, tracked, views, rows, cols, ticks, chosen):
+    """Take in some of many footprints of a sensor that leaves nothing of a point's age.
+
+    Args:
+        last_seen: int32 (h, w); changed in place.
+        tracked: uint8 (h, w), 1 for the points that count.
+        views: uint8 (f, m, m), each as of `observe`.
+        rows: int64 (f,), the grid's row under each view's row 0.
+        cols: int64 (f,), the grid's column under its column 0.
+        ticks: int64 (f,), of the observations.
+        chosen: uint8 (f,), not 0 for the footprints to take in.
+
+    Returns:
+        As `observe`.
+    """
+    gained, first = 0, 0
+    for k in range(chosen.size):
+        if chosen[k] != 0:
+            more, new_points = observe(last_seen, tracked, views[k], None, rows[k], cols[k], ticks[k])
+            gained += more
+            first += new_points
+    return gained, first
+
+
+@njit(int64(SEEN, TRACKED, OLDEST), cache=True, nogil=True)
+def stalest_row(last_seen, tracked, oldest):
+    """Find a row that holds one of the tracked points that were not seen for longest.
+
+    Only a row that might hold one is looked at: most others are known to have been seen later.
 
     Args:
         last_seen: int32 (h, w).
-        tracked: uint8 (h, w).
-        tick: The tick.
-        begin: Flat index of the point to begin with.
+        tracked: uint8 (h, w), 1 for the points that count.
+        oldest: int32 (h,), a tick before which no point of each row was last seen; changed in place.
 
     Returns:
-        Its flat index, or -1 where there is none.
+        The row; its element of `oldest` is the tick at which its stalest point was last seen.
     """
-    seen, counts = last_seen.ravel(), tracked.ravel()
-    for at in range(max(begin, 0), seen.size):
-        if seen[at] == tick and counts[at] != 0:
-            return at
-    return -1
+    while True:
+        row = np.uint64(oldest.argmin())
+        seen, counts = last_seen[row], tracked[row]
+        least = _LATEST
+        for j in range(seen.size):
+            least = min(least, seen[j] if counts[j] != 0 else _LATEST)
+        if least == oldest[row]:
+            return row
+        oldest[row] = least

@@ -1,4 +1,4 @@
-"""The fog: the histogram against the plain maximum, and what an observation takes away."""
+"""The fog: MFoW and mean against the plain maximum and mean, and what an observation takes away."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from patrol.ground.fog import NEVER, Fog
+from patrol.ground.fog import NEVER, Fog, Looks
 from patrol.ground.footprint import View
 
 
@@ -27,28 +27,25 @@ def test_mfow_and_mean_equal_the_plain_maximum_and_mean(seed: int, partial: bool
     for tick in range(ticks):
         if tick:
             age += 1
-        observed: set[tuple[int, int]] = set()
         for _ in range(int(rng.integers(0, 3))):
             side = int(rng.integers(1, 8))
             row0, col0 = (int(v) for v in rng.integers(-5, 12, 2))
             mask = rng.random((side, side)) < 0.6
             quality = np.ascontiguousarray(rng.random((side, side))) if partial else None
-            box = fog.observe(view_of(row0, col0, mask, quality), tick)
-            changed = []
+            view = view_of(row0, col0, mask, quality)
+            fog.observe(view, tick)
+            box = view.box(fog.last_seen.shape)
             for i, j in np.argwhere(mask):
                 r, c = row0 + int(i), col0 + int(j)
                 if not (0 <= r < shape[0] and 0 <= c < shape[1] and patrolled[r, c]):
                     continue
                 left = 0 if quality is None else int(age[r, c] * (1.0 - quality[i, j]))
                 if left < age[r, c] or not seen[r, c]:
-                    changed.append((r, c))
+                    assert box is not None
+                    assert box[0] <= r <= box[1]
+                    assert box[2] <= c <= box[3]
                     age[r, c] = left
                     seen[r, c] = True
-            assert (box is not None) == bool(changed)
-            if box is not None:
-                rows, cols = zip(*changed, strict=True)
-                assert box == (min(rows), max(rows), min(cols), max(cols))
-            observed.update(changed)
         assert fog.mfow(tick) == age[patrolled].max()
         assert abs(fog.mean(tick) - age[patrolled].mean()) < 1e-9
         assert np.array_equal(fog.age(tick)[patrolled], age[patrolled])
@@ -72,10 +69,45 @@ def test_points_outside_the_patrolled_area_do_not_count() -> None:
     patrolled = np.zeros((4, 4), dtype=np.bool_)
     patrolled[1, 1] = True
     fog = Fog(patrolled)
-    assert fog.observe(view_of(0, 0, np.ones((1, 4))), 5) is None
+    fog.observe(view_of(0, 0, np.ones((1, 4))), 5)
     assert fog.mfow(5) == 5
-    assert fog.observe(view_of(0, 0, np.ones((4, 4))), 6) == (1, 1, 1, 1)
+    fog.observe(view_of(0, 0, np.ones((4, 4))), 6)
     assert fog.mfow(6) == 0
+
+
+@settings(max_examples=40)
+@given(seed=st.integers(0, 2**32 - 1), number=st.integers(1, 6))
+def test_many_looks_at_once_do_what_each_by_itself_does(seed: int, number: int) -> None:
+    """Of one tick and of earlier ones; those that were not chosen do nothing."""
+    rng = np.random.default_rng(seed)
+    patrolled = rng.random((8, 11)) < 0.7
+    patrolled[0, 0] = True
+    whole, single = Fog(patrolled), Fog(patrolled)
+    for tick in range(4, 12):
+        views = [view_of(row, col, rng.random((5, 5)) < 0.6) for row, col in rng.integers(-4, 12, (number, 2)).tolist()]
+        looks = [(tick - int(rng.integers(0, 4)), view) for view in views]
+        chosen = (rng.random(number) < 0.7).astype(np.uint8)
+        whole.observe_each(Looks(looks), chosen)
+        for (at, view), taken in zip(looks, chosen, strict=True):
+            if taken:
+                single.observe(view, at)
+        assert np.array_equal(whole.last_seen, single.last_seen)
+        assert (whole.mfow(tick), whole.mean(tick), whole.seen) == (single.mfow(tick), single.mean(tick), single.seen)
+
+
+def test_after_years_the_mean_is_still_exact() -> None:
+    """What a row of points gains in one look does not fit into 32 bits."""
+    fog = Fog(np.ones((2, 50), dtype=np.bool_))
+    fog.observe(view_of(0, 0, np.ones((50, 50))), 2**29 - 1)
+    assert fog.mean(2**29) == 1.0
+    assert fog.seen == 100
+
+
+def test_a_view_beside_the_terrain_has_no_box_and_shows_nothing() -> None:
+    fog, view = Fog(np.ones((3, 4), dtype=np.bool_)), view_of(0, 9, np.ones((3, 3)))
+    fog.observe(view, 5)
+    assert view.box((3, 4)) is None
+    assert fog.seen == 0
 
 
 def test_a_run_may_be_longer_than_expected() -> None:
