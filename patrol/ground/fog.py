@@ -36,9 +36,9 @@ class Looks:
 class Fog:
     """Last-seen ticks of the points of a patrolled area, with MFoW, mean and the number of points seen.
 
-    A look costs its footprint, not the map: what it changes is added to a sum, and of each row of points a tick is kept
-    before which none of them was last seen. The MFoW is found when it is asked for, in the rows that might hold the
-    stalest point. All ages are in ticks.
+    A look costs its footprint, not the map: what it changes is added to a sum, and for each row of points a tick is
+    kept before which none of them was last seen. The MFoW is found when it is asked for, in the rows that might hold
+    the stalest point. All ages are in ticks.
     """
 
     def __init__(self, patrolled: NDArray[np.bool_]) -> None:
@@ -53,8 +53,7 @@ class Fog:
             raise ValueError("a fog needs at least one patrolled point")
         self.last_seen: NDArray[np.int32] = np.full(patrolled.shape, NEVER, dtype=np.int32)
         self._oldest: NDArray[np.int32] = np.full(patrolled.shape[0], NEVER, dtype=np.int32)
-        self._sum = 0
-        self._seen = 0
+        self._totals: tuple[int, int] | None = (0, 0)
         self._stalest = (0, 0)
 
     @classmethod
@@ -70,9 +69,7 @@ class Fog:
         """
         fog = cls(patrolled)
         fog.last_seen = np.array(last_seen, dtype=np.int32, order="C")
-        counted = fog.last_seen[fog.patrolled.view(np.bool_)]
-        fog._sum = int(np.maximum(counted, 0).sum(dtype=np.int64))
-        fog._seen = int(np.count_nonzero(counted != NEVER))
+        fog._totals = None
         return fog
 
     def fork(self) -> Fog:
@@ -89,17 +86,21 @@ class Fog:
             view: The footprint.
             tick: At which it was observed.
         """
-        self._count(observe(self.last_seen, self.patrolled, view.mask, view.quality, view.row0, view.col0, tick))
+        place = view.row0, view.col0, tick
+        gained, first = observe(self.last_seen, self.patrolled, view.mask, view.quality, *place)
+        if self._totals is not None:
+            self._totals = self._totals[0] + gained, self._totals[1] + first
 
     def observe_each(self, looks: Looks, chosen: NDArray[np.uint8]) -> None:
-        """Take in some of many footprints.
+        """Take in some of many footprints; what the mean needs is counted when it is asked for.
 
         Args:
             looks: The footprints.
             chosen: uint8, for each of them, not 0 for those to take in.
         """
         places = looks.rows, looks.cols, looks.ticks
-        self._count(observe_each(self.last_seen, self.patrolled, looks.masks, *places, chosen))
+        observe_each(self.last_seen, self.patrolled, looks.masks, *places, chosen)
+        self._totals = None
 
     def mfow(self, tick: int) -> int:
         """The age of the stalest patrolled point (MFoW), in ticks.
@@ -129,7 +130,7 @@ class Fog:
         Args:
             tick: Now.
         """
-        return tick - self._sum / self.points
+        return tick - self._counted()[0] / self.points
 
     def age(self, tick: int) -> NDArray[np.int32]:
         """The age of every point, in ticks.
@@ -145,8 +146,12 @@ class Fog:
     @property
     def seen(self) -> int:
         """How many patrolled points have been seen at least once."""
-        return self._seen
+        return self._counted()[1]
 
-    def _count(self, gains: tuple[int, int]) -> None:
-        self._sum += gains[0]
-        self._seen += gains[1]
+    def _counted(self) -> tuple[int, int]:
+        """The sum of the points' last-seen ticks, and how many have been seen."""
+        if self._totals is None:
+            counted = self.last_seen[self.patrolled.view(np.bool_)]
+            total = int(np.maximum(counted, 0).sum(dtype=np.int64))
+            self._totals = total, int(np.count_nonzero(counted != NEVER))
+        return self._totals

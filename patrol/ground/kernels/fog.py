@@ -71,9 +71,9 @@ def observe(last_seen, tracked, view, quality, row0, col0, tick):
     return gained, first
 
 
-@njit(GAINS(SEEN, TRACKED, VIEWS, NUMBERS, NUMBERS, NUMBERS, CHOSEN), cache=True, nogil=True)
+@njit(types.void(SEEN, TRACKED, VIEWS, NUMBERS, NUMBERS, NUMBERS, CHOSEN), cache=True, nogil=True)
 def observe_each(last_seen, tracked, views, rows, cols, ticks, chosen):
-    """Take in some of many footprints of a sensor that leaves nothing of a point's age.
+    """Take in some of many footprints of a sensor that leaves nothing of a point's age, and count nothing.
 
     Args:
         last_seen: int32 (h, w); changed in place.
@@ -83,17 +83,20 @@ def observe_each(last_seen, tracked, views, rows, cols, ticks, chosen):
         cols: int64 (f,), the grid's column under its column 0.
         ticks: int64 (f,), of the observations.
         chosen: uint8 (f,), not 0 for the footprints to take in.
-
-    Returns:
-        As `observe`.
     """
-    gained, first = 0, 0
+    height, width = last_seen.shape
+    size = views.shape[1]
     for k in range(chosen.size):
-        if chosen[k] != 0:
-            more, new_points = observe(last_seen, tracked, views[k], None, rows[k], cols[k], ticks[k])
-            gained += more
-            first += new_points
-    return gained, first
+        begin, end = max(0, -cols[k]), min(size, width - cols[k])
+        if chosen[k] == 0 or begin >= end:
+            continue
+        now = np.int32(ticks[k])
+        for i in range(max(0, -rows[k]), min(size, height - rows[k])):
+            r = rows[k] + i
+            in_view, counts = views[k, i, begin:end], tracked[r, cols[k] + begin : cols[k] + end]
+            seen = last_seen[r, cols[k] + begin : cols[k] + end]
+            for j in range(in_view.size):
+                seen[j] = max(seen[j], now) if in_view[j] & counts[j] != 0 else seen[j]
 
 
 @njit(int64(SEEN, TRACKED, OLDEST), cache=True, nogil=True)
