@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from agent.answers import raised_at
-from agent.belief.believed import Belief
+from agent.belief.believed import Area, Beliefs
 from agent.belief.posts import Posts
-from agent.belief.shared import Company, SharedBelief
 from agent.bodies import BODIES
 from agent.bodies.setup import BodySetup
 from agent.mind import Facts, MakeMind, Mind
@@ -29,7 +28,7 @@ from agent.routes.routes import Routes
 from agent.sender import Sending
 from agent.view import FogView
 from patrol.ground.footprint import Footprint
-from patrol.prepare import inbox_of, sensor_footprint
+from patrol.prepare import inboxes_of, sensor_footprint
 from patrol.radio.prediction import Predictor
 from patrol.random import Purpose, draw
 from patrol.scenario.policy_file import COMMITTED
@@ -52,8 +51,9 @@ class Shared:
         psi: Of `psi_of`.
         radii: Of `radii_of`.
         scratches: Working memory, one for each group of minds (`group_of`); those of one never think at the same time.
-        company: Holds what they believe, as long as that is the same; None where each holds its own.
-        posts: By the identity of a body's static fields, which live as long as the scenario.
+        beliefs: What they believe and have heard; None where each mind has its own, as in a process.
+        areas: By the identity of a body's static fields, which live as long as the scenario, and the dilatation.
+        posts: By the identity of the fields.
         grounds: By the same, with nothing closed.
     """
 
@@ -61,7 +61,8 @@ class Shared:
     psi: Psi
     radii: Mapping[int, float]
     scratches: Sequence[dict[str, PathWindow]] = field(default_factory=lambda: ({},))
-    company: Company | None = None
+    beliefs: Beliefs | None = None
+    areas: dict[tuple[int, int], Area] = field(default_factory=dict)
     posts: dict[int, Posts] = field(default_factory=dict)
     grounds: dict[int, Ground] = field(default_factory=dict)
 
@@ -77,9 +78,22 @@ class Shared:
             self.posts[id(fields)] = Posts(np.full_like(fields.proxy, -1) if straight else fields.proxy)
         return self.posts[id(fields)]
 
+    def area_of(self, fields: StaticFields, straight: bool, dilatation: int) -> Area:
+        """Where one kind of body sees and stands, for a window of some points in each direction."""
+        kind = id(fields), dilatation
+        if kind not in self.areas:
+            ground = fields.patrolled if straight else fields.reach
+            self.areas[kind] = Area(fields.patrolled, ground, self.posts_of(fields, straight), dilatation)
+        return self.areas[kind]
+
 
 def shared_by(
-    prepared: Prepared, footprint: Footprint | None = None, *, groups: int = 1, believe: bool = False
+    prepared: Prepared,
+    footprint: Footprint | None = None,
+    *,
+    groups: int = 1,
+    believe: bool = False,
+    key: bytes | None = None,
 ) -> Shared:
     """What the minds of a scenario can share.
 
@@ -87,17 +101,18 @@ def shared_by(
         prepared: The scenario.
         footprint: Its sensor, when somebody else holds one that remembers.
         groups: How many minds may think at the same time, one of each group (`group_of`).
-        believe: Whether they share beliefs, where the scenario lets them; then whoever calls them lets their company
-            hear, and then each decide.
+        believe: Whether they share what they believe, where that is the same; then their caller lets `Shared.beliefs`
+            hear for all of them, and then each decide.
+        key: Of the fleet's tags, or None; for beliefs that they share.
     """
     scenario = prepared.scenario
     sensor = footprint or sensor_footprint(scenario, prepared.terrain)
-    company = None
-    if believe and not sensor.leaves_age and scenario.radio.adaptive is None:
-        speed = max(spec.speed for spec in scenario.roster)
-        company = Company([spec.number for spec in scenario.roster], scenario.step, speed, sensor, at_once=groups > 1)
+    beliefs = None
+    if believe:
+        inboxes = inboxes_of(scenario, [spec.number for spec in scenario.roster], prepared.terrain.bounds, key)
+        beliefs = Beliefs(inboxes, sensor, shares=True, at_once=groups > 1)
     psi = psi_of(scenario, prepared.terrain)
-    return Shared(sensor, psi, radii_of(scenario), tuple({} for _ in range(groups)), company)
+    return Shared(sensor, psi, radii_of(scenario), tuple({} for _ in range(groups)), beliefs)
 
 
 def radii_of(scenario: Scenario) -> Mapping[int, float]:
@@ -141,9 +156,11 @@ def build_mind(
     def chance(tick: int, index: int, purpose: Purpose) -> float:
         return draw(scenario.seed, purpose, number, incarnation, tick, index)
 
-    posts = shared.posts_of(fields, patrol.paths == "straight")
-    belief = _belief_of(prepared, number, key, shared, posts, _rounds(scenario, terrain, lengths, kind))
-    ground = Ground(terrain, fields.reach, shared.ground_of(terrain, fields) if shared.company else None)
+    beliefs = shared.beliefs or Beliefs(inboxes_of(scenario, [number], terrain.bounds, key), shared.footprint)
+    straight = patrol.paths == "straight"
+    posts = shared.posts_of(fields, straight)
+    belief = beliefs.join(number, shared.area_of(fields, straight, _rounds(scenario, terrain, lengths, kind)))
+    ground = Ground(terrain, fields.reach, shared.ground_of(terrain, fields) if shared.beliefs else None)
     policy = _policy_of(
         kind,
         PolicySetup(
@@ -196,20 +213,6 @@ def _rounds(scenario: Scenario, terrain: Terrain, lengths: BodyLengths, kind: Po
         return 0  # it asks for single points only
     # A window of half the terrain's points in every direction already holds all of it.
     return min(round(lengths.dilatation / scenario.point), terrain.height + terrain.width)
-
-
-def _belief_of(
-    prepared: Prepared, number: int, key: bytes | None, shared: Shared, posts: Posts, dilatation: int
-) -> Belief | SharedBelief:
-    """What one robot believes: of its own, or with others as long as they believe the same."""
-    fields = prepared.fields[number]
-    spread = fields.patrolled if prepared.scenario.patrol.paths == "straight" else fields.reach
-    inbox = inbox_of(prepared.scenario, number, prepared.terrain.bounds, key)
-
-    def blank() -> Belief:
-        return Belief(fields.patrolled, spread, posts, shared.footprint, inbox, dilatation)
-
-    return shared.company.join(number, inbox, blank, (id(fields), dilatation)) if shared.company else blank()
 
 
 def _policy_of(kind: PolicyKind, setup: PolicySetup) -> Surround:

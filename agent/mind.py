@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 from agent.answers import checked
 from agent.belief.believed import Belief
-from agent.belief.shared import SharedBelief
 from agent.ports import Body, Decision, Policy, PolicyFailed
 from agent.routes.ground import Disc, Ground
 from agent.routes.routes import Routes
@@ -54,7 +53,7 @@ class Mind:
     def __init__(
         self,
         facts: Facts,
-        belief: Belief | SharedBelief,
+        belief: Belief,
         fog: FogView,
         ground: Ground,
         routes: Routes,
@@ -90,7 +89,7 @@ class Mind:
         return self._sender.frames(sensed)
 
     def step(self, sensed: Sensed, heard: Sequence[bytes]) -> Decision:
-        """Decide at a tick.
+        """Hear and decide at a tick.
 
         Args:
             sensed: By the robot itself.
@@ -102,7 +101,7 @@ class Mind:
         Raises:
             PolicyFailed: The policy raised, or returned what is no intent. The mind cannot go on.
         """
-        self.belief.update(sensed.k, as_received(sensed.pose), heard, self.facts.step)
+        self.belief.hear(sensed.k, as_received(sensed.pose), heard)
         return self.decide(sensed)
 
     def decide(self, sensed: Sensed) -> Decision:
@@ -133,7 +132,7 @@ class Mind:
             goal=None if goal is None else goal.goal,
             refined=None if goal is None else goal.refined,
             mfow=view.mfow,
-            rejected=self.belief.inbox.rejected,
+            rejected=self.belief.rejected,
             figures=intent.figures,
         )
 

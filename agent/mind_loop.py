@@ -97,7 +97,7 @@ class TickFigures:
         """
         facts, belief = self._mind.facts, self._mind.belief
         peers = sum(sensed.k - peer.tick <= facts.patience for peer in belief.peers.values())
-        refused = {str(reason): count for reason, count in belief.inbox.counts.items()}
+        refused = {str(reason): count for reason, count in belief.refused.items()}
         self._deciding_s += decision_ms / 1000.0
         figures: dict[Figure, Value] = {
             PEERS: peers,

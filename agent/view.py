@@ -17,7 +17,6 @@ from patrol.random import Purpose
 if TYPE_CHECKING:
     from agent.belief.believed import Belief
     from agent.belief.posts import Posts
-    from agent.belief.shared import SharedBelief
     from agent.routes.ground import Ground, Spot
     from agent.routes.routes import Routes, Way
     from patrol.pose import Pose
@@ -39,7 +38,7 @@ class FogView:
         posts: Where to stand to see patrolled points on which the body does not fit.
     """
 
-    def __init__(self, belief: Belief | SharedBelief, patrolled: NDArray[np.bool_], posts: Posts) -> None:
+    def __init__(self, belief: Belief, patrolled: NDArray[np.bool_], posts: Posts) -> None:
         self._belief = belief
         self._shown: dict[int, NDArray[np.int32]] = {}
         self.patrolled = _read_only(patrolled)

@@ -32,7 +32,7 @@ from worldsim.verdict.judge import Judge, Verdict, judge
 from worldsim.world import World
 
 if TYPE_CHECKING:
-    from agent.belief.shared import Company
+    from agent.belief.believed import Beliefs
     from patrol.scenario import Scenario
     from patrol.summary.model import Summary
 
@@ -64,7 +64,7 @@ class InProcessFleet:
         make: MakeMind | None = None,
         threads: int = 1,
         limit_s: float | None = None,
-        company: Company | None = None,
+        beliefs: Beliefs | None = None,
         failure: PolicyFailure = lambda _number, _reason, _error: None,
     ) -> None:
         """Take minds in.
@@ -76,10 +76,10 @@ class InProcessFleet:
                 order, so the trace does not depend on it.
             limit_s: Wall time, s, after which a decision counts as failed; None for no limit. It holds where minds
                 step in the main thread alone.
-            company: In which the minds hear, where they share beliefs.
+            beliefs: What the minds believe, where they share it.
             failure: Told of each policy that fails.
         """
-        self._company = company
+        self._beliefs = beliefs
         self._failure = failure
         self._minds = dict(minds)
         self._limit_s = limit_s if threads == 1 else None
@@ -104,9 +104,9 @@ class InProcessFleet:
     def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply]:
         """Return every mind's command."""
         numbers = list(heard)
-        if self._company is not None:
+        if self._beliefs is not None:
             own = {number: as_received(self._sensed[number].pose) for number in numbers}
-            self._company.hear(k, own, heard)
+            self._beliefs.hear(k, own, heard)
         if self._pool is None:
             replies = self._step_all(k, numbers, heard)
         else:
@@ -172,8 +172,8 @@ class InProcessFleet:
 
     def _drop(self, number: int) -> None:
         self._minds.pop(number, None)
-        if self._company is not None:
-            self._company.leave(number)
+        if self._beliefs is not None:
+            self._beliefs.leave(number)
 
     def _step_all(self, k: int, numbers: Sequence[int], heard: Mapping[int, list[bytes]]) -> dict[int, Reply | None]:
         return {number: self._step(k, number, heard) for number in numbers}
@@ -195,7 +195,7 @@ class InProcessFleet:
 
     def _decide(self, number: int, heard: Mapping[int, list[bytes]]) -> Decision:
         mind, sensed = self._minds[number], self._sensed[number]
-        return mind.step(sensed, heard[number]) if self._company is None else mind.decide(sensed)
+        return mind.step(sensed, heard[number]) if self._beliefs is None else mind.decide(sensed)
 
 
 def make_minds(prepared: Prepared, shared: Shared | None = None) -> dict[int, Mind]:
@@ -266,8 +266,9 @@ def run_in_process(
     kind = policy_of(prepared.scenario)
     if not kind.ours:
         threads = 1  # so that one which hangs can be stopped
-    shared = shared_by(prepared, footprint, groups=threads, believe=share)
-    make = mind_maker(prepared, fleet_key(prepared.scenario.radio.key), shared)
+    key = fleet_key(prepared.scenario.radio.key)
+    shared = shared_by(prepared, footprint, groups=threads, believe=share, key=key)
+    make = mind_maker(prepared, key, shared)
     minds: dict[int, Mind] = {}
     for number in world.living:
         try:
@@ -275,7 +276,7 @@ def run_in_process(
         except PolicyFailed as failed:
             failure(number, str(failed), failed.__cause__)
             raise BadInput(str(failed)) from failed
-    fleet = InProcessFleet(minds, make, threads, None if kind.ours else DECISION_LIMIT_S, shared.company, failure)
+    fleet = InProcessFleet(minds, make, threads, None if kind.ours else DECISION_LIMIT_S, shared.beliefs, failure)
     header = header_of(world, started)
     watchers: list[Callable[[TickRecord], None]] = [] if progress is None else [progress]
     if watch is not None:

@@ -6,7 +6,7 @@ The launcher prepares once and saves; its children load the same arrays memory-m
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -20,7 +20,7 @@ from patrol.ground.footprint import REMEMBERED, Footprint
 from patrol.ground.terrain import BoolGrid, Terrain, frozen_grid
 from patrol.own_sensor import make_footprint
 from patrol.pose import Pose
-from patrol.radio.inbox import Inbox
+from patrol.radio.inbox import Inboxes, Rules
 
 if TYPE_CHECKING:
     from patrol.journal.records import Event
@@ -178,27 +178,27 @@ def sensor_footprint(scenario: Scenario, terrain: Terrain) -> Footprint:
     return make_footprint(scenario.sensor, terrain, max(REMEMBERED, 2 * len(scenario.roster)))
 
 
-def inbox_of(
+def inboxes_of(
     scenario: Scenario,
-    own: int,
+    listeners: Sequence[int],
     bounds: tuple[float, float, float, float],
     key: bytes | None,
     *,
     knows_ticks: bool = True,
-) -> Inbox:
-    """The inbox of one of a scenario's robots.
+) -> Inboxes:
+    """The inboxes of some of a scenario's robots.
 
     Args:
         scenario: The fleet's.
-        own: The robot's number.
+        listeners: The robots' numbers; one that is of no robot listens only.
         bounds: The terrain's (x_min, y_min, x_max, y_max), m.
         key: Of the tags, or None when the fleet uses none.
-        knows_ticks: Whether the robot's clock shows the time since the fleet's first tick.
+        knows_ticks: Whether the robots' clocks show the time since the fleet's first tick.
     """
     fastest = max(spec.speed for spec in scenario.roster)
-    numbers = [spec.number for spec in scenario.roster]
+    numbers = tuple(spec.number for spec in scenario.roster)
     ahead = (0 if scenario.factor is None else TICKS_APART) if knows_ticks else None
-    return Inbox(own, numbers, bounds, fastest, key, scenario.step, ahead, scenario.radio.trail_every)
+    return Inboxes(listeners, Rules(numbers, bounds, fastest, key, scenario.step, ahead, scenario.radio.trail_every))
 
 
 def check_intruder(intruder: IntruderSpec, terrain: Terrain, field: str) -> None:

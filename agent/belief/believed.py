@@ -1,10 +1,21 @@
-"""What one robot believes: the fog, rebuilt from positions alone, and the peers' poses (paper, steps 2 and 3)."""
+"""What the robots of one process believe: the fog, rebuilt from positions alone, and the peers (paper, steps 2 and 3).
+
+Theory of operation
+    A fog is that of a group of minds; in a process the group has one member. Where a look makes points fresh, a fog
+    follows from the looks that went into it, in any order. So minds that begin with equal fogs and learn of the same
+    looks in each tick need one fog, however each of them came to know: by its own sensor, by a frame, by a delayed
+    copy. Those that learn of others part with a copy, at that moment. Where a look leaves age, a fog depends on the
+    order of the looks, which differs from mind to mind, and each mind is a group of its own.
+
+    What each has heard of each other, and with it which looks it learns of, is the table of inboxes.
+"""
 
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,144 +28,101 @@ from patrol.ground.fog import Box, Fog, Looks
 from patrol.ground.footprint import Footprint
 from patrol.ground.terrain import BoolGrid
 from patrol.pose import Pose
-from patrol.radio.inbox import Inbox
-from patrol.radio.message import CONTACT
-from patrol.radio.peers import Peer, PeerTracker
+from patrol.radio.inbox import Inboxes, Intake, Peers
+from patrol.radio.message import CONTACT, RejectReason
+from patrol.radio.peers import Peer
 from patrol.radio.prediction import Predictor
 
 if TYPE_CHECKING:
     from agent.belief.dilated import Dilated
 
 
-def spreads(posts: Posts, dilatation: int) -> bool:
-    """Whether a belief has dilated ticks of its own.
+@dataclass(frozen=True, eq=False)
+class Area:
+    """Where a kind of robot sees and stands: robots with the same one begin with equal fogs.
 
     Without posts, paths lead over every point, so points that are not ground must not pull.
 
-    Args:
-        posts: The points on which no body fits.
-        dilatation: Half-width of the window in points.
+    Attributes:
+        patrolled: bool (h, w), the points that the robot can see.
+        ground: bool (h, w), the points over which staleness spreads.
+        posts: The points on which no body fits, and where to see them from.
+        dilatation: Half-width of the window in points; 0 for no dilatation.
     """
-    return dilatation > 0 or not len(posts.rows)
+
+    patrolled: BoolGrid
+    ground: BoolGrid
+    posts: Posts
+    dilatation: int
 
 
-class Belief:
-    """The believed fog of the points this robot can see, with dilatation, and its peers.
+class BelievedFog:
+    """The fog that the minds of a group believe in, with dilatation.
 
-    Staleness spreads over the points on which this robot can stand, so it never crosses a wall, nor a gap too narrow
+    Staleness spreads over the points on which these robots can stand, so it never crosses a wall, nor a gap too narrow
     for the body. Stale points on which no body fits count at their post first, the place to see them from.
 
     Attributes:
+        members: The robots' numbers.
         fog: The fog before dilatation.
         looked: int32 (h, w), the tick at which each point was last in view; the fog's own grid where a look makes a
             point fresh.
-        peers: The robots heard so far, by number.
-        contacts: The intruders reported by this robot and by others.
-        inbox: Accepts or rejects the frames heard.
     """
 
-    def __init__(
-        self,
-        patrolled: BoolGrid,
-        ground: BoolGrid,
-        posts: Posts,
-        footprint: Footprint,
-        inbox: Inbox,
-        dilatation: int,
-        fog: Fog | None = None,
-    ) -> None:
-        """Start with nothing seen and no peer heard.
+    def __init__(self, area: Area, footprint: Footprint) -> None:
+        """Start with nothing seen and nobody who believes it.
 
         Args:
-            patrolled: bool (h, w), the points this robot can see.
-            ground: bool (h, w), the points over which staleness spreads.
-            posts: The points on which no body fits, and where to see them from.
+            area: Where the robots see and stand.
             footprint: What the sensor sees from a pose.
-            inbox: Judges the frames heard.
-            dilatation: Half-width of the window in points; 0 for no dilatation.
-            fog: Nothing seen of the same points; made unless given.
         """
-        self.fog = fog or Fog(patrolled)
-        self.inbox = inbox
-        self._tracker = PeerTracker(inbox.trail_every)
-        self.peers = self._tracker.peers
-        self.contacts = Contacts()
+        self.members: set[int] = set()
+        self.fog = Fog(area.patrolled)
         self._footprint = footprint
         self.looked = self.fog.last_seen.copy() if footprint.leaves_age else self.fog.last_seen
         self._tick = 0
         self._dilated: Dilated | None = None
-        if spreads(posts, dilatation):
+        if area.dilatation > 0 or not len(area.posts.rows):
             from agent.belief.dilated import Dilated  # here, as most robots do without its kernels
 
-            self._dilated = Dilated(self.fog, ground, posts, dilatation)
+            self._dilated = Dilated(self.fog, area.ground, area.posts, area.dilatation)
 
-    def update(self, tick: int, own: Pose, frames: Iterable[bytes], step: float) -> None:
-        """Take in the robot's own pose and the frames heard.
-
-        `patrol.radio.peers` says which looks follow from a position.
-
-        Args:
-            tick: Now.
-            own: The robot's own pose, as encoded on the wire.
-            frames: The frames heard at this tick.
-            step: s per tick.
-        """
-        self._tick = tick
-        boxes = [self._look(own, tick)]
-        for frame in frames:
-            position = self.inbox.accept(frame, tick * step)
-            if position is not None and position.robot == CONTACT:
-                self.contacts.report(position, tick)
-            elif position is not None:
-                looks = self._tracker.hear(position, tick)
-                boxes += [self._look(pose, at) for at, pose in looks]
-        self._changed(boxes)
+    def fork(self) -> BelievedFog:
+        """The same fog with its own grids, for others."""
+        other = copy.copy(self)
+        other.members = set()
+        other.fog = self.fog.fork()
+        other.looked = other.fog.last_seen
+        other._dilated = None if self._dilated is None else self._dilated.fork(other.fog)
+        return other
 
     def see(self, looks: Iterable[tuple[int, Pose]], tick: int) -> None:
-        """Take in looks that are new.
+        """Take in looks one after the other.
 
         Args:
             looks: Tick and pose of each.
             tick: Now.
         """
-        self._tick = tick
-        self._changed([self._look(pose, at) for at, pose in looks])
+        boxes = []
+        for at, pose in looks:
+            view = self._footprint.visible(pose)
+            if self._footprint.leaves_age:
+                view.mark(self.looked, at)
+            self.fog.observe(view, at)
+            boxes.append(view.box(self.looked.shape))
+        self._changed(boxes, tick)
 
     def see_some(self, looks: Looks, chosen: NDArray[np.uint8], tick: int) -> None:
-        """Take in some of many looks.
+        """Take in some of many looks that leave no age.
 
         Args:
-            looks: They are all of the belief's sensor.
+            looks: All of them.
             chosen: uint8, for each of them, not 0 for those to take in.
             tick: Now.
         """
-        self._tick = tick
         self.fog.observe_each(looks, chosen)
-        if self._dilated is not None:
-            shape = self.looked.shape
-            self._changed([looks.views[place].box(shape) for place in np.flatnonzero(chosen).tolist()])
-
-    def fork(self) -> Belief:
-        """Another belief in the same fog, with its own grids; inbox, peers and contacts stay the same ones."""
-        other = copy.copy(self)
-        other.fog = self.fog.fork()
-        other.looked = self.looked.copy() if self._footprint.leaves_age else other.fog.last_seen
-        other._dilated = None if self._dilated is None else self._dilated.fork(other.fog)
-        return other
-
-    @property
-    def dilated(self) -> NDArray[np.int32]:
-        """int32 (h, w), the tick at which each point was last seen, after dilatation (`dilated_within`)."""
-        return self.refresh()
-
-    def refresh(self) -> NDArray[np.int32]:
-        """Bring all of `dilated` up to date; until the next look, several threads may then read it at once.
-
-        Returns:
-            int32 (h, w), as `dilated_within`.
-        """
-        height, width = self.fog.last_seen.shape
-        return self.dilated_within((0, height - 1, 0, width - 1))
+        places = [] if self._dilated is None else np.flatnonzero(chosen).tolist()
+        self._changed([looks.views[place].box(self.looked.shape) for place in places], tick)
 
     def dilated_within(self, box: Box) -> NDArray[np.int32]:
         """The fog after dilatation, up to date in a box: it is computed only where it is read.
@@ -168,25 +136,84 @@ class Belief:
         """
         return self.fog.last_seen if self._dilated is None else self._dilated.within(box, self._tick)
 
-    def lately(self, peers: Mapping[int, Peer], since: int) -> Mapping[int, Peer]:
-        """Those of some peers that were heard at a tick or later.
+    def refresh(self) -> NDArray[np.int32]:
+        """Bring all of it up to date; until the next look, several threads may then read it at once.
 
-        Args:
-            peers: From `peers_at`.
-            since: The tick.
+        Returns:
+            int32 (h, w), as `dilated_within`.
         """
-        return {number: peer for number, peer in peers.items() if peer.tick >= since}
+        height, width = self.fog.last_seen.shape
+        return self.dilated_within((0, height - 1, 0, width - 1))
 
-    def _changed(self, boxes: Iterable[Box | None]) -> None:
+    def _changed(self, boxes: Iterable[Box | None], tick: int) -> None:
+        self._tick = tick
         if self._dilated is not None:
             self._dilated.changed([box for box in boxes if box is not None])
 
-    def _look(self, pose: Pose, tick: int) -> Box | None:
-        view = self._footprint.visible(pose)
-        if self._footprint.leaves_age:
-            view.mark(self.looked, tick)
-        self.fog.observe(view, tick)
-        return view.box(self.looked.shape)
+
+class Belief:
+    """What one mind believes: its group's fog, its peers, and intruders.
+
+    Attributes:
+        number: Of its robot.
+        contacts: The intruders reported by this robot and by others.
+        peers: The robots heard so far, by number.
+        shared: The fog, and with whom it is shared.
+    """
+
+    def __init__(self, number: int, beliefs: Beliefs, shared: BelievedFog) -> None:
+        """Believe what a group believes.
+
+        Args:
+            number: Of the robot.
+            beliefs: Those of its process, which take in what it hears.
+            shared: The group's fog.
+        """
+        self.number = number
+        self.contacts = Contacts()
+        self.shared = shared
+        self._beliefs = beliefs
+        self.peers = beliefs.inboxes.peers(number)
+        self._heard_since = 0
+
+    def hear(self, tick: int, own: Pose, frames: Sequence[bytes]) -> None:
+        """Take in a tick for this mind alone.
+
+        Args:
+            tick: Now.
+            own: The robot's own pose, as encoded on the wire.
+            frames: The frames that reach it, in their order.
+        """
+        self._beliefs.hear(tick, {self.number: own}, {self.number: frames})
+
+    @property
+    def fog(self) -> Fog:
+        """The fog before dilatation."""
+        return self.shared.fog
+
+    @property
+    def looked(self) -> NDArray[np.int32]:
+        """int32 (h, w), the tick at which each point was last in view."""
+        return self.shared.looked
+
+    @property
+    def dilated(self) -> NDArray[np.int32]:
+        """int32 (h, w), the tick at which each point was last seen, after dilatation."""
+        return self.shared.refresh()
+
+    def dilated_within(self, box: Box) -> NDArray[np.int32]:
+        """`dilated`, up to date in a box only."""
+        return self.shared.dilated_within(box)
+
+    @property
+    def refused(self) -> Mapping[RejectReason, int]:
+        """How many frames the robot has refused so far, by reason."""
+        return self._beliefs.inboxes.counts(self.number)
+
+    @property
+    def rejected(self) -> int:
+        """How many frames the robot has refused so far."""
+        return self._beliefs.inboxes.rejected(self.number)
 
     def peers_at(self, tick: int, predictor: Predictor | None) -> Mapping[int, Peer]:
         """The peers where they should be by now.
@@ -200,11 +227,22 @@ class Belief:
         """
         if predictor is None:
             return self.peers
-        said = self._tracker.said
+        said = {number: self.peers.said(number) for number in self.peers}
         return {
-            number: replace(peer, pose=predictor.pose(said[number], tick - peer.sequence))
-            for number, peer in self.peers.items()
+            number: replace(self.peers[number], pose=predictor.pose(last, tick - last.sequence))
+            for number, last in said.items()
         }
+
+    def lately(self, peers: Mapping[int, Peer], since: int) -> Mapping[int, Peer]:
+        """Those of some peers that were heard at a tick or later.
+
+        Args:
+            peers: From `peers_at`.
+            since: The tick.
+        """
+        if isinstance(peers, Peers):
+            return peers.lately(since)
+        return {number: peer for number, peer in peers.items() if peer.tick >= since}
 
     def silent(self, tick: int, patience: int, radii: Mapping[int, float], margin: float) -> list[Disc]:
         """Discs around the last poses of silent peers.
@@ -220,8 +258,141 @@ class Belief:
         Returns:
             Discs (x, y, radius) in m, by robot number.
         """
+        if tick - self._heard_since <= patience:
+            return []
+        # A robot that is heard again, or for the first time, is heard later than now.
+        self._heard_since = self.peers.oldest(tick)
+        if tick - self._heard_since <= patience:
+            return []
         return [
             (peer.pose.x, peer.pose.y, radii[number] + margin)
-            for number, peer in sorted(self.peers.items())
-            if tick - peer.tick > patience
+            for number in self.peers.silent(tick - patience)
+            for peer in (self.peers[number],)
         ]
+
+
+class Beliefs:
+    """What the minds of a process believe.
+
+    Attributes:
+        inboxes: What each has heard.
+        shares: Whether minds share a fog as long as they believe in the same.
+    """
+
+    def __init__(self, inboxes: Inboxes, footprint: Footprint, *, shares: bool = False, at_once: bool = False) -> None:
+        """Nobody believes anything yet.
+
+        Args:
+            inboxes: One for each mind.
+            footprint: What the sensor sees from a pose.
+            shares: Whether minds may share a fog; they cannot where a look leaves age.
+            at_once: Whether minds decide at once in several threads, so that what they share must be up to date before.
+        """
+        self.inboxes = inboxes
+        self.shares = shares and not footprint.leaves_age
+        self._footprint = footprint
+        self._at_once = at_once
+        self._minds: dict[int, Belief] = {}
+        self._blank: dict[Area, BelievedFog] = {}
+
+    def join(self, number: int, area: Area) -> Belief:
+        """A belief for a mind that begins, in the place of the robot's mind before it.
+
+        Args:
+            number: Of the robot.
+            area: Where it sees and stands.
+        """
+        self.leave(number)
+        self.inboxes.clear(number)
+        fog = self._blank.get(area) or BelievedFog(area, self._footprint)
+        if self.shares:
+            self._blank[area] = fog
+        fog.members.add(number)
+        mind = self._minds[number] = Belief(number, self, fog)
+        return mind
+
+    def leave(self, number: int) -> None:
+        """A mind is gone, with all that it knew.
+
+        Args:
+            number: Of its robot.
+        """
+        mind = self._minds.pop(number, None)
+        if mind is not None:
+            mind.shared.members.discard(number)
+
+    def hear(self, tick: int, own: Mapping[int, Pose], heard: Mapping[int, Sequence[bytes]]) -> None:
+        """Take in a tick for all minds that take part in it.
+
+        Args:
+            tick: Now.
+            own: Where each takes itself to be, as encoded on the wire, by number.
+            heard: The frames that reach each of them, in their order.
+        """
+        self._blank.clear()
+        if not heard:
+            return
+        intake = self.inboxes.hear(tick, heard)
+        minds = {number: self._minds[number] for number in heard}
+        if any(said is not None and said.robot == CONTACT for said in intake.said):
+            for number, mind in minds.items():
+                for said in intake.positions(number):
+                    if said.robot == CONTACT:
+                        mind.contacts.report(said, tick)
+        if self._footprint.leaves_age:
+            for number, mind in minds.items():
+                mind.shared.see([(tick, own[number]), *intake.looks(number)], tick)
+            return
+        looks, chosen = _side_by_side(intake, [own[number] for number in minds], self._footprint)
+        learnt = {number: row.tobytes() for number, row in zip(minds, chosen, strict=True)}
+        for fog in {id(mind.shared): mind.shared for mind in minds.values()}.values():
+            for part, what in self._parted(fog, learnt):
+                part.see_some(looks, np.frombuffer(what, dtype=np.uint8), tick)
+                part.fog.mfow(tick)  # found now, so that minds that decide at once in several threads only read
+                if self._at_once and len(part.members) > 1:
+                    part.refresh()
+
+    def _parted(self, fog: BelievedFog, learnt: Mapping[int, bytes]) -> list[tuple[BelievedFog, bytes]]:
+        """Part a group by what its minds have learnt; those that take no part in the tick keep what they believe."""
+        parts: dict[bytes | None, set[int]] = defaultdict(set)
+        for number in fog.members:
+            parts[learnt.get(number)].add(number)
+        largest = max(parts.values(), key=lambda members: (len(members), -min(members)))
+        found = []
+        for what, members in parts.items():
+            part = fog if members is largest else fog.fork()
+            for number in members:
+                self._minds[number].shared = part
+            found.append((part, members, what))
+        for part, members, _ in found:
+            part.members = members
+        return [(part, what) for part, _, what in found if what is not None]
+
+
+def _side_by_side(intake: Intake, own: Sequence[Pose], footprint: Footprint) -> tuple[Looks, NDArray[np.uint8]]:
+    """All looks of a tick, each once, and which of them each mind learns of, uint8 (minds, looks).
+
+    Args:
+        intake: What the minds have accepted.
+        own: Where each takes itself to be; each looks from there.
+        footprint: What the sensor sees from a pose.
+    """
+    places: dict[tuple[int, Pose], int] = {}
+
+    def place(tick: int, pose: Pose) -> int:
+        return places.setdefault((tick, pose), len(places))
+
+    heard = np.flatnonzero(intake.plain.any(axis=0)).tolist()
+    said = [place(intake.tick, position.pose) for at in heard if (position := intake.said[at]) is not None]
+    mine = [place(intake.tick, pose) for pose in own]
+    past = [(row, place(tick, pose)) for row, _, tick, pose in intake.past]
+    chosen = np.zeros((len(own), len(places)), dtype=np.uint8)
+    if len(set(said)) == len(said):
+        chosen[:, said] = intake.plain[:, heard]
+    else:
+        for at, column in zip(said, heard, strict=True):
+            chosen[:, at] |= intake.plain[:, column]
+    chosen[np.arange(len(own)), mine] = 1
+    for row, at in past:
+        chosen[row, at] = 1
+    return Looks([(tick, footprint.visible(pose)) for tick, pose in places]), chosen

@@ -12,7 +12,7 @@ from monitor.observation.listener import NO_ROBOT, Listener, mark_outside
 from patrol.journal import unpack
 from patrol.journal.records import Status, TickRecord, sent_at
 from patrol.pose import Pose
-from patrol.prepare import inbox_of
+from patrol.prepare import inboxes_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -125,7 +125,7 @@ class FogTracker:
         frames = frames_of(record)
         self._past.append((record.k, frames))
         if self._number is None:
-            self._listener.hear(record.k, frames.values())
+            self._listener.hear(record.k, list(frames.values()))
             return
         row = next(row for row in record.robots if row.number == self._number)
         if row.status.name.lower() not in MIND_ENDS and self._was.name.lower() in (*MIND_ENDS, "absent"):
@@ -149,8 +149,8 @@ class FogTracker:
 
     def _new_listener(self) -> Listener:
         own = NO_ROBOT if self._number is None else self._number
-        inbox = inbox_of(self._scenario, own, self._bounds, self._key)
-        listener = Listener(self._footprint, self._area, inbox, self._scenario.step)
+        inboxes = inboxes_of(self._scenario, [own], self._bounds, self._key)
+        listener = Listener(self._footprint, self._area, inboxes, own)
         mark_outside(listener.fog, self._patrolled)
         return listener
 

@@ -22,7 +22,7 @@ from patrol.journal.records import Event, RobotTick, Status, TickRecord
 from patrol.net.mailbox import Mailbox, Presence
 from patrol.net.messages.stop_orders import Order, ask_robots, robots_there
 from patrol.net.messages.telemetry import Telemetry
-from patrol.prepare import inbox_of, sensor_footprint
+from patrol.prepare import inboxes_of, sensor_footprint
 from patrol.radio.fleet_key import fleet_key
 from patrol.radio.message import MAX_FRAME
 from patrol.scenario import as_mapping
@@ -82,9 +82,9 @@ class PositionsSource:
         except BadInput:
             key = None
             self._unchecked = "; the fleet's key is not available, so authentication tags are not checked"
-        inbox = inbox_of(scenario, NO_ROBOT, prepared.terrain.bounds, key, knows_ticks=False)
+        inboxes = inboxes_of(scenario, [NO_ROBOT], prepared.terrain.bounds, key, knows_ticks=False)
         footprint = sensor_footprint(scenario, prepared.terrain)
-        self._listener = Listener(footprint, prepared.patrolled, inbox, scenario.step)
+        self._listener = Listener(footprint, prepared.patrolled, inboxes, NO_ROBOT)
         positions = {keys.position(name): number for name, number in self._names.items()}
         telemetry = {keys.telemetry(name): number for name, number in self._names.items()}
         tokens = {keys.alive(name): number for name, number in self._names.items()}

@@ -6,15 +6,14 @@ So no map is ever sent, and watching changes nothing on a real fleet.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from monitor.observation.source import OUTSIDE
 from patrol.ground.fog import Fog
 from patrol.pose import Pose
-from patrol.radio.inbox import Inbox
-from patrol.radio.message import CONTACT, Position
-from patrol.radio.peers import PeerTracker
+from patrol.radio.inbox import Inboxes
+from patrol.radio.message import Position
 
 if TYPE_CHECKING:
     import numpy as np
@@ -60,25 +59,24 @@ class Listener:
 
     Attributes:
         fog: The fog.
-        inbox: Decides which frames are accepted.
+        inboxes: Decide which frames are accepted.
         peers: The newest position heard of each robot, by robot number.
     """
 
-    def __init__(self, footprint: Footprint, patrolled: NDArray[np.bool_], inbox: Inbox, step: float) -> None:
+    def __init__(self, footprint: Footprint, patrolled: NDArray[np.bool_], inboxes: Inboxes, number: int) -> None:
         """Start without knowledge.
 
         Args:
             footprint: The sensor's footprint on this terrain.
             patrolled: bool (h, w), the points that count.
-            inbox: Decides which frames to accept.
-            step: Duration of a tick, s.
+            inboxes: Decide which frames to accept.
+            number: Of the inbox to use.
         """
         self.fog = Fog(patrolled)
-        self.inbox = inbox
-        self._tracker = PeerTracker(inbox.trail_every)
-        self.peers = self._tracker.peers
+        self.inboxes = inboxes
+        self.number = number
+        self.peers = inboxes.peers(number)
         self._footprint = footprint
-        self._step = step
 
     def look(self, tick: int, pose: Pose) -> None:
         """Apply one observation.
@@ -89,16 +87,12 @@ class Listener:
         """
         self.fog.observe(self._footprint.visible(pose), tick)
 
-    def hear(self, tick: int, frames: Iterable[bytes]) -> None:
+    def hear(self, tick: int, frames: Sequence[bytes]) -> None:
         """Apply the observations that received positions report.
 
         Args:
             tick: The tick in which the frames arrive.
             frames: Encoded frames. The inbox counts and drops the invalid ones.
         """
-        for frame in frames:
-            position = self.inbox.accept(frame, tick * self._step)
-            if position is None or position.robot == CONTACT:
-                continue
-            for look_tick, pose in self._tracker.hear(position, tick):
-                self.look(look_tick, pose)
+        for look_tick, pose in self.inboxes.hear(tick, {self.number: frames}).looks(self.number):
+            self.look(look_tick, pose)

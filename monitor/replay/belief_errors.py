@@ -20,7 +20,7 @@ from patrol.ground.fog import Fog
 from patrol.ground.footprint import Footprint, View
 from patrol.journal.records import Status, TickRecord, sent_at
 from patrol.pose import Pose
-from patrol.prepare import inbox_of
+from patrol.prepare import inboxes_of
 
 SAMPLES = 200
 """Ticks at which beliefs are compared with the truth, evenly over the run."""
@@ -153,8 +153,8 @@ class BeliefWatcher:
 
     def _listener(self, number: int) -> Listener:
         prepared = self._run.prepared
-        inbox = inbox_of(prepared.scenario, number, prepared.terrain.bounds, self._key)
-        return Listener(self._footprint, prepared.fields[number].patrolled, inbox, self._run.step)
+        inboxes = inboxes_of(prepared.scenario, [number], prepared.terrain.bounds, self._key)
+        return Listener(self._footprint, prepared.fields[number].patrolled, inboxes, number)
 
     def _alive(self, k: int, number: int) -> bool:
         return bool(self._run.status[k, self._run.index[number]] == Status.ALIVE)

@@ -228,7 +228,7 @@ class _LookLog(BeliefWatcher):
         self._poses.extend((pose.x, pose.y, pose.heading))
 
     def _listener(self, number: int) -> Listener:
-        noting = _LookRecorder(self._footprint, _NOWHERE, super()._listener(number).inbox, self._run.step)
+        noting = _LookRecorder(self._footprint, _NOWHERE, super()._listener(number).inboxes, number)
         noting.note = self._note
         self.fresh.add(self.ticks)
         return noting

@@ -32,3 +32,17 @@ class Heard(Mapping[int, list[bytes]]):
 
     def __len__(self) -> int:
         return len(self.receivers)
+
+
+def heard_by(receivers: Sequence[int], heard: Mapping[int, Sequence[bytes]]) -> Mapping[int, Sequence[bytes]]:
+    """What some receivers hear.
+
+    Args:
+        receivers: Their numbers, ascending.
+        heard: What they and others hear.
+    """
+    if not isinstance(heard, Heard):
+        return {number: heard[number] for number in receivers}
+    if heard.receivers == tuple(receivers):
+        return heard
+    return Heard(heard.frames, receivers, heard.reaches[np.isin(heard.receivers, receivers)])

@@ -1,322 +1,324 @@
-"""What a robot believes of the position frames it receives: every check between the radio and its belief.
+"""Every check between received frames and beliefs, for all listeners of a process: a row for each, in a process one.
 
-Pure: the caller says what time its own clock shows. Senders' clocks may disagree with it, so a frame's age and a
-sender's speed are judged by the receiver's clock at arrival; the sequence orders a sender's frames.
+Theory of operation
+    Pure: the caller says which tick it is. Senders' clocks may disagree, so a frame's age and a sender's speed are
+    judged by the listener's tick at arrival; the sequence orders a sender's frames.
 
-A sequence is the tick in which a frame was sent, and all robots of a fleet count the same ticks. So no frame can be of
-a tick that is still to come, and whatever was forged or repeated, a robot's next frame is never out of date.
-
-A radio may delay frames, repeat them and let them overtake each other. A frame that is older than the newest of its
-sender's is *late*: it is accepted once, if it comes within a window of `patrol.radio.replay_window.SPAN` sequences, and
-says only where the sender was then.
-"""
-
-from __future__ import annotations
-
-import math
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
-
-from patrol.radio.message import CONTACT, Position, Rejected, RejectReason, decode
-from patrol.radio.replay_window import SPAN, ReplayWindow
-from patrol.radio.units import cm_to_m, m_to_cm
-
-# Rounding to centimetres moves each of two positions by up to 0.5 cm along each axis.
-ROUNDING = 0.02
-# Frames in a row that agree with each other before a jump is believed: localisation jumps honestly, once.
-_STEADY = 3
-# Who does not know the ticks can only hold a sender's frames against each other: how much further than its clock
-# can have run a sequence may be, in steps. Covers stalls of the network.
-_AHEAD = 64
-# By how many steps a contact's sequence may differ from what some robot would send now; older replays are refused.
-_CONTACT_SLACK = 4
-
-
-@dataclass(slots=True)
-class _Heard:
-    """A frame and when it came by the receiver's clock (s)."""
-
-    position: Position
-    at: float
-
-
-@dataclass(slots=True)
-class History:
-    """What an inbox knows of one sender.
-
-    Attributes:
-        last: Its newest accepted position.
-        at: When that came, by the receiver's clock, s.
-        window: Which of its last sequences have come.
-        start: When its sequence 0 would have come, had it taken as long as its quickest frame, s.
-    """
-
-    last: Position
-    at: float
-    window: ReplayWindow
-    start: float
-
-
-class Inbox:
-    """Decodes frames and drops, with a counted reason, what cannot be true.
+    A sequence is the tick in which a frame was sent, and all robots of a fleet count the same ticks. So no frame can be
+    of a tick that is still to come, and whatever was forged or repeated, a robot's next frame is never out of date.
 
     What follows the last frame of a sender must be a place that it can have reached; where it is not, frames that agree
-    with each other are believed in the end, because localisation may jump honestly. The time that a sender had is the
-    time between the arrivals and, where the earlier frame was delayed, what the sequences say on top: a frame's delay,
-    beyond the least of its sender's frames so far, shows in its sequence. A trail is cut off where it leads farther in
-    a step than a robot can go.
+    with each other are believed in the end, because localisation may jump honestly. A trail is cut off where it leads
+    farther in a step than a robot can go.
+
+    A radio may delay frames, repeat them and let them overtake each other. A frame that is older than the newest of its
+    sender's is *late*: it is accepted once, if it comes within a window of `patrol.radio.peers.SPAN` sequences, and
+    says only where the sender was then. A sender's sequences go on with time, also over a restart of the sender, so its
+    window outlives it.
 
     A contact, an intruder's position, does not say who reports it and may be reported by several at once. It must lie
     on the terrain, and its sequence must be one that some robot of the roster would send about now, going on from that
     robot's last accepted frame.
 
-    Args:
-        own: The receiver's robot number.
-        roster: The numbers of all robots.
-        bounds: The terrain's (x_min, y_min, x_max, y_max), m.
-        max_speed: Of the fastest robot, m/s.
-        key: Of the tags, or None when the fleet uses none.
-        step: s between two frames of a sender; a frame may come one step early or late.
-        ahead: By how many ticks a sequence may be ahead of the receiver's own, which is the time by its clock in steps;
-            None where the two are not counted from the same moment. Then frames too far ahead of their sender's last,
-            and too old ones, are believed too, once enough of them agree with each other: what a forged one has shut
-            out comes back.
-        trail_every: Ticks between the places of a trail.
+    Here each frame is decoded once, however many hear it, and refused for all where it cannot be true whoever hears it.
+    The rest is judged by a kernel (`patrol.radio.kernels.hear`), which has the whole rule for what depends on what a
+    listener has heard before.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import compress
+from operator import itemgetter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.pose import Pose
+from patrol.radio.heard import Heard
+from patrol.radio.kernels.hear import (
+    ACCEPTED,
+    AHEAD,
+    CELL,
+    FRAME,
+    NO_ROBOT,
+    NO_SENDER,
+    NOTHING,
+    OLD,
+    OWN,
+    POSITION,
+    REPORT,
+    ROUNDING,
+    THEN,
+    TOO_FAST,
+    UNKNOWN,
+    hear,
+    places_heard,
+)
+from patrol.radio.message import CONTACT, Position, Rejected, RejectReason, decode
+from patrol.radio.peers import SPAN, Peer
+from patrol.radio.units import CM_PER_M, cm_to_m, m_to_cm
+
+_CODES = {
+    RejectReason.OWN: OWN,
+    RejectReason.UNKNOWN: UNKNOWN,
+    RejectReason.OLD: OLD,
+    RejectReason.AHEAD: AHEAD,
+    RejectReason.TOO_FAST: TOO_FAST,
+    RejectReason.MALFORMED: 7,
+    RejectReason.VERSION: 8,
+    RejectReason.TAG: 9,
+    RejectReason.OUTSIDE: 10,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """What all listeners of a fleet judge frames by.
 
     Attributes:
-        counts: Frames dropped so far, by reason.
-        rejected: Frames dropped so far, for any reason.
+        roster: The numbers of all robots.
+        bounds: The terrain's (x_min, y_min, x_max, y_max), m.
+        speed: Of the fastest robot, m/s.
+        key: Of the tags, or None when the fleet uses none.
+        step: s between two frames of a sender; a frame may come one step early or late.
+        ahead: By how many ticks a sequence may be ahead of the listener's own; None where the two are not counted from
+            the same moment. Then frames too far ahead of their sender's last, and too old ones, are accepted too, once
+            enough of them agree with each other: what a forged one has shut out comes back.
         trail_every: Ticks between the places of a trail.
     """
 
-    def __init__(
-        self,
-        own: int,
-        roster: Iterable[int],
-        bounds: tuple[float, float, float, float],
-        max_speed: float,
-        key: bytes | None = None,
-        step: float = 0.5,
-        ahead: int | None = 0,
-        trail_every: int = 1,
-    ) -> None:
-        self.trail_every = trail_every
-        self.counts: dict[RejectReason, int] = dict.fromkeys(RejectReason, 0)
-        self.rejected = 0
-        self._own = own
-        self._roster = frozenset(roster)
-        x_min, y_min, x_max, y_max = bounds
+    roster: tuple[int, ...]
+    bounds: tuple[float, float, float, float]
+    speed: float
+    key: bytes | None = None
+    step: float = 0.5
+    ahead: int | None = 0
+    trail_every: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Intake:
+    """What listeners have made of the frames of one tick.
+
+    Attributes:
+        tick: The tick.
+        listeners: Their numbers.
+        said: What each frame says, with as much of its trail as can be true; None where it cannot be decoded or true.
+        heard: uint8 (listeners, frames), not 0 where a frame reaches a listener.
+        accepted: bool (listeners, frames), whether a listener has accepted a frame.
+        plain: bool (listeners, frames), whether that made known where its sender was in this tick, and no more.
+        past: (row, frame, tick, pose) of the looks that other frames made known, in order: of earlier ticks, or told of
+            by a trail.
+    """
+
+    tick: int
+    listeners: tuple[int, ...]
+    said: tuple[Position | None, ...]
+    heard: NDArray[np.uint8]
+    accepted: NDArray[np.bool_]
+    plain: NDArray[np.bool_]
+    past: list[tuple[int, int, int, Pose]]
+
+    def positions(self, number: int) -> list[Position]:
+        """The positions and contacts that one listener has accepted, in their order."""
+        places = np.flatnonzero(self.accepted[self.listeners.index(number)]).tolist()
+        return [said for place in places if (said := self.said[place]) is not None]
+
+    def looks(self, number: int) -> list[tuple[int, Pose]]:
+        """The looks that one listener learns of, tick and pose, in their order."""
+        row = self.listeners.index(number)
+        plain = np.flatnonzero(self.plain[row]).tolist()
+        found = [(place, self.tick, said.pose) for place in plain if (said := self.said[place]) is not None]
+        found += [(place, tick, pose) for at, place, tick, pose in self.past if at == row]
+        found.sort(key=itemgetter(0))
+        return [(tick, pose) for _, tick, pose in found]
+
+
+class Inboxes:
+    """What listeners have heard of a fleet's robots: a row for each listener, a column for each robot.
+
+    In a process there is one row; in a fleet of one process there is one for each robot:
+
+        inboxes = Inboxes([2], Rules((1, 2, 3), (0.0, 0.0, 100.0, 88.0), speed=4.0))
+        intake = inboxes.hear(7, {2: [frame_of_robot_1, frame_of_robot_3]})
+        intake.positions(2), intake.looks(2), inboxes.peers(2)
+    """
+
+    def __init__(self, listeners: Sequence[int], rules: Rules) -> None:
+        """Nothing heard yet.
+
+        Args:
+            listeners: The numbers of all who may listen; one that is of no robot listens only.
+            rules: The fleet's.
+        """
+        self.rules = rules
+        self._column = {number: column for column, number in enumerate(sorted(rules.roster))}
+        self._row = {number: row for row, number in enumerate(listeners)}
+        self._own = np.array([self._column.get(number, NO_ROBOT) for number in listeners], dtype=np.int64)
+        self._cells = np.zeros((len(listeners), len(self._column)), dtype=CELL)
+        self._cells["sequence"] = NOTHING
+        self._refused = np.zeros((len(listeners), 1 + max(_CODES.values())), dtype=np.int64)
+        x_min, y_min, x_max, y_max = rules.bounds
         self._bounds = x_min - ROUNDING, y_min - ROUNDING, x_max + ROUNDING, y_max + ROUNDING
-        self._max_speed = max_speed
-        self._key = key
-        self._step = step
-        self._ahead = ahead
-        self._last: dict[int, _Heard] = {}
-        self._windows: dict[int, ReplayWindow] = {}
-        self._starts: dict[int, float] = {}
-        self._jumped: dict[int, list[_Heard]] = {}
+        self._longest_step_cm = m_to_cm(rules.speed * rules.step * rules.trail_every + ROUNDING)
 
-    def plain(self, frame: bytes, now_s: float) -> Position | None:
-        """The position in a frame that passes every check which is the same for all receivers of a fleet.
+    def clear(self, number: int) -> None:
+        """Forget what a listener has heard and refused: another process or mind takes its place."""
+        row = self._row[number]
+        self._cells[row] = np.zeros((), dtype=CELL)
+        self._cells["sequence"][row] = NOTHING
+        self._refused[row] = 0
 
-        What is left to check of it is whether it follows from what was heard of its sender, and is not the receiver's
-        own.
+    def counts(self, number: int) -> dict[RejectReason, int]:
+        """How many frames a listener has refused so far, by reason."""
+        return {reason: self._refused.item(self._row[number], _CODES[reason]) for reason in RejectReason}
+
+    def rejected(self, number: int) -> int:
+        """How many frames a listener has refused so far."""
+        return int(self._refused[self._row[number]].sum())
+
+    def peers(self, number: int, since: int = 0) -> Peers:
+        """The robots that a listener has heard at a tick or later."""
+        return Peers(self._column, self._cells[self._row[number]], since)
+
+    def hear(self, tick: int, heard: Mapping[int, Sequence[bytes]]) -> Intake:
+        """Take in a tick's frames.
 
         Args:
-            frame: Any bytes.
-            now_s: When it came by the receivers' clocks, s.
+            tick: Now, never decreasing.
+            heard: The frames that reach each listener, by its number, in their order.
 
         Returns:
-            The position of a robot without a trail; None for any other frame.
+            What they accept, and what that makes known.
         """
+        rules, listeners = self.rules, tuple(heard)
+        frames, reaches = _as_table(heard)
+        decoded = {frame: self._read(frame, tick) for frame in frames}
+        said = tuple(decoded[frame][0] for frame in frames)
+        facts = np.array([decoded[frame][1] for frame in frames], dtype=FRAME)
+        fate, looks = np.zeros_like(reaches), np.zeros_like(reaches)
+        since = np.zeros(reaches.shape, dtype=np.int32)
+        rows = np.array([self._row[number] for number in listeners], dtype=np.int64)
+        now = (tick, rules.step, rules.speed, rules.ahead is not None, rules.trail_every, SPAN)
+        is_past = hear(self._cells, self._refused, rows, self._own, facts, reaches, *now, fate, looks, since)
+        past = list(self._past(tick, said, looks, since)) if is_past else []
+        return Intake(tick, listeners, said, reaches, fate == ACCEPTED, looks == 1, past)
+
+    def _past(
+        self, tick: int, said: Sequence[Position | None], looks: NDArray[np.uint8], since: NDArray[np.int32]
+    ) -> Iterator[tuple[int, int, int, Pose]]:
+        for row, place in np.argwhere(looks > 1).tolist():
+            position, bits = said[place], int(looks[row, place])
+            if position is None:
+                continue
+            then = tick - int(since[row, place]) if bits & THEN else tick
+            for back, (x, y) in enumerate(((position.pose.x, position.pose.y), *position.past)):
+                if bits >> back & 1:
+                    yield row, place, then - back * self.rules.trail_every, Pose(x, y, position.pose.heading)
+
+    def _read(self, frame: bytes, tick: int) -> tuple[Position | None, tuple[int, ...]]:
+        """What a frame says, and that as the kernel takes it: with the reason where nobody accepts it."""
         try:
-            position = decode(frame, self._key)
-            self._check_place(position)
-            self._check_tick(position, now_s)
-        except Rejected:
-            return None
-        return None if position.trail or position.robot not in self._roster else position
-
-    def decoded(self, frame: bytes) -> Position | None:
-        """What a frame says, whether or not it can be true; None where it cannot be decoded.
-
-        Args:
-            frame: Any bytes.
-        """
-        try:
-            return decode(frame, self._key)
-        except Rejected:
-            return None
-
-    def doubts(self, robot: int) -> bool:
-        """Whether the last frames of a sender did not follow from those before.
-
-        Args:
-            robot: Its number.
-        """
-        return robot in self._jumped
-
-    def release(self, robot: int) -> History | None:
-        """Forget what was heard of a sender, but for its frames that are in doubt.
-
-        Args:
-            robot: Its number.
-
-        Returns:
-            What was forgotten, None where there was nothing.
-        """
-        heard = self._last.pop(robot, None)
-        window = self._windows.pop(robot, None)
-        if heard is None or window is None:
-            return None
-        return History(heard.position, heard.at, window, self._starts.pop(robot))
-
-    def resume(self, history: History) -> None:
-        """Go on from what was heard of a sender.
-
-        Args:
-            history: From `release`.
-        """
-        robot = history.last.robot
-        self._last[robot] = _Heard(history.last, history.at)
-        self._windows[robot] = history.window
-        self._starts[robot] = history.start
-
-    def accept(self, frame: bytes, now_s: float) -> Position | None:
-        """Decode a frame and check it.
-
-        The caller recognises a late position by its sequence, which is below that of an earlier one of its sender's.
-
-        Args:
-            frame: Any bytes.
-            now_s: When it came by the receiver's clock, s; never decreasing.
-
-        Returns:
-            The position, or None when the frame is dropped.
-        """
-        try:
-            position = decode(frame, self._key)
-            if position.robot != CONTACT:
-                self._check_sender(position)
-            self._check_place(position)
-            self._check_tick(position, now_s)
-            if position.robot == CONTACT:
-                self._check_contact(_Heard(position, now_s))
-            else:
-                self._check_motion(_Heard(position, now_s))
+            position = decode(frame, self.rules.key)
         except Rejected as rejected:
-            self.counts[rejected.reason] += 1
-            self.rejected += 1
-            return None
-        return self._plausible_trail(position)
+            return None, (_CODES[rejected.reason], NO_SENDER, 0, 0, 0, 0, 0, 0, 0)
+        reason = self._refusal(position, tick)
+        position = position if reason else self._with_plausible_trail(position)
+        sender = self._column.get(position.robot, NO_SENDER)
+        kind = _CODES[reason] if reason else REPORT if position.robot == CONTACT else POSITION
+        back = position.trail[0] if position.trail else (0, 0)
+        place = position.x_cm, position.y_cm, position.heading_mrad
+        return position, (kind, sender, position.sequence, *place, *back, len(position.trail))
 
-    def last(self, robot: int) -> tuple[Position, float] | None:
-        """The newest accepted position of a robot.
-
-        Args:
-            robot: Its number.
-
-        Returns:
-            The position and when it came (own clock, s), or None.
-        """
-        heard = self._last.get(robot)
-        return None if heard is None else (heard.position, heard.at)
-
-    def _check_sender(self, position: Position) -> None:
-        if position.robot == self._own:
-            raise Rejected(RejectReason.OWN, "a frame under this robot's own number")
-        if position.robot not in self._roster:
-            raise Rejected(RejectReason.UNKNOWN, f"robot {position.robot} is not in the roster")
-
-    def _check_place(self, position: Position) -> None:
+    def _refusal(self, position: Position, tick: int) -> RejectReason | None:
+        """Why no listener accepts a position, or None."""
+        if position.robot != CONTACT and position.robot not in self._column:
+            return RejectReason.UNKNOWN
         x_min, y_min, x_max, y_max = self._bounds
         for x, y in ((cm_to_m(position.x_cm), cm_to_m(position.y_cm)), *position.past):
             if not (x_min <= x <= x_max and y_min <= y <= y_max):
-                raise Rejected(RejectReason.OUTSIDE, f"({x}, {y}) is off the terrain")
+                return RejectReason.OUTSIDE
+        ahead = self.rules.ahead
+        return RejectReason.AHEAD if ahead is not None and position.sequence > tick + ahead else None
 
-    def _check_tick(self, position: Position, now_s: float) -> None:
-        # Half a step is for rounding: ticks are whole.
-        if self._ahead is not None and position.sequence > now_s / self._step + self._ahead + 0.5:
-            raise Rejected(RejectReason.AHEAD, "from a tick that is still to come")
-
-    def _check_motion(self, heard: _Heard) -> None:
-        """Believe what follows the last accepted frame, or `_STEADY` frames in a row that follow one another."""
-        robot, sequence = heard.position.robot, heard.position.sequence
-        last = self._last.get(robot)
-        window = self._windows.setdefault(robot, ReplayWindow())
-        outdated = window.newest - sequence >= SPAN
-        if not window.fresh(sequence) and not (outdated and self._ahead is None):
-            raise Rejected(RejectReason.OLD, "heard before, or too old to be checked")
-        if last is not None:
-            if sequence < last.position.sequence and not outdated:
-                self._check_late(heard.position, last.position)
-                window.use(sequence)
-                return
-            reason = RejectReason.OLD if outdated else self._implausible(last, heard)
-            if reason is not None:
-                row = self._jumped.get(robot, [])
-                row = [*row, heard] if row and self._follows(row[-1], heard) else [heard]
-                self._jumped[robot] = row
-                if len(row) < _STEADY:
-                    raise Rejected(reason, "does not follow the last one")
-        if outdated:
-            self._windows[robot] = window = ReplayWindow()
-            del self._starts[robot]
-        self._jumped.pop(robot, None)
-        self._last[robot] = heard
-        self._starts[robot] = min(self._start_of(heard), self._starts.get(robot, math.inf))
-        window.use(sequence)
-
-    def _check_late(self, late: Position, newest: Position) -> None:
-        """A late frame is judged by how many steps it lies before the newest: only its place is new."""
-        steps = newest.sequence - late.sequence
-        if _apart(late, newest) > self._max_speed * (steps + 1) * self._step + ROUNDING:
-            raise Rejected(RejectReason.TOO_FAST, "does not lead to the newest one")
-
-    def _plausible_trail(self, position: Position) -> Position:
+    def _with_plausible_trail(self, position: Position) -> Position:
         """The position with as much of its trail as a robot can have driven."""
-        limit = m_to_cm(self._max_speed * self._step * self.trail_every + ROUNDING)
         for place, (dx, dy) in enumerate(position.trail):
-            if math.hypot(dx, dy) > limit:
+            if math.hypot(dx, dy) > self._longest_step_cm:
                 return replace(position, trail=position.trail[:place])
         return position
 
-    def _check_contact(self, heard: _Heard) -> None:
-        if not self._last:
-            raise Rejected(RejectReason.UNKNOWN, "a contact, and no robot that could report it has been heard")
-        leads = [
-            heard.position.sequence - last.position.sequence - (heard.at - last.at) / self._step
-            for last in self._last.values()
-        ]
-        lead = min(leads, key=abs)
-        if abs(lead) > _CONTACT_SLACK:
-            raise Rejected(
-                RejectReason.AHEAD if lead > 0.0 else RejectReason.OLD, "no robot would report a contact of then"
-            )
 
-    def _follows(self, before: _Heard, after: _Heard) -> bool:
-        return after.position.sequence > before.position.sequence and self._implausible(before, after) is None
+class Peers(Mapping[int, Peer]):
+    """The robots that one listener has heard of, by number, as far as they were heard at some tick or later."""
 
-    def _implausible(self, before: _Heard, after: _Heard) -> RejectReason | None:
-        elapsed = after.at - before.at
-        steps = after.position.sequence - before.position.sequence
-        if self._ahead is None and steps > 2.0 * elapsed / self._step + _AHEAD:
-            return RejectReason.AHEAD
-        held_up = min(max(steps * self._step - elapsed, 0.0), self._delay(before))
-        if _apart(before.position, after.position) > self._max_speed * (elapsed + held_up + self._step) + ROUNDING:
-            return RejectReason.TOO_FAST
-        return None
+    def __init__(self, column: Mapping[int, int], cells: NDArray[np.void], since: int = 0) -> None:
+        """Show a row of a table.
 
-    def _start_of(self, heard: _Heard) -> float:
-        """When the sender's sequence 0 would have come, had it taken as long as this frame."""
-        return heard.at - heard.position.sequence * self._step
+        Args:
+            column: The robots' columns by number, both ascending.
+            cells: CELL (columns,), the listener's row; what is heard later shows.
+            since: The tick.
+        """
+        self._column = column
+        self._cells = cells
+        self._since = since
 
-    def _delay(self, heard: _Heard) -> float:
-        """How much longer than the quickest of its sender's frames a frame took, s; no more than the window holds."""
-        quickest = self._starts.get(heard.position.robot, math.inf)
-        return min(max(self._start_of(heard) - quickest, 0.0), SPAN * self._step)
+    def __getitem__(self, number: int) -> Peer:
+        said = self.said(number)
+        return Peer(said.sequence, said.pose, self._cells["at"].item(self._column[number]))
+
+    def __iter__(self) -> Iterator[int]:
+        return compress(self._column, self._known.tolist())
+
+    def __len__(self) -> int:
+        return int(np.count_nonzero(self._known))
+
+    def said(self, number: int) -> Position:
+        """The newest position of a robot, with the first place of its trail.
+
+        Raises:
+            KeyError: It was not heard.
+        """
+        cell = self._cells[self._column[number]]
+        if cell["sequence"] == NOTHING or cell["at"] < self._since:
+            raise KeyError(number)
+        sequence, _, _, _, _, x, y, heading, back_x, back_y, *_ = cell.item()
+        return Position(number, sequence, 0, x, y, heading, ((back_x, back_y),) if back_x or back_y else ())
+
+    @property
+    def places(self) -> NDArray[np.float64]:
+        """float64 (len, 2), x and y of each in m, by number."""
+        found = np.empty((len(self._column), 2), dtype=np.float64)
+        return found[: places_heard(self._cells, self._since, CM_PER_M, found)]
+
+    def lately(self, since: int) -> Peers:
+        """Those that were heard at a tick or later."""
+        return Peers(self._column, self._cells, since)
+
+    def silent(self, since: int) -> Iterator[int]:
+        """The numbers of those that were not heard at a tick or later, ascending."""
+        return compress(self._column, (self._known & (self._cells["at"] < since)).tolist())
+
+    def oldest(self, now: int) -> int:
+        """The earliest tick at which any of them was heard last; now where there are none."""
+        return int(self._cells["at"][self._known].min(initial=now))
+
+    @property
+    def _known(self) -> NDArray[np.bool_]:
+        heard: NDArray[np.bool_] = self._cells["sequence"] != NOTHING
+        return heard if self._since <= 0 else heard & (self._cells["at"] >= self._since)
 
 
-def _apart(a: Position, b: Position) -> float:
-    """The distance between two places, m."""
-    return cm_to_m(math.hypot(b.x_cm - a.x_cm, b.y_cm - a.y_cm))
+def _as_table(heard: Mapping[int, Sequence[bytes]]) -> tuple[Sequence[bytes], NDArray[np.uint8]]:
+    """All frames, each listener's in their order, and who hears which: uint8 (listeners, frames)."""
+    if isinstance(heard, Heard):
+        return heard.frames, heard.reaches.view(np.uint8)
+    ends = np.cumsum([len(frames) for frames in heard.values()], dtype=np.int64)
+    reaches = np.zeros((len(heard), int(ends[-1]) if len(heard) else 0), dtype=np.uint8)
+    for row, (frames, end) in enumerate(zip(heard.values(), ends.tolist(), strict=True)):
+        reaches[row, end - len(frames) : end] = 1
+    return [frame for frames in heard.values() for frame in frames], reaches

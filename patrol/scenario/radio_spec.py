@@ -18,7 +18,7 @@ from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator,
 
 from patrol.radio.allowance import BITS, Share
 from patrol.radio.message import MAX_STEP_CM, longest_frame
-from patrol.radio.replay_window import SPAN
+from patrol.radio.peers import SPAN
 from patrol.radio.units import cm_to_m, m_to_cm
 from patrol.scenario.class_file import beside, class_file
 from patrol.scenario.robots import RobotSpec

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from agent.belief.shared import SharedBelief
 from agent.mind import Mind
 from experiments.inprocess import Outcome, run_in_process
 from patrol.radio.peers import Peer
@@ -65,9 +64,8 @@ class Watched:
             at = world.tick, number
             self.fogs[at] = mind.belief.dilated.copy()
             self.peers[at] = dict(mind.belief.peers)
-            self.counts[at] = dict(mind.belief.inbox.counts), mind.belief.fog.mfow(world.tick)
-        groups = {id(mind.belief.group) for mind in minds.values() if isinstance(mind.belief, SharedBelief)}
-        self.groups.append(len(groups))
+            self.counts[at] = dict(mind.belief.refused), mind.belief.fog.mfow(world.tick)
+        self.groups.append(len({id(mind.belief.shared) for mind in minds.values()}))
 
 
 def compared(given: Scenario) -> tuple[Watched, Watched]:
@@ -119,7 +117,7 @@ def test_whatever_else_there_is_they_do_the_same_under_losses(more: dict[str, An
 def test_as_long_as_all_arrives_there_is_one_belief_and_those_that_missed_something_part() -> None:
     shared, alone = compared(scenario(FAULTS["none"], patrol={"commitment": "none"}))
     assert set(shared.groups) == {1}
-    assert set(alone.groups) == {0}
+    assert set(alone.groups) == {5}
     shared, _ = compared(scenario(FAULTS["silence"], patrol={"commitment": "none"}))
     assert shared.groups[0] == 1
     assert shared.groups[-1] == 2  # r2 on the one side, all others on the other

@@ -14,8 +14,8 @@ from patrol.ground.fields import StaticFields
 from patrol.ground.terrain import Terrain
 from patrol.journal import Status
 from patrol.pose import Command, Drive, Pose, Twist, Velocity
-from patrol.prepare import Prepared, inbox_of
-from patrol.radio.inbox import Inbox
+from patrol.prepare import Prepared, inboxes_of
+from patrol.radio.inbox import Inboxes
 from patrol.radio.message import Position, encode
 from patrol.random import draw
 from patrol.scenario import load_scenario
@@ -59,7 +59,7 @@ class RandomFleet:
     late: dict[int, int] = field(default_factory=dict)
     finished: int | None = None
     key: bytes | None = None
-    inboxes: dict[int, Inbox] = field(default_factory=dict)
+    inboxes: dict[int, Inboxes] = field(default_factory=dict)
     seen: str = ""
 
     def phase_a(self, k: int, sensed: Mapping[int, Sensed]) -> Mapping[int, Sequence[bytes]]:
@@ -78,24 +78,23 @@ class RandomFleet:
     def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply]:
         self.heard.append(heard)
         for number, frames in heard.items():
-            for frame in frames:
-                self._inbox(number).accept(frame, k * self.world.step)
+            self._inbox(number).hear(k, {number: frames})
         return {
             number: Reply(
                 command_of(self.world.bodies[number].spec.model, self.seed, number, k),
                 "dead-end" if (number + k) % 4 == 0 else "patrolling",
                 None,
                 float(number),
-                self._inbox(number).rejected,
+                self._inbox(number).rejected(number),
             )
             for number in heard
             if (number, k, "A") not in self.silent and (number, k, "B") not in self.silent
         }
 
-    def _inbox(self, number: int) -> Inbox:
+    def _inbox(self, number: int) -> Inboxes:
         if number not in self.inboxes:
             bounds = self.world.terrain.bounds
-            self.inboxes[number] = inbox_of(self.world.scenario, number, bounds, self.key)
+            self.inboxes[number] = inboxes_of(self.world.scenario, [number], bounds, self.key)
         return self.inboxes[number]
 
     def lost(self) -> list[tuple[int, Status, str]]:

@@ -21,7 +21,7 @@ def _follows_forces(scenario: Scenario) -> bool:
 
 
 def _dilates(scenario: Scenario) -> bool:
-    """Whether beliefs spread staleness (`agent.belief.believed.spreads`); an open field has no posts."""
+    """Whether beliefs spread staleness (`agent.belief.believed.BelievedFog`); an open field has no posts."""
     return _follows_forces(scenario) or scenario.terrain.builtin == "open"
 
 

@@ -1,120 +1,277 @@
-"""Kernel of many listeners: takes in the frames that follow from what each has heard before without any doubt."""
+"""Kernels of the inboxes: which positions and contacts listeners accept, and which looks they learn of.
+
+A table has a row for each listener and a column for each sender. All that a listener knows of a sender is a cell of it.
+The frames of a tick, with what each says, are judged in their order, for all listeners that they reach.
+"""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-from numba import njit, types
+from numba import from_dtype, njit, types
 
+CELL = np.dtype(
+    [
+        ("sequence", np.int64),  # of its newest accepted frame, NOTHING for none
+        ("at", np.int64),  # the tick at which that was heard
+        ("start", np.float64),  # when its sequence 0 would have come, had it taken as long as its quickest frame, s
+        ("used", np.uint64),  # bit i: the frame i sequences before the newest was accepted
+        ("looks", np.uint64),  # bit i: what it saw i sequences before the newest is known, by frame or trail
+        ("x", np.int32),  # of the newest, cm
+        ("y", np.int32),  # cm
+        ("heading", np.int16),  # mrad
+        ("back_x", np.int16),  # from there to the first place of its trail, cm; 0 without one
+        ("back_y", np.int16),  # cm
+        ("doubts", np.int16),  # how many frames in a row follow one another, but not the newest accepted
+        ("doubt_sequence", np.int64),  # of the last of them
+        ("doubt_at", np.int64),  # the tick at which that was heard
+        ("doubt_x", np.int32),  # cm
+        ("doubt_y", np.int32),  # cm
+    ],
+    align=True,
+)
+"""What a listener knows of a sender."""
+
+FRAME = np.dtype(
+    [
+        ("kind", np.int64),  # POSITION, REPORT, or why nobody accepts it
+        ("sender", np.int64),  # its column; NO_SENDER for contacts and what cannot be decoded
+        ("sequence", np.int64),
+        ("x", np.int32),  # cm
+        ("y", np.int32),  # cm
+        ("heading", np.int16),  # mrad
+        ("back_x", np.int16),  # as in a cell
+        ("back_y", np.int16),
+        ("trail", np.int16),  # how many places its trail has
+    ],
+    align=True,
+)
+"""What a frame says."""
+
+NOTHING = -1
+"""The sequence of a sender that was not heard."""
+
+NO_SENDER = -1
+NO_ROBOT = -2
+"""The column of a listener that is not a robot."""
+
+POSITION, REPORT = 0, 1
+"""Kinds of frames that may be accepted; the others are reasons."""
+
+ACCEPTED, OWN, UNKNOWN, OLD, AHEAD, TOO_FAST = 1, 2, 3, 4, 5, 6
+"""What becomes of a frame, where 0 is that it was not heard: all from `OWN` on are reasons for refusing it."""
+
+THEN = 128
+"""Mark of a frame's looks: they are not of the tick in which it came."""
+
+ROUNDING = 0.02
+"""Rounding to centimetres moves each of two positions by up to 0.5 cm along each axis, m."""
+
+_STEADY = 3
+"""Frames in a row that agree with each other before a jump is believed: localisation jumps honestly, once."""
+
+_FAR_AHEAD = 64
+"""Without the fleet's ticks, compare a sender's frame with its earlier ones: how much further than its clock can have
+run a sequence may be, in steps. Covers stalls of the network."""
+
+_SLACK = 4.0
+"""By how many steps a contact's sequence may differ from what some robot would send now."""
+
+_CELL, _FRAME = from_dtype(CELL), from_dtype(FRAME)
+_CELLS = types.Array(_CELL, 2, "C")
+_ROW = types.Array(_CELL, 1, "C")
+_FRAMES = types.Array(_FRAME, 1, "C")
+_COUNTS = types.Array(types.int64, 2, "C")
+_ROWS = types.Array(types.int64, 1, "C")
+_REACHES = types.Array(types.uint8, 2, "C", readonly=True)
 _FLAGS = types.Array(types.uint8, 2, "C")
-_ROWS = types.Array(types.int64, 1, "C", readonly=True)
-_LONGS = types.Array(types.int64, 2, "C")
-_BITS = types.Array(types.uint64, 2, "C")
-_TIMES = types.Array(types.float64, 2, "C")
+_TICKS = types.Array(types.int32, 2, "C")
+_PLACES = types.Array(types.float64, 2, "C")
+_B = types.boolean
 _F = types.float64
 _I = types.int64
 
-_NO_BITS = np.uint64(0)
-_LATEST = np.uint64(1)
-
-PLAIN = 1
-"""A frame that was taken in."""
-
-ODD = 2
-"""A frame that has to be looked at by itself; nothing has changed."""
+_ONE = np.uint64(1)
+_NONE = np.uint64(0)
 
 
-# fmt: off
+@njit(_B(_F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
+def _beyond(x, y, from_x, from_y, reach):
+    """Whether a place (cm) is farther from another than m."""
+    across, up = x - from_x, y - from_y
+    return math.sqrt(across * across + up * up) / 100.0 > reach
+
+
+@njit(_I(_FRAME, _I, _I, _I, _I, _F, _I, _F, _F, _B, _I), cache=True, nogil=True, error_model="numpy")
+def _implausible(frame, sequence, at, x, y, start, tick, step, speed, knows_ticks, span):
+    """Why a frame cannot follow an earlier one of its sender (sequence, tick, cm), or 0.
+
+    The time that the sender had is the time between the arrivals and, where the earlier frame was delayed, what the
+    sequences say on top: its delay, beyond the least of its sender's frames so far, shows in its sequence.
+    """
+    before = at * step
+    elapsed = tick * step - before
+    steps = frame.sequence - sequence
+    if not knows_ticks and steps > 2.0 * elapsed / step + _FAR_AHEAD:
+        return AHEAD
+    delay = min(max(before - sequence * step - start, 0.0), span * step)
+    held_up = min(max(steps * step - elapsed, 0.0), delay)
+    far = _beyond(frame.x, frame.y, x, y, speed * (elapsed + held_up + step) + ROUNDING)
+    return TOO_FAST if far else 0
+
+
+@njit(_I(_CELL, _FRAME, _I, _F, _F, _B, _I), cache=True, nogil=True, error_model="numpy")
+def _judge_position(cell, frame, tick, step, speed, knows_ticks, span):
+    """Accept or refuse a frame of another robot; a newer one becomes what is known of it, a late one does not."""
+    number = frame.sequence
+    ago = cell.sequence - number
+    begins = cell.sequence == NOTHING
+    if not begins:
+        outdated = ago >= span
+        if 0 <= ago < span:
+            if cell.used >> np.uint64(ago) & _ONE:
+                return OLD
+            # It must lead to the newest one in as many steps as lie between them: only its place is new.
+            if _beyond(frame.x, frame.y, cell.x, cell.y, speed * (ago + 1) * step + ROUNDING):
+                return TOO_FAST
+            cell.used |= _ONE << np.uint64(ago)
+            return ACCEPTED
+        if outdated and knows_ticks:
+            return OLD
+        last = (cell.sequence, cell.at, cell.x, cell.y, cell.start)
+        wrong = OLD if outdated else _implausible(frame, *last, tick, step, speed, knows_ticks, span)
+        if wrong != 0:
+            agrees = cell.doubts > 0 and number > cell.doubt_sequence
+            if agrees:
+                doubt = (cell.doubt_sequence, cell.doubt_at, cell.doubt_x, cell.doubt_y, cell.start)
+                agrees = _implausible(frame, *doubt, tick, step, speed, knows_ticks, span) == 0
+            cell.doubts = cell.doubts + 1 if agrees else 1
+            cell.doubt_sequence, cell.doubt_at, cell.doubt_x, cell.doubt_y = number, tick, frame.x, frame.y
+            if cell.doubts < _STEADY:
+                return wrong
+        begins = outdated
+    newer = np.uint64(-ago)
+    kept = not begins and -ago < span
+    cell.used = (cell.used << newer if kept else _NONE) | _ONE
+    cell.looks = cell.looks << newer if kept else _NONE
+    start = tick * step - number * step
+    cell.start = start if begins else min(start, cell.start)
+    cell.sequence, cell.at, cell.doubts = number, tick, 0
+    cell.x, cell.y, cell.heading = frame.x, frame.y, frame.heading
+    cell.back_x, cell.back_y = frame.back_x, frame.back_y
+    return ACCEPTED
+
+
+@njit(_I(_ROW, _FRAME, _I, _F), cache=True, nogil=True, error_model="numpy")
+def _judge_contact(row, frame, tick, step):
+    """Accept a contact that some robot would report about now, going on from its last accepted frame."""
+    nearest = math.inf
+    for column in range(row.size):
+        cell = row[column]
+        if cell.sequence != NOTHING:
+            lead = frame.sequence - cell.sequence - (tick * step - cell.at * step) / step
+            if abs(lead) < abs(nearest):
+                nearest = lead
+    if nearest == math.inf:
+        return UNKNOWN
+    if abs(nearest) > _SLACK:
+        return AHEAD if nearest > 0.0 else OLD
+    return ACCEPTED
+
+
 @njit(
-    types.boolean(
-        _FLAGS, _ROWS, _ROWS, _ROWS, _ROWS, _ROWS, _ROWS, _ROWS, _I, _F, _F, _F, _I,
-        _FLAGS, _LONGS, _LONGS, _LONGS, _LONGS, _LONGS, _LONGS, _TIMES, _LONGS, _BITS, _LONGS, _BITS,
-    ),
-    cache=True, nogil=True, error_model="numpy",
+    _B(_CELLS, _COUNTS, _ROWS, _ROWS, _FRAMES, _REACHES, _I, _F, _F, _B, _I, _I, _FLAGS, _FLAGS, _TICKS),
+    cache=True,
+    nogil=True,
+    error_model="numpy",
 )
-def hear(
-    reaches, listeners, senders, sequences, xs, ys, headings, times, tick, step, speed, rounding, span,
-    odd, sequence, x, y, heading, time, at, start, newest, used, looked, looks,
-):
-    """Take in the frames that follow from the last one of their sender without any doubt.
+def hear(cells, refused, rows, own, frames, reaches, tick, step, speed, knows_ticks, every, span, fate, looks, since):
+    """Judge a tick's frames.
 
-    Such a frame is newer than all that was heard of its sender, and says a place that its sender can have reached since
-    the last by a margin larger than any rounding. The rest are left to `patrol.radio.inbox.Inbox`, which decides on
-    both kinds; this does the same for the first.
+    A position counts at the tick it arrives: robots' clocks need not agree. A late one counts as many ticks before the
+    newest one as their sequences are apart. The i-th place of a trail counts i times `every` ticks before its frame.
 
     Args:
-        reaches: uint8 (m, f), 1 where a frame reaches a listener; overwritten with 0, `PLAIN` or `ODD`.
-        listeners: int64 (m,), the listeners' rows in the tables below.
-        senders: int64 (f,), the senders' columns there.
-        sequences: int64 (f,), of the frames.
-        xs: int64 (f,), cm.
-        ys: int64 (f,), cm.
-        headings: int64 (f,), mrad.
-        times: int64 (f,), ms.
+        cells: CELL (n, s), of the listeners and senders; changed in place.
+        refused: int64 (n, reasons), how many frames each listener has refused so far; changed in place.
+        rows: int64 (m,), the rows of those that listen now.
+        own: int64 (n,), each listener's own column, or `NO_ROBOT`.
+        frames: FRAME (f,), in their order.
+        reaches: uint8 (m, f), not 0 where a frame reaches a listener.
         tick: Now.
         step: s per tick.
         speed: Of the fastest robot, m/s.
-        rounding: By how much two places may be farther apart than was driven, m.
-        span: How many sequences a replay window holds.
-        odd: uint8 (n, n), not 0 where the last frames of a sender were in doubt.
-        sequence: int64 (n, n), of the last frame; -1 for none.
-        x: int64 (n, n), cm.
-        y: int64 (n, n), cm.
-        heading: int64 (n, n), mrad.
-        time: int64 (n, n), ms.
-        at: int64 (n, n), the tick at which that frame was heard.
-        start: float64 (n, n), when the quickest frame's sequence 0 would have come, s.
-        newest: int64 (n, n), of the inbox's replay window.
-        used: uint64 (n, n), its bits.
-        looked: int64 (n, n), newest of the window of looks.
-        looks: uint64 (n, n), its bits.
+        knows_ticks: Whether the listeners' ticks are the fleet's. Otherwise frames that are too old or too far ahead
+            are accepted too, once enough of them agree with each other: a forged one then shuts nobody out.
+        every: Ticks between the places of a trail.
+        span: How many sequences are remembered, at most 64.
+        fate: uint8 (m, f), zeros; set to `ACCEPTED` or a reason where a frame is heard.
+        looks: uint8 (m, f), zeros; bit i is set where the place i of an accepted frame, 0 for its own, is news to a
+            listener, and `THEN` where place 0 is of another tick than now.
+        since: int32 (m, f), zeros; set to how many ticks ago place 0 was there, where `THEN` is set.
 
     Returns:
-        Whether any frame is `ODD`.
+        Whether any look is not of place 0 and now.
     """
-    now = tick * step
-    in_doubt = False
-    for row in range(listeners.size):
-        own, reached = listeners[row], reaches[row]
-        # Slices of the listener's rows and an unsigned column: nobody asks for each number whether it is negative.
-        in_odd, in_sequence, in_at, in_start = odd[own], sequence[own], at[own], start[own]
-        in_x, in_y, in_heading, in_time = x[own], y[own], heading[own], time[own]
-        in_newest, in_used, in_looked, in_looks = newest[own], used[own], looked[own], looks[own]
-        for frame in range(senders.size):
-            if reached[frame] == 0:
+    past = False
+    for m in range(rows.size):
+        me = rows[m]
+        row = cells[me]
+        for f in range(frames.size):
+            if reaches[m, f] == 0:
                 continue
-            number, j = sequences[frame], np.uint64(senders[frame])
-            last, looked_at = in_newest[j], in_looked[j]
-            if own == senders[frame] or in_odd[j] != 0 or number <= last or number <= looked_at:
-                reached[frame] = ODD
-                in_doubt = True
-                continue
-            quickest = math.inf
-            heard = in_sequence[j]
-            if heard >= 0:
-                quickest = in_start[j]
-                before = in_at[j] * step
-                elapsed = now - before
-                late = min(max(before - heard * step - quickest, 0.0), span * step)
-                held_up = min(max((number - heard) * step - elapsed, 0.0), late)
-                reach = 100.0 * (1.0 - 1e-9) * (speed * (elapsed + held_up + step) + rounding)
-                across, up = float(xs[frame] - in_x[j]), float(ys[frame] - in_y[j])
-                if across * across + up * up > reach * reach:
-                    reached[frame] = ODD
-                    in_doubt = True
-                    continue
-            reached[frame] = PLAIN
-            in_sequence[j], in_at[j], in_time[j] = number, tick, times[frame]
-            in_x[j], in_y[j], in_heading[j] = xs[frame], ys[frame], headings[frame]
-            in_start[j] = min(now - number * step, quickest)
-            more = number - last
-            in_used[j] = (in_used[j] << np.uint64(more) if more < span else _NO_BITS) | _LATEST
-            in_newest[j] = number
-            more = number - looked_at
-            in_looks[j] = (in_looks[j] << np.uint64(more) if more < span else _NO_BITS) | _LATEST
-            in_looked[j] = number
-    return in_doubt
+            frame = frames[f]
+            kind = frame.kind
+            if frame.sender == own[me]:
+                kind = OWN
+            elif kind == REPORT:
+                kind = _judge_contact(row, frame, tick, step)
+            elif kind == POSITION:
+                cell = row[np.uint64(frame.sender)]
+                kind = _judge_position(cell, frame, tick, step, speed, knows_ticks, span)
+                if kind == ACCEPTED:
+                    ago = cell.sequence - frame.sequence
+                    then = cell.at - ago
+                    news = 0
+                    for place in range(frame.trail + 1):
+                        back = place * every
+                        if back > min(then, frame.sequence) or ago + back >= span:
+                            break
+                        # A look counts once, however often it is told of: with quality below 1 ages would change.
+                        bit = _ONE << np.uint64(ago + back)
+                        if not cell.looks & bit:
+                            cell.looks |= bit
+                            news |= 1 << place
+                    if news != 0 and then != tick:
+                        since[m, f] = tick - then
+                        news |= THEN
+                    looks[m, f] = news
+                    past |= news > 1
+            fate[m, f] = kind
+            if kind != ACCEPTED:
+                refused[me, kind] += 1
+    return past
 
 
-# fmt: on
+@njit(_I(types.Array(_CELL, 1, "C", readonly=True), _I, _F, _PLACES), cache=True, nogil=True)
+def places_heard(row, since, per_m, places):
+    """Put together where the robots are that a listener has heard since a tick.
+
+    Args:
+        row: CELL (s,), the listener's.
+        since: The tick.
+        per_m: cm in a metre.
+        places: float64 (s, 2), x and y in m; the first rows are filled in, in the order of the senders.
+
+    Returns:
+        How many robots they are.
+    """
+    count = 0
+    for column in range(row.size):
+        cell = row[column]
+        if cell.sequence != NOTHING and cell.at >= since:
+            places[count, 0] = cell.x / per_m
+            places[count, 1] = cell.y / per_m
+            count += 1
+    return count

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from agent.belief.believed import Belief
+from agent.belief.believed import Area, Belief, Beliefs
 from agent.belief.dilated import AGELESS
 from agent.belief.kernels.dilate import dilate
 from agent.belief.posts import Posts
@@ -20,20 +20,21 @@ from patrol.ground.footprint import Footprint
 from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
-from patrol.radio.inbox import Inbox
+from patrol.radio.inbox import Inboxes, Rules
 from patrol.radio.message import Position, RejectReason, encode
 
 STEP = 0.5
 
 
 def belief_on(
-    passable: NDArray[np.bool_], dilatation: int, sensor: float = 4.0, quality: float = 1.0
+    passable: NDArray[np.bool_], dilatation: int, sensor: float = 4.0, quality: float = 1.0, ahead: int = 0
 ) -> tuple[Belief, Footprint]:
     terrain = Terrain("t", passable, 0.5)
     fields = StaticFields(passable, passable, passable, np.full(passable.shape, -1, dtype=np.int32))
     footprint = footprint_of(terrain, sensor, quality=quality)
-    inbox = Inbox(1, (1, 2, 3), terrain.bounds, 10.0, None, STEP)
-    return Belief(fields.patrolled, fields.reach, Posts(fields.proxy), footprint, inbox, dilatation), footprint
+    inboxes = Inboxes([1], Rules((1, 2, 3), terrain.bounds, 10.0, None, STEP, ahead))
+    area = Area(fields.patrolled, fields.reach, Posts(fields.proxy), dilatation)
+    return Beliefs(inboxes, footprint).join(1, area), footprint
 
 
 def frame(robot: int, k: int, x: float, y: float, trail: tuple[tuple[int, int], ...] = ()) -> bytes:
@@ -51,7 +52,7 @@ def test_the_dilated_fog_is_always_what_dilating_all_of_it_would_give(seed: int,
     for k in range(12):
         x, y = (float(np.clip(v + rng.normal(0, 2), 0, limit)) for v, limit in ((x, 24.9), (y, 19.9)))
         heard = [frame(2, k, 24.0 - k, 5.0), frame(3, k, 3.0, 15.0 - k)]
-        belief.update(k, Pose(x, y, 0.0), heard, STEP)
+        belief.hear(k, Pose(x, y, 0.0), heard)
         whole = np.empty_like(belief.fog.last_seen)
         grid = passable.view(np.uint8)
         dilate(belief.fog.last_seen, grid, grid, whole, 0, 39, 0, 49, dilatation, k, np.zeros(0, dtype=np.uint16))
@@ -65,7 +66,7 @@ def test_a_belief_that_hears_everything_equals_the_truth() -> None:
     truth = Fog(passable)
     for k in range(20):
         own, peer = Pose(2.0 + k * 0.5, 5.0, 0.0), Pose(20.0 - k * 0.5, 15.0, 0.0)
-        belief.update(k, own, [frame(2, k, peer.x, peer.y)], STEP)
+        belief.hear(k, own, [frame(2, k, peer.x, peer.y)])
         for pose in (own, peer):
             truth.observe(footprint.visible(pose), k)
         assert np.array_equal(belief.fog.last_seen, truth.last_seen)
@@ -77,7 +78,7 @@ def test_without_communication_a_robot_knows_only_what_it_saw_itself() -> None:
     alone = Fog(np.ones((40, 50), dtype=np.bool_))
     for k in range(5):
         own = Pose(5.0 + k, 10.0, 0.0)
-        belief.update(k, own, [], STEP)
+        belief.hear(k, own, [])
         alone.observe(footprint.visible(own), k)
     assert np.array_equal(belief.fog.last_seen, alone.last_seen)
 
@@ -92,7 +93,7 @@ def test_a_trail_fills_in_what_was_missed_and_nothing_twice() -> None:
         if k in (0, 3):
             trail = tuple((-200, 0) for _ in range(min(k, 2)))
             heard = [frame(2, k, *places[k], trail=trail)]
-        belief.update(k, own, heard, STEP)
+        belief.hear(k, own, heard)
     for k in (0, 1, 2, 3):
         expected.observe(footprint.visible(own), k)
         expected.observe(footprint.visible(Pose(*places[k], 0.0)), k)
@@ -104,17 +105,17 @@ def test_garbage_changes_nothing_and_is_counted() -> None:
     other, _ = belief_on(np.ones((40, 50), dtype=np.bool_), 2)
     own = Pose(5.0, 5.0, 0.0)
     junk = [b"", b"\xc1", b"x" * 1000, frame(9, 0, 3.0, 3.0), frame(1, 0, 3.0, 3.0), frame(2, 0, 500.0, 3.0)]
-    belief.update(0, own, junk, STEP)
-    other.update(0, own, [], STEP)
+    belief.hear(0, own, junk)
+    other.hear(0, own, [])
     assert np.array_equal(belief.dilated, other.dilated)
-    assert belief.inbox.rejected == len(junk)
+    assert belief.rejected == len(junk)
 
 
 def test_a_peer_long_unheard_is_an_obstacle_where_it_was_last() -> None:
     belief, _ = belief_on(np.ones((40, 50), dtype=np.bool_), 0)
-    belief.update(0, Pose(5.0, 5.0, 0.0), [frame(2, 0, 15.0, 15.0), frame(3, 0, 20.0, 5.0)], STEP)
+    belief.hear(0, Pose(5.0, 5.0, 0.0), [frame(2, 0, 15.0, 15.0), frame(3, 0, 20.0, 5.0)])
     for k in range(1, 12):
-        belief.update(k, Pose(5.0, 5.0, 0.0), [frame(3, k, 20.0, 5.0)], STEP)
+        belief.hear(k, Pose(5.0, 5.0, 0.0), [frame(3, k, 20.0, 5.0)])
     radii = {1: 1.0, 2: 0.7, 3: 1.0}
     assert belief.silent(10, 10, radii, 1.25) == []
     assert belief.silent(11, 10, radii, 1.25) == [(15.0, 15.0, 1.95)]
@@ -127,7 +128,7 @@ def test_what_is_no_ground_has_no_age_where_there_are_no_posts(dilatation: int) 
     passable[5:9, 10:20] = False
     belief, _ = belief_on(passable, dilatation)
     for k in range(4):
-        belief.update(k, Pose(3.0 + k, 5.0, 0.0), [], STEP)
+        belief.hear(k, Pose(3.0 + k, 5.0, 0.0), [])
     assert (belief.dilated[~passable] == AGELESS).all()
     assert (belief.dilated[passable] <= 3).all()
 
@@ -140,14 +141,14 @@ def test_late_and_repeated_frames_count_at_their_own_tick_and_move_nobody() -> N
     places = {k: (4.0 + 2.0 * k, 5.0) for k in range(6)}
     arrivals = {0: [0], 1: [], 2: [2], 3: [1, 3, 3], 4: [], 5: [5, 0], 6: [4, 2]}
     for k, numbers in arrivals.items():
-        belief.update(k, own, [frame(2, number, *places[number]) for number in numbers], STEP)
+        belief.hear(k, own, [frame(2, number, *places[number]) for number in numbers])
         expected.observe(footprint.visible(own), k)
     for k in range(6):
         expected.observe(footprint.visible(Pose(*places[k], 0.0)), k)
     assert np.array_equal(belief.fog.last_seen, expected.last_seen)
     peer = belief.peers[2]
     assert (peer.sequence, peer.pose.x, peer.tick) == (5, places[5][0], 5)
-    assert belief.inbox.counts[RejectReason.OLD] == 3
+    assert belief.refused[RejectReason.OLD] == 3
 
 
 def test_a_look_counts_once_whether_a_frame_or_a_trail_tells_of_it() -> None:
@@ -158,7 +159,7 @@ def test_a_look_counts_once_whether_a_frame_or_a_trail_tells_of_it() -> None:
     def heard(arrivals: dict[int, list[bytes]]) -> NDArray[np.int32]:
         belief, _ = belief_on(open_ground, 0, quality=0.5)
         for k in range(20):
-            belief.update(k, own, arrivals.get(k, []), STEP)
+            belief.hear(k, own, arrivals.get(k, []))
         return belief.fog.last_seen
 
     place = (15.0, 5.0)
@@ -174,11 +175,10 @@ def test_a_look_counts_once_whether_a_frame_or_a_trail_tells_of_it() -> None:
 
 
 def test_a_frame_from_the_future_dates_late_ones_into_no_past() -> None:
-    belief, _ = belief_on(np.ones((40, 50), dtype=np.bool_), 0)
-    belief.inbox = Inbox(1, (1, 2, 3), (0.0, 0.0, 25.0, 20.0), 10.0, None, STEP, ahead=60)
-    belief.update(0, Pose(1.0, 19.0, 0.0), [frame(2, 60, 15.0, 5.0), frame(2, 3, 15.0, 5.0)], STEP)
+    belief, _ = belief_on(np.ones((40, 50), dtype=np.bool_), 0, ahead=60)
+    belief.hear(0, Pose(1.0, 19.0, 0.0), [frame(2, 60, 15.0, 5.0), frame(2, 3, 15.0, 5.0)])
     assert belief.fog.last_seen.min() == -1
-    assert belief.inbox.rejected == 0
+    assert belief.rejected == 0
 
 
 @settings(max_examples=30)
@@ -217,6 +217,6 @@ def test_trails_and_late_frames_together_give_what_each_heard_look_gives(
                     looks.add(k - ago)
                     at = heard_at - (newest - k) - ago
                     expected.observe(footprint.visible(Pose(*places[k - ago], 0.0)), at)
-        belief.update(tick, own, frames, STEP)
-    assert belief.inbox.rejected == 0
+        belief.hear(tick, own, frames)
+    assert belief.rejected == 0
     assert np.array_equal(belief.fog.last_seen, expected.last_seen)

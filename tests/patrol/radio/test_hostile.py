@@ -30,11 +30,13 @@ from patrol.net.messages.phases import (
 )
 from patrol.net.messages.phases import encode as encode_phase
 from patrol.pose import Drive, Pose
-from patrol.radio.inbox import Inbox
+from patrol.radio.inbox import Inboxes, Rules
 from patrol.radio.message import MAX_CM, MAX_FRAMES, MAX_ROBOT, MAX_SEQUENCE, MAX_TRAIL, Position, encode
 from patrol.random import mix
 
 KEY = b"the fleet's own key"
+ROSTER = (1, 2, 3, 4, 5)
+BOUNDS = (0.0, 0.0, 100.0, 88.0)
 EACH = 20
 MUTANTS = 199
 FLAT = 20_000
@@ -145,17 +147,18 @@ class Besieged:
 
     sent: int = 0
     believed: list[int] = field(default_factory=lambda: [0, 0])
-    open_inbox: Inbox = field(default_factory=lambda: Inbox(1, range(1, 6), (0.0, 0.0, 100.0, 88.0), 4.0, None, 0.5))
-    keyed_inbox: Inbox = field(default_factory=lambda: Inbox(1, range(1, 6), (0.0, 0.0, 100.0, 88.0), 4.0, KEY, 0.5))
+    open_inboxes: Inboxes = field(default_factory=lambda: Inboxes([1], Rules(ROSTER, BOUNDS, 4.0)))
+    keyed_inboxes: Inboxes = field(default_factory=lambda: Inboxes([1], Rules(ROSTER, BOUNDS, 4.0, KEY)))
     robot: Mailbox[ToRobot] = field(default_factory=lambda: Mailbox(("tick",), decode_to_robot, max_to_robot(5)))
     world: Mailbox[ToWorld] = field(default_factory=lambda: Mailbox(("reply",), decode_to_world, MAX_REPLY))
     taken: int = 0
     strangers: int = 0
 
     def hear(self, data: bytes, tags: set[bytes]) -> None:
-        now_s = 0.05 * self.sent
+        tick = self.sent // 10
         self.sent += 1
-        believed = [inbox.accept(data, now_s) is not None for inbox in (self.open_inbox, self.keyed_inbox)]
+        heard = {1: [data]}
+        believed = [bool(boxes.hear(tick, heard).positions(1)) for boxes in (self.open_inboxes, self.keyed_inboxes)]
         self.believed = [count + one for count, one in zip(self.believed, believed, strict=True)]
         if believed[1] and data not in tags:
             self.strangers += 1
@@ -214,8 +217,8 @@ def test_hostile_frames_are_counted_and_nothing_else(examples: int) -> None:
     attack(besieged, examples)
     besieged.empty()
     assert besieged.sent >= examples * EACH * (1 + MUTANTS)
-    for believed, inbox in zip(besieged.believed, (besieged.open_inbox, besieged.keyed_inbox), strict=True):
-        assert believed + inbox.rejected == besieged.sent
+    for believed, inboxes in zip(besieged.believed, (besieged.open_inboxes, besieged.keyed_inboxes), strict=True):
+        assert believed + inboxes.rejected(1) == besieged.sent
         assert believed > 0
     refused = besieged.robot.refused.total() + besieged.world.refused.total()
     assert besieged.taken + refused == 2 * besieged.sent

@@ -1,15 +1,16 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from patrol.pose import Pose
-from patrol.radio.inbox import Inbox
+from patrol.radio.inbox import Inboxes, Intake, Rules
 from patrol.radio.message import Position, RejectReason, encode
-from patrol.radio.replay_window import SPAN
+from patrol.radio.peers import SPAN, places_of
 
 SPEED = 4.0
 STEP = 0.5
@@ -17,16 +18,41 @@ BOUNDS = (0.0, 0.0, 100.0, 88.0)
 KEY = b"fleet"
 
 
-def inbox(key: bytes | None = None, ahead: int | None = 0) -> Inbox:
-    return Inbox(own=1, roster=range(1, 6), bounds=BOUNDS, max_speed=SPEED, key=key, step=STEP, ahead=ahead)
+class Box:
+    """Listener 1 of robots 1 to 5, frame by frame; times are its own, in s."""
+
+    def __init__(self, **rules: Any) -> None:
+        self.rules = Rules(**{"roster": (1, 2, 3, 4, 5), "bounds": BOUNDS, "speed": SPEED, "step": STEP, **rules})
+        self.inboxes = Inboxes([1], self.rules)
+
+    def take(self, data: bytes, now_s: float) -> Intake:
+        tick = round(now_s / self.rules.step)
+        assert math.isclose(tick * self.rules.step, now_s)
+        return self.inboxes.hear(tick, {1: [data]})
+
+    def accept(self, data: bytes, now_s: float) -> Position | None:
+        return next(iter(self.take(data, now_s).positions(1)), None)
+
+    def last(self, robot: int) -> tuple[int, float] | None:
+        """Sequence and time of the newest frame."""
+        peer = self.inboxes.peers(1).get(robot)
+        return None if peer is None else (peer.sequence, peer.tick * self.rules.step)
+
+    @property
+    def rejected(self) -> int:
+        return self.inboxes.rejected(1)
+
+
+def inbox(key: bytes | None = None, ahead: int | None = 0) -> Box:
+    return Box(key=key, ahead=ahead)
 
 
 def frame(sequence: int, x: float, y: float = 40.0, robot: int = 2, key: bytes | None = None) -> bytes:
     return encode(Position.of(robot, sequence, sequence * STEP, Pose(x, y, 0.0)), key)
 
 
-def reasons(box: Inbox) -> dict[RejectReason, int]:
-    return {reason: count for reason, count in box.counts.items() if count}
+def reasons(box: Box) -> dict[RejectReason, int]:
+    return {reason: count for reason, count in box.inboxes.counts(1).items() if count}
 
 
 def test_a_robot_at_full_speed_is_believed() -> None:
@@ -34,7 +60,7 @@ def test_a_robot_at_full_speed_is_believed() -> None:
     believed = [box.accept(frame(k, 10.0 + SPEED * STEP * k), k * STEP) for k in range(40)]
     assert [position and (position.robot, position.sequence) for position in believed] == [(2, k) for k in range(40)]
     assert box.rejected == 0
-    assert box.last(2) == (believed[-1], 39 * STEP)
+    assert box.last(2) == (39, 39 * STEP)
     assert box.last(3) is None
 
 
@@ -45,14 +71,14 @@ def test_rounding_never_makes_an_honest_robot_too_fast(moves: list[tuple[float, 
     for k, (heading, share) in enumerate(moves):
         x = min(max(x + SPEED * STEP * share * math.cos(heading), 0.0), 100.0)
         y = min(max(y + SPEED * STEP * share * math.sin(heading), 0.0), 88.0)
-        # Arrives together with the one before, or half a step late.
-        box.accept(frame(k, x, y), k * STEP + 0.25 * (k % 2))
+        # Arrives together with the one before, or a step late.
+        box.accept(frame(k, x, y), (k + k % 2) * STEP)
     assert box.rejected == 0
 
 
 def test_a_step_early_and_rounded_apart_a_robot_is_still_believed() -> None:
     """2.006 m in one step: sent as 10.00 and 12.01 m, and arriving at once."""
-    box = Inbox(own=1, roster=[2], bounds=BOUNDS, max_speed=4.012, step=STEP)
+    box = Box(roster=(2,), speed=4.012)
     assert box.accept(frame(0, 10.004), 0.5) is not None
     assert box.accept(frame(1, 12.010), 0.5) is not None
 
@@ -91,9 +117,7 @@ def test_a_late_frame_is_believed_within_the_window_and_moves_nobody() -> None:
     assert box.accept(frame(101 - SPAN, 48.0), 50.5) is not None
     assert box.accept(frame(100 - SPAN, 48.0), 50.5) is None
     assert reasons(box) == {RejectReason.OLD: 1}
-    last = box.last(2)
-    assert last is not None
-    assert (last[0].sequence, last[1]) == (100, 50.0)
+    assert box.last(2) == (100, 50.0)
 
 
 def test_a_late_frame_must_lead_to_the_newest_one() -> None:
@@ -248,14 +272,12 @@ def test_frames_of_ticks_to_come_never_shut_their_sender_out(key: bytes | None, 
     assert reasons(box) == {RejectReason.AHEAD: 9}
     for k in range(heard, heard + 200):
         assert box.accept(frame(k, 50.0, key=key), k * STEP) is not None
-        last = box.last(2)
-        assert last is not None
-        assert (last[0].sequence, last[1]) == (k, k * STEP)
+        assert box.last(2) == (k, k * STEP)
 
 
 @pytest.mark.parametrize("step", [0.1, 0.3, 0.5, 1.0 / 3.0, 1e-3])
 def test_a_frame_of_the_receivers_own_tick_is_never_ahead(step: float) -> None:
-    box = Inbox(own=1, roster=[2], bounds=BOUNDS, max_speed=SPEED, step=step)
+    box = Box(roster=(2,), step=step)
     for k in (0, 1, 3, 7, 10**6 + 1, 8 * 10**6):
         assert box.accept(frame(k + 1, 10.0), k * step) is None
         assert box.accept(frame(k, 10.0), k * step) is not None
@@ -269,9 +291,7 @@ def test_at_a_pace_a_frame_a_few_ticks_ahead_makes_as_many_late_and_no_more() ->
     assert box.accept(frame(104, 50.0), 100 * STEP) is not None
     believed = [box.accept(frame(k, 50.0), k * STEP) for k in range(100, 120)]
     assert [k for k, position in enumerate(believed, 100) if position is None] == [104]
-    last = box.last(2)
-    assert last is not None
-    assert last[0].sequence == 119
+    assert box.last(2) == (119, 119 * STEP)
 
 
 def test_a_frame_held_up_for_minutes_shuts_nobody_out() -> None:
@@ -375,3 +395,64 @@ def test_a_contact_touches_nobodys_position() -> None:
     assert box.accept(contact(4, 90.0), 2.0) is not None
     assert box.accept(frame(5, 11.0), 2.5) is not None
     assert box.rejected == 0
+
+
+def trailing(k: int, x: float, *trail: tuple[int, int]) -> bytes:
+    return encode(Position.of(2, k, STEP * k, Pose(x, 40.0, 0.0), trail))
+
+
+def looks(intake: Intake) -> list[tuple[int, float, float]]:
+    return [(tick, pose.x, pose.y) for tick, pose in intake.looks(1)]
+
+
+def test_the_places_of_a_trail_are_as_many_ticks_apart_as_the_fleet_says() -> None:
+    intake = Box(trail_every=3).take(trailing(20, 50.0, (-600, 0), (-500, 100)), 10.0)
+    assert looks(intake) == [(20, 50.0, 40.0), (17, 44.0, 40.0), (14, 39.0, 41.0)]
+
+
+def test_a_look_counts_once_also_where_trails_overlap_out_of_step() -> None:
+    box = Box(trail_every=3)
+    assert [look[0] for look in looks(box.take(trailing(20, 50.0, (-600, 0)), 10.0))] == [20, 17]
+    assert [look[0] for look in looks(box.take(trailing(22, 52.0, (-600, 0), (-600, 0)), 11.0))] == [22, 19, 16]
+    assert [look[0] for look in looks(box.take(trailing(23, 53.0, (-600, 0), (-600, 0)), 11.5))] == [23]
+    assert looks(box.take(trailing(23, 53.0), 11.5)) == []
+
+
+def test_what_was_said_last_is_kept_and_a_late_frame_does_not_replace_it() -> None:
+    box = Box()
+    assert box.accept(trailing(20, 50.0, (-100, 3), (-100, 0)), 10.0) is not None
+    late = box.take(trailing(18, 48.0), 10.5)
+    assert looks(late) == []  # the trail has told of it
+    said = box.inboxes.peers(1).said(2)
+    assert (said.sequence, said.pose, said.trail) == (20, Pose(50.0, 40.0, 0.0), ((-100, 3),))
+
+
+def test_a_step_of_a_trail_may_be_as_long_as_its_ticks() -> None:
+    frames = [trailing(k, 50.0 + k, (-590, 0), (-620, 0)) for k in (20, 24)]
+    for every, left in ((1, 0), (3, 1), (4, 2)):
+        box = Box(trail_every=every)
+        found = [box.accept(data, STEP * k) for data, k in zip(frames, (20, 24), strict=True)]
+        assert [position and len(position.trail) for position in found] == [left, left]
+
+
+def test_whoever_listens_no_more_has_forgotten_all_and_nobody_else_has() -> None:
+    inboxes = Inboxes([1, 3], Rules((1, 2, 3), BOUNDS, SPEED))
+    inboxes.hear(0, {number: [frame(0, 10.0), frame(0, 10.0)] for number in (1, 3)})
+    inboxes.clear(1)
+    assert (dict(inboxes.peers(1)), inboxes.rejected(1)) == ({}, 0)
+    assert (list(inboxes.peers(3)), inboxes.rejected(3)) == ([2], 1)
+    assert inboxes.hear(1, {1: [frame(0, 10.0)]}).looks(1) == [(1, Pose(10.0, 40.0, 0.0))]
+
+
+@pytest.mark.parametrize(("since", "expected"), [(0, [3, 4]), (1, [4]), (2, [])])
+def test_peers_are_those_heard_since_a_tick_with_their_places(since: int, expected: list[int]) -> None:
+    box = Box()
+    for tick, robot, x in ((0, 3, 3.25), (1, 4, 40.5)):
+        assert box.accept(frame(tick, x, 10.0 + x / 4.0, robot=robot), tick * STEP) is not None
+    peers = box.inboxes.peers(1, since)
+    assert list(peers) == expected
+    assert places_of(peers).tolist() == [[peer.pose.x, peer.pose.y] for peer in peers.values()]
+    assert [robot in peers for robot in (2, 3, 4, 9)] == [robot in expected for robot in (2, 3, 4, 9)]
+    assert list(box.inboxes.peers(1).silent(1)) == [3]
+    assert box.inboxes.peers(1).oldest(7) == 0
+    assert box.inboxes.peers(1).lately(2).oldest(7) == 7

@@ -11,11 +11,10 @@ import numpy as np
 from patrol.errors import BadInput
 from patrol.journal import Status, TickRecord
 from patrol.journal.records import FORGED, frame_sequence
-from patrol.prepare import inbox_of
-from patrol.radio.ears import Ear, Ears
+from patrol.prepare import inboxes_of
 from patrol.radio.fleet_key import fleet_key
+from patrol.radio.heard import heard_by
 from patrol.radio.message import CONTACT, Position
-from patrol.radio.peers import PeerTracker
 from patrol.scenario.faults.kinds import PROCESS_KINDS, Forgery, Spoof
 from worldsim.radio.rules import NOBODY
 from worldsim.verdict.common.check import Check, CheckResult
@@ -27,6 +26,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from patrol.radio.inbox import Intake
     from worldsim.verdict.common.check import JudgedRun, Readings
 
 _GONE = tuple(status.name.lower() for status in (Status.DEAD, Status.LEFT, Status.LOST, Status.ABSENT))
@@ -100,22 +100,22 @@ class Hearing(Check):
         self._prepared = run.prepared
         self._replay = readings[Replay]
         self._names = run.names
-        self._key: bytes | None = None
         self._unknown = ""
         if run.prepared.scenario.factor is not None:
             self._unknown = "not judged: the run kept to the clock, so nobody knows in which tick a frame was heard"
         self._events = 0
         roster = run.prepared.scenario.roster
-        fastest = max(spec.speed for spec in roster)
-        self._hears = Ears([spec.number for spec in roster], run.step, fastest)
-        self._ears: dict[int, Ear] = {}
+        self._place = {spec.number: place for place, spec in enumerate(roster)}
+        self._listening: set[int] = set()
         self._used = Used(len(roster))
         self._refused: Counter[str] = Counter()
         self.accepted: list[AcceptedForgery] = []
+        key = None
         try:
-            self._key = fleet_key(run.prepared.scenario.radio.key)
+            key = fleet_key(run.prepared.scenario.radio.key)
         except BadInput as bad:
             self._unknown = f"not judged: {bad}"
+        self._inboxes = inboxes_of(run.prepared.scenario, list(self._place), run.prepared.terrain.bounds, key)
 
     @classmethod
     def applies(cls, run: JudgedRun) -> bool:
@@ -136,56 +136,43 @@ class Hearing(Check):
         self._drop_inboxes(record.k)
         delivery = self._replay.delivery
         rows = [row for row in record.robots if row.status is Status.ALIVE and row.number in delivery.heard]
-        ears = {row.number: self._ear(row.number) for row in rows}
+        self._listening.update(row.number for row in rows)
+        intake = self._inboxes.hear(record.k, heard_by([row.number for row in rows], delivery.heard))
         forged: dict[int, list[int]] = defaultdict(list)
         for source, to, sequence in delivery.arrived:
             if source != FORGED:
                 break  # forged frames come first
             forged[to].append(sequence)
-        if forged:
-            for number, ear in ears.items():
-                self._look_at_each(record.k, number, ear, delivery.heard[number], forged[number])
-        else:
-            self._take_in(record.k, ears, delivery.heard)
+        self._look(record.k, intake, forged)
         for row in rows:
-            self._compare(row.number, row.rejected, ears[row.number].inbox.rejected, record.k)
+            self._compare(row.number, row.rejected, self._inboxes.rejected(row.number), record.k)
 
-    def _ear(self, number: int) -> Ear:
-        """The inbox of a robot's present process."""
-        if number not in self._ears:
-            bounds = self._prepared.terrain.bounds
-            inbox = inbox_of(self._prepared.scenario, number, bounds, self._key)
-            row = self._hears.row_of(number)
-            self._hears.clear(row)
-            self._used.clear(row)
-            self._ears[number] = Ear(row, inbox, PeerTracker(inbox.trail_every))
-        return self._ears[number]
+    def _look(self, k: int, intake: Intake, forged: Mapping[int, Sequence[int]]) -> None:
+        """Look at what robots have accepted, frame by frame.
 
-    def _look_at_each(self, k: int, number: int, ear: Ear, frames: Sequence[bytes], forged: Sequence[int]) -> None:
-        """Let a robot decide on its frames, of which the first are forged."""
-        positions, _ = self._hears.decide(ear, frames, k)
-        for place, position in enumerate(positions):
-            if position is None:
+        Args:
+            k: The tick.
+            intake: What they have accepted of the frames that they heard.
+            forged: The sequences of the forged frames that each robot heard; these come first.
+        """
+        listeners = np.array([self._place[number] for number in intake.listeners], dtype=np.int64)
+        accepted: list[tuple[int, int, AcceptedForgery]] = []
+        for column, position in enumerate(intake.said):
+            rows = np.flatnonzero(intake.accepted[:, column])
+            if position is None or not rows.size:
                 continue
-            again = self._again(number, position)
-            if place < len(forged):
-                self.accepted.append(AcceptedForgery(number, forged[place], position, again))
-            elif again:
-                self._accepted_again(number, position, k)
-
-    def _take_in(self, k: int, ears: Mapping[int, Ear], heard: Mapping[int, Sequence[bytes]]) -> None:
-        """Let all robots decide at once where no frame is forged."""
-        learnt = self._hears.listen(k, ears, heard)
-        listeners = np.array([ear.row for ear in ears.values()], dtype=np.int64)
-        for at, position in enumerate(learnt.said):
-            by = listeners[learnt.knows[:, at] != 0]
-            again = self._used.use(by, self._hears.row_of(position.robot), position.sequence)
-            if again.any():
-                self._accepted_again(self._hears.numbers[int(by[again][0])], position, k)
-        for number, accepted in learnt.accepted.items():
-            for position in accepted:
-                if self._again(number, position):
+            again = self._again(listeners[rows], position)
+            if not forged and not again.any():
+                continue
+            for row, is_again in zip(rows.tolist(), again.tolist(), strict=True):
+                number = intake.listeners[row]
+                place = int(np.count_nonzero(intake.heard[row, :column]))
+                if place < len(forged.get(number, ())):
+                    found = AcceptedForgery(number, forged[number][place], position, is_again)
+                    accepted.append((row, place, found))
+                elif is_again:
                     self._accepted_again(number, position, k)
+        self.accepted += [found for _, _, found in sorted(accepted, key=lambda one: one[:2])]
 
     def _accepted_again(self, number: int, position: Position, k: int) -> None:
         what = f"frame {position.sequence} of {self._names.get(position.robot, position.robot)}"
@@ -208,26 +195,32 @@ class Hearing(Check):
         name = self._names[number]
         self._fail(f"{name} reports at tick {k} that it refused {said} frames; from what it heard it should be {found}")
 
-    def _again(self, receiver: int, position: Position) -> bool:
-        """Whether a receiver has accepted this sender's sequence before; from now on it has. Contacts have none."""
+    def _again(self, receivers: NDArray[np.int64], position: Position) -> NDArray[np.bool_]:
+        """Whether receivers have accepted this sender's sequence before; from now on they have. Contacts have none.
+
+        Args:
+            receivers: Their places in the roster.
+            position: What they have accepted now.
+        """
         if position.robot == CONTACT or position.sequence >= self._prepared.scenario.ticks:
-            return False
-        by = np.array([self._hears.row_of(receiver)], dtype=np.int64)
-        return bool(self._used.use(by, self._hears.row_of(position.robot), position.sequence)[0])
+            return np.zeros(len(receivers), dtype=np.bool_)
+        return self._used.use(receivers, self._place[position.robot], position.sequence)
 
     def _drop_inboxes(self, k: int | None) -> None:
         """Drop the inboxes of processes that were gone before tick k, or all of them, and keep their counts."""
-        gone = [] if k is not None else list(self._ears)
+        gone = [] if k is not None else sorted(self._listening)
         events = self._run.journal.events
         while k is not None and self._events < len(events) and events[self._events].k <= k:
             event = events[self._events]
             self._events += 1
             if event.robot is not None and event.kind in _GONE:
                 gone.append(event.robot)
-        for number in gone:
-            ear = self._ears.pop(number, None)
-            if ear is not None:
-                self._refused.update({reason.value: count for reason, count in ear.inbox.counts.items() if count})
+        for number in self._listening.intersection(gone):
+            counts = self._inboxes.counts(number)
+            self._refused.update({reason.value: count for reason, count in counts.items() if count})
+            self._inboxes.clear(number)
+            self._used.clear(self._place[number])
+            self._listening.discard(number)
 
 
 class ForgedAsConfigured(Check):

@@ -12,7 +12,8 @@ import pytest
 from patrol.journal import TickRecord, trace_hash
 from patrol.journal.records import FORGED
 from patrol.pose import Pose
-from patrol.prepare import inbox_of
+from patrol.prepare import inboxes_of
+from patrol.radio.kernels.hear import hear
 from patrol.radio.message import Position, encode
 from tests.worldsim.verdict.judged import check_of, result_of
 from worldsim.kernels.draws import below
@@ -260,7 +261,7 @@ def test_a_robot_that_does_not_look_at_tags_fails(lab: Lab, key: str) -> None:
     quiet = {"kind": "silence", "who": "r2", "direction": "out"}
     world = lab.patrol(faults=[spoof, quiet], radio={"key": key})
     fleet = lab.fleet(world, key=KEY)
-    fleet.inboxes = {n: inbox_of(world.scenario, n, world.terrain.bounds, None) for n in (1, 2, 3, 4)}
+    fleet.inboxes = {n: inboxes_of(world.scenario, [n], world.terrain.bounds, None) for n in (1, 2, 3, 4)}
     journal = lab.run(world, fleet)
     assert list(failures(judge(journal, {}, world.prepared))) == ["refused frames"]
 
@@ -288,8 +289,8 @@ def test_without_the_key_file_tags_are_not_judged(run: Any, key: str, tmp_path: 
 def test_a_judge_whose_inboxes_believe_strangers_finds_out(run: Any, key: str, monkeypatch: pytest.MonkeyPatch) -> None:
     spoof = {"kind": "spoof", "as": "r2", "payload": {"offset": [0.5, 0.0]}, "id": "lie"}
     world, journal = run(spoof, key=key)
-    keyless: Any = lambda scenario, own, bounds, _key: inbox_of(scenario, own, bounds, None)  # noqa: E731
-    monkeypatch.setattr("worldsim.verdict.frames.hearing.inbox_of", keyless)
+    keyless: Any = lambda scenario, listeners, bounds, _key: inboxes_of(scenario, listeners, bounds, None)  # noqa: E731
+    monkeypatch.setattr("worldsim.verdict.frames.hearing.inboxes_of", keyless)
     found = failures(judge(journal, {}, world.prepared))
     assert found["forged frames"] == "r1 accepted a forged frame of lie without the fleet's key at tick 0"
 
@@ -306,10 +307,16 @@ def test_frames_of_ticks_to_come_are_refused_and_nothing_else_is(run: Any, ahead
 
 def test_a_judge_whose_inboxes_believe_in_ticks_to_come_finds_out(run: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     world, journal = run({"kind": "spoof", "as": "r2", "payload": {"ahead": 3}, "id": "ahead"})
-    clockless: Any = lambda *given: inbox_of(*given, knows_ticks=False)  # noqa: E731
-    monkeypatch.setattr("worldsim.verdict.frames.hearing.inbox_of", clockless)
+    clockless: Any = lambda *given: inboxes_of(*given, knows_ticks=False)  # noqa: E731
+    monkeypatch.setattr("worldsim.verdict.frames.hearing.inboxes_of", clockless)
     found = failures(judge(journal, {}, world.prepared))
     assert found["forged frames"] == "r1 accepted a forged frame of ahead of a tick that was still to come at tick 0"
+
+
+def forgetful(cells: Any, *rest: Any) -> bool:
+    """Judge frames without knowing which ones came in earlier ticks."""
+    cells["used"] = 0
+    return bool(hear(cells, *rest))
 
 
 @pytest.mark.parametrize("own", ["all", "one"])
@@ -318,7 +325,7 @@ def test_an_inbox_that_believes_what_it_heard_before_finds_out(
 ) -> None:
     """The repeated frames' originals came before, from the robots themselves."""
     spoof = {"kind": "spoof", "as": own, "payload": {"replay": 5.0}, "id": "echo"}
-    monkeypatch.setattr("patrol.radio.replay_window.ReplayWindow.fresh", lambda *_: True)
+    monkeypatch.setattr("patrol.radio.inbox.hear", forgetful)
     world, journal = run(spoof, key=key)
     found = failures(judge(journal, {}, world.prepared))
     assert list(found) == ["forged frames"]
@@ -326,10 +333,10 @@ def test_an_inbox_that_believes_what_it_heard_before_finds_out(
 
 
 def test_an_inbox_that_believes_copies_finds_out(run: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("patrol.radio.replay_window.ReplayWindow.fresh", lambda *_: True)
-    world, journal = run({"kind": "duplicate", "rate": 1.0, "delay": {"constant": 0.0}})
+    monkeypatch.setattr("patrol.radio.inbox.hear", forgetful)
+    world, journal = run({"kind": "duplicate", "rate": 1.0, "delay": {"constant": 0.5}})
     found = failures(judge(journal, {}, world.prepared))
-    assert found == {"refused frames": "r1 accepted frame 0 of r2 a second time at tick 0"}
+    assert found == {"refused frames": "r2 accepted frame 0 of r1 a second time at tick 1"}
 
 
 def test_without_the_key_file_what_needs_it_is_not_judged(run: Any, key: str, tmp_path: Path) -> None:

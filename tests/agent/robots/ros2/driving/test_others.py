@@ -63,7 +63,7 @@ def test_the_fence_knows_where_a_steady_robot_is_that_saves_on_its_radio(adaptiv
         there = Sensed(clock.k, Pose(20.0 + STEP_S * clock.k, 20.0, 0.0), clock_s=clock.k * STEP_S)
         frames = sending_mind.frames(there)
         sent += [clock.k] if frames else []
-        mind.belief.update(clock.k, Pose(5.0, 5.0, 0.0), frames, STEP_S)
+        mind.belief.hear(clock.k, Pose(5.0, 5.0, 0.0), frames)
         now_s = clock.k * STEP_S
         others.look(now_s)
         (one,) = others.around(now_s + 0.25)
