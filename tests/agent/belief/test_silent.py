@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from agent.belief.believed import Area, Beliefs
 from agent.belief.posts import Posts
-from patrol.ground.footprint import Footprint
+from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from patrol.radio.inbox import Inboxes, Rules
@@ -26,7 +26,7 @@ def test_silent_are_those_not_heard_for_longer_than_is_waited(seed: int, patienc
     everywhere = np.ones((20, 20), dtype=np.bool_)
     area = Area(everywhere, everywhere, Posts(np.full((20, 20), -1, dtype=np.int32)), 0)
     inboxes = Inboxes(numbers, Rules(numbers, BOUNDS, 2.0, step=STEP))
-    belief = Beliefs(inboxes, Footprint(Terrain("t", everywhere, 2.5), 5.0), shares=True).join(2, area)
+    belief = Beliefs(inboxes, footprint_of(Terrain("t", everywhere, 2.5), 5.0), shares=True).join(2, area)
     talks, last = dict.fromkeys(numbers[1:], True), dict[int, tuple[int, Pose]]()
     for tick in range(40):
         talks = {number: talk != (dice.random() < 0.2) for number, talk in talks.items()}
