@@ -7,7 +7,7 @@ need not check types, ranges and finiteness.
 from __future__ import annotations
 
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from math import isfinite
@@ -17,7 +17,7 @@ from pydantic import ConfigDict, Field, GetPydanticSchema, PlainValidator, with_
 from pydantic_core import core_schema as schemas
 
 from patrol.pose import Model
-from patrol.wire import FAIL_FAST, Bytes, Flag, Row, Text, check
+from patrol.wire import FAIL_FAST, Bytes, Flag, Row, Text
 
 MAX_TICKS = 2**29 - 1
 """Ticks of the longest run: a frame's sequence keeps the three bits above for its place among its sender's frames."""
@@ -29,7 +29,7 @@ FARTHEST = 21_474_836.0
 MOST_POINTS = 50_000_000
 """Points of the largest terrain (`patrol.ground.terrain.MAX_POINTS`)."""
 
-_NO_OTHERS = ConfigDict(extra="forbid")
+_NO_OTHERS, _OTHERS = ConfigDict(extra="forbid"), ConfigDict(extra="ignore")
 _LARGEST = 1e12
 _MAX_ROBOT = 0xFFFF
 _MAX_COUNT = 2**63 - 1
@@ -308,6 +308,7 @@ class Header:
     started: _Name | None = None
 
 
+@with_config(_OTHERS)
 @dataclass(frozen=True, slots=True)
 class _Said:
     """What a robot with a direct radio says of its traffic."""
@@ -318,6 +319,7 @@ class _Said:
     final: Flag
 
 
+@with_config(_OTHERS)
 @dataclass(frozen=True, slots=True)
 class _Direct:
     """The note of a direct radio (`worldsim.radio.listener.Listener.notes`)."""
@@ -326,6 +328,7 @@ class _Direct:
     said: dict[Any, _Said] = field(default_factory=dict)
 
 
+@with_config(_OTHERS)
 @dataclass(frozen=True, slots=True)
 class _Notes:
     """The notes of an `End` that must be of a type: s of wall time, counts by robot number and by name."""
@@ -342,9 +345,13 @@ class _Notes:
     direct: _Direct = field(default_factory=_Direct)
 
 
-def _notes(value: Any) -> Any:
-    check(_Notes, value)
+def _keep(value: Any, validate: Callable[[Any], object]) -> Any:
+    """Check notes, and keep those that have no type as well."""
+    validate(value)
     return value
+
+
+_NOTES = GetPydanticSchema(lambda _kind, of: schemas.no_info_wrap_validator_function(_keep, of(_Notes)))
 
 
 @with_config(_NO_OTHERS)
@@ -360,7 +367,7 @@ class End:
 
     reason: Text
     trace_hash: Text
-    notes: Annotated[Mapping[str, Any], PlainValidator(_notes)] = field(default_factory=dict)
+    notes: Annotated[Mapping[str, Any], _NOTES] = field(default_factory=dict)
 
 
 Record = Header | TickRecord | Event | End
