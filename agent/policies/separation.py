@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from agent.view import View
 
 
-NO_RIVALS: NDArray[np.int64] = np.zeros((0, 2), dtype=np.int64)
+NO_RIVALS: NDArray[np.float64] = np.zeros((0, 2), dtype=np.float64)
 
 
 class Separation:
@@ -73,13 +73,13 @@ class Separation:
         if discs or areas:
             view.ground.close(discs, areas)
 
-    def rivals(self, view: View) -> NDArray[np.int64]:
-        """Return the elements of the static ground where other robots stand, int64 (n, 2); none without claims.
+    def rivals(self, view: View) -> NDArray[np.float64]:
+        """Return x and y in m of the robots that have claims on ground, float64 (n, 2); none without claims.
 
         Args:
             view: Of this tick.
         """
-        return view.ground.static.join_each(places_of(view.peers)) if self.claims else NO_RIVALS
+        return places_of(view.peers) if self.claims else NO_RIVALS
 
 
 def artificial_obstacles(pose: Pose, peers: Mapping[int, Peer], radius: float, point: float) -> list[Disc]:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.policies.committed.kernels.best import best_of, oldest_that_may_win
+from agent.policies.committed.kernels.best import any_nearer, best_of, oldest_that_may_win
 from agent.routes.wave import LONGEST, NO_PATHS, Box, BoxPaths, box_around, paths_in
 
 if TYPE_CHECKING:
@@ -35,6 +35,9 @@ OTHERS = 0.1
 
 FIRST_REACH = 1.25
 """Reach of the first box, in sensor ranges."""
+
+BESIDE_POINTS = 2
+"""Rows or columns, at most, between a robot and the point where its paths begin."""
 
 ROUNDING = 1e-9
 """Share by which a bound is lowered, so that no rounding makes it too high."""
@@ -74,13 +77,13 @@ class Choice:
         self._least_reach = math.ceil(FIRST_REACH * setup.sight.range_m / point)
         self._reach = self._least_reach
 
-    def best(self, view: View, start: Element, rivals: NDArray[np.int64], given_up: GivenUp) -> Best | None:
+    def best(self, view: View, start: Element, rivals: NDArray[np.float64], given_up: GivenUp) -> Best | None:
         """Find the point that counts most.
 
         Args:
             view: Of this tick.
             start: The element of the ground on which the robot stands.
-            rivals: int64 (n, 2), the elements of the static ground on which other robots stand.
+            rivals: float64 (n, 2), x and y in m of the other robots.
             given_up: What is left out, unless nothing else is left.
 
         Returns:
@@ -94,11 +97,11 @@ class Choice:
         return best
 
     def _search(
-        self, view: View, start: Element, rivals: NDArray[np.int64], left_out: NDArray[np.int64]
+        self, view: View, start: Element, rivals: NDArray[np.float64], left_out: NDArray[np.int64]
     ) -> Best | None:
         if view.mfow == 0:
             return None
-        here, others, shape = (start[0] - 1, start[1] - 1), rivals - 1, view.ground.terrain.shape
+        here, shape = (start[0] - 1, start[1] - 1), view.ground.terrain.shape
         worth = np.arange(view.mfow + 1.0) ** 2
         reach = self._reach
         while True:
@@ -107,10 +110,10 @@ class Choice:
                 box, limit = (0, shape[0], 0, shape[1]), LONGEST
             own = paths_in(view.ground, [here], box, limit)
             score, place = self._look(view, own, NO_PATHS, worth, left_out)
-            if score > 0.0 and _may_be_nearer(others, place[2:], own.length_to(*place[2:])):
+            if score > 0.0 and _may_be_nearer(view, rivals, place[2:], own.length_to(*place[2:])):
                 # A robot with a shorter way to a point of the box is at most twice as far away as its edge.
                 wide = box if limit == LONGEST else box_around(here, 2 * reach, shape)
-                score, place = self._look(view, own, _paths_of_rivals(view, others, wide, limit), worth, left_out)
+                score, place = self._look(view, own, _paths_of_rivals(view, rivals, wide, limit), worth, left_out)
             enough = self._enough(view, here, worth, score) if score > 0.0 else 2 * reach
             if limit == LONGEST or reach >= enough:
                 break
@@ -147,19 +150,21 @@ class Choice:
         return float(score[0]), (row, col, stand_row, stand_col)
 
 
-def _paths_of_rivals(view: View, rivals: NDArray[np.int64], box: Box, limit: int) -> BoxPaths:
+def _paths_of_rivals(view: View, rivals: NDArray[np.float64], box: Box, limit: int) -> BoxPaths:
     """Find the paths from the other robots in a box."""
-    row, col = rivals[:, 0], rivals[:, 1]
-    inside = (row >= box[0]) & (row < box[1]) & (col >= box[2]) & (col < box[3])
-    near = [(row, col) for row, col in rivals[inside].tolist()]
-    return paths_in(view.ground.static, near, box, limit) if near else NO_PATHS
+    ground, (top, bottom, left, right) = view.ground.static, box
+    low, high = np.array(ground.terrain.centre(top, left)), np.array(ground.terrain.centre(bottom, right))
+    beside = BESIDE_POINTS * ground.terrain.point
+    close = rivals[((rivals > low - beside) & (rivals < high + beside)).all(axis=1)]
+    elements = [(row - 1, col - 1) for row, col in ground.join_each(close).tolist()]
+    starts = [(row, col) for row, col in elements if top <= row < bottom and left <= col < right]
+    return paths_in(ground, starts, box, limit) if starts else NO_PATHS
 
 
-def _may_be_nearer(rivals: NDArray[np.int64], point: Point, length: int) -> bool:
+def _may_be_nearer(view: View, rivals: NDArray[np.float64], stand: Point, length: int) -> bool:
     """Return True if another robot could have a shorter way to a point with nothing in between.
 
     No score grows by the rivals' ways. So the best point without them is the best one where this is False.
     """
-    away = np.abs(rivals - np.array(point, dtype=np.int64))
-    least = 100 * away.max(axis=1, initial=0) + 41 * away.min(axis=1, initial=LONGEST)
-    return bool((least < length).any())
+    points = length / 100.0 + 1.5 * BESIDE_POINTS
+    return bool(any_nearer(rivals, *view.place_of(stand), view.ground.terrain.point * points))

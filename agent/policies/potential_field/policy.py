@@ -69,7 +69,7 @@ class PotentialField:
             view: Of this tick.
             start: The element of the ground on which the robot stands.
         """
-        rivals = [(row, col) for row, col in self._separation.rivals(view).tolist()]
+        rivals = [(row, col) for row, col in view.ground.static.join_each(self._separation.rivals(view)).tolist()]
         fog = view.fog
         dilated = partial(fog.dilated_around, (start[0] - 1, start[1] - 1))
         pull = self._field.pull(view.ground, *start, fog.last_seen, dilated, view.tick, view.mfow, rivals, fog.looked)

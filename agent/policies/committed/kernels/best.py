@@ -11,6 +11,7 @@ TICKS = types.Array(types.int32, 2, "C", readonly=True)
 WORTH = types.Array(types.float64, 1, "C", readonly=True)
 PLACES = types.Array(types.int64, 2, "C", readonly=True)
 SCORE = types.Array(types.float64, 1, "C")
+PLACES_M = types.Array(types.float64, 2, "C", readonly=True)
 FOUND = types.Array(types.int64, 1, "C")
 int64 = types.int64
 float64 = types.float64
@@ -109,3 +110,20 @@ def oldest_that_may_win(patrolled, last_seen, tick, row, col, reach, gap, worth,
                 if worth[index(age)] >= score * (100 * max(up, across) + 41 * min(up, across) + near):
                     oldest = age
     return oldest
+
+
+@njit(types.boolean(PLACES_M, float64, float64, float64), cache=True, nogil=True)
+def any_nearer(places, x, y, length):
+    """Return True if the path from any of some places to a point would be shorter than a length on open ground.
+
+    Args:
+        places: float64 (n, 2), x and y of each in m.
+        x: Of the point, m.
+        y: Of the point, m.
+        length: m.
+    """
+    for k in range(places.shape[0]):
+        across, up = abs(places[k, 0] - x), abs(places[k, 1] - y)
+        if max(across, up) + 0.41 * min(across, up) < length:
+            return True
+    return False

@@ -19,7 +19,7 @@ from tests.agent.plans import Robots, cluttered, prepared_in
 
 
 def scores_by_looking_everywhere(
-    choice: Choice, view: Any, start: Any, rivals: NDArray[np.int64]
+    choice: Choice, view: Any, start: Any, rivals: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """The score of each point of the terrain, by the wave of the whole of it and plain numpy."""
     terrain = view.ground.terrain
@@ -27,7 +27,7 @@ def scores_by_looking_everywhere(
     own = wave.lengths_from(view.ground, *start, [start], LONGEST)[1:-1, 1:-1].astype(np.float64)
     other = np.full(own.shape, np.inf)
     if len(rivals):
-        others = [(int(row), int(col)) for row, col in rivals]
+        others = [(row, col) for row, col in view.ground.static.join_each(rivals).tolist()]
         lengths = wave.lengths_from(view.ground.static, *start, others, LONGEST)[1:-1, 1:-1].astype(np.float64)
         other = np.where(lengths < FAR, lengths, np.inf)
     row, col = np.indices(own.shape)
@@ -54,7 +54,7 @@ def test_it_is_the_best_point_of_the_whole_terrain(
     real, searched = Choice._search, []
 
     def checked(
-        self: Choice, view: Any, start: Any, rivals: NDArray[np.int64], left_out: NDArray[np.int64]
+        self: Choice, view: Any, start: Any, rivals: NDArray[np.float64], left_out: NDArray[np.int64]
     ) -> Best | None:
         best = real(self, view, start, rivals, left_out)
         if best is not None and not left_out.size:
