@@ -107,6 +107,7 @@ def _crossing(a0: float, a1: float, index: NDArray[np.int64]) -> tuple[NDArray[n
     if a0 == a1:
         inside = (low < a0) & (a0 < high)
         return np.where(inside, -np.inf, np.inf), np.where(inside, np.inf, -np.inf)
-    first = (low - a0) / (a1 - a0)
-    second = (high - a0) / (a1 - a0)
+    # An edge as short as the smallest numbers lies in no slab: its fractions are infinite.
+    with np.errstate(over="ignore"):
+        first, second = (low - a0) / (a1 - a0), (high - a0) / (a1 - a0)
     return np.minimum(first, second), np.maximum(first, second)

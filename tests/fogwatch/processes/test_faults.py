@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 import fogwatch
-from fogwatch.launch.launcher import Launch
+from fogwatch.launch import child_control
 from patrol.journal import RobotTick, Status, TickRecord, read_journal
 from patrol.process.starting.forking import can_fork
 from tests.fleets import COARSE
@@ -105,7 +105,7 @@ def test_every_process_fault_leaves_the_same_trace(model: str, tmp_path: Path) -
 
 def test_a_launcher_that_stops_nobody_is_found_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The world speaks to nobody who is paused, so that nothing else shows whether a process was stopped."""
-    monkeypatch.setattr(Launch, "pause", lambda _self, _robot: None)
+    monkeypatch.setattr(child_control, "pause", lambda _child: None)
     faults = [{"kind": "pause", "who": "r2", "at": 2, "for": 2}]
     run = fogwatch.run(
         {**COARSE, "duration": 6, "robots": 2 * [{}], "faults": faults}, out=tmp_path, in_process=False, picture=False
