@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from patrol.errors import BadInput
+from patrol.files.untrusted import CERTIFICATE as KIND
+from patrol.files.untrusted import open_untrusted
 from patrol.net.security.credentials import AUTHORITY, CERTIFICATE, KEY
-from patrol.untrusted import CERTIFICATE as KIND
-from patrol.untrusted import open_untrusted
 
 AUTHORITY_DAYS = 3650
 """How long a fleet's authority is valid, in days."""

@@ -5,7 +5,7 @@ Unusable                what a user, a file or a wire gave
     Malformed           bytes that are not the message or the record that belongs there
     Rejected            a frame that must not be used (`patrol.radio.message`)
     RequestRefused      a request that does not control the run (`patrol.net.security.control_auth`)
-    FileRefused         a file of a wrong kind or size (`patrol.untrusted`)
+    FileRefused         a file of a wrong kind or size (`patrol.files.untrusted`)
 """
 
 from __future__ import annotations

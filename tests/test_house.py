@@ -322,7 +322,7 @@ OWN_FILES = {
     "patrol/process/reporting/vitals.py": "the kernel's facts about this process",
     "patrol/process/starting/compiling.py": "kernels of the packages",
     "patrol/regions/split.py": "fields that the launcher prepared",
-    "patrol/untrusted.py": "the one place that opens files of others",
+    "patrol/files/untrusted.py": "the one place that opens files of others",
 }
 WRITING = ("'x", "'w", "'a", "O_EXCL", "O_APPEND", "O_WRONLY", "O_DIRECTORY")
 READERS = {"read_text", "read_bytes", "fromfile", "loadtxt", "genfromtxt", "memmap", "imread", "copyfile"}
@@ -340,7 +340,7 @@ def readings(path: Path) -> Iterator[str]:
         name = called.attr if isinstance(called, ast.Attribute) else called.id if isinstance(called, ast.Name) else ""
         owner = ast.unparse(called.value).rpartition(".")[2] if isinstance(called, ast.Attribute) else ""
         if name == "read_text" and not isinstance(called, ast.Attribute):
-            continue  # `patrol.yaml_text.read_text`, which reads by `patrol.untrusted`
+            continue  # `patrol.files.yaml_text.read_text`, which reads by `patrol.files.untrusted`
         if name in {"open", "fdopen"} and owner not in OTHER_OPENERS:
             told = ast.unparse(node)
             if not any(mode in told for mode in WRITING):
@@ -356,4 +356,4 @@ def test_files_of_others_are_opened_in_one_place() -> None:
         if path.relative_to(ROOT).parts[0] in PACKAGES and (said := list(readings(path)))
     }
     assert {name: said for name, said in found.items() if name not in OWN_FILES} == {}
-    assert OWN_FILES.keys() <= found.keys() | {"patrol/untrusted.py"}, "drop what opens no file any more"
+    assert OWN_FILES.keys() <= found.keys() | {"patrol/files/untrusted.py"}, "drop what opens no file any more"

@@ -13,13 +13,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
+from patrol.files.whole_file import write_whole
 from patrol.net.security.roles import Kind
 from patrol.process.context import ProcessContext, run_with
 from patrol.process.deadline import ANSWER_S
 from patrol.process.exit_codes import INTERRUPTED, UNKNOWN
 from patrol.process.options import TOGETHER, Meeting, ProcessParser, fleet_parser
 from patrol.process.reporting.logs import Log
-from patrol.whole_file import write_whole
 from worldsim.run_record import Unwritten
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from experiments.sweeps.runner import SweepOutcome
 from experiments.sweeps.stats import Estimate, estimate
 from experiments.sweeps.worker import software
 from patrol.errors import BadInput, quoted
-from patrol.whole_file import write_whole
+from patrol.files.whole_file import write_whole
 
 
 @dataclass(frozen=True, slots=True)

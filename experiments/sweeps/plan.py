@@ -26,10 +26,10 @@ from pathlib import Path
 from typing import Any
 
 from patrol.errors import BadInput, did_you_mean, quoted
+from patrol.files.untrusted import SWEEP
+from patrol.files.yaml_text import line_of, parse_yaml, read_text
 from patrol.scenario import Scenario, load_scenario, scenario_hash
 from patrol.scenario.load import check_map
-from patrol.untrusted import SWEEP
-from patrol.yaml_text import line_of, parse_yaml, read_text
 
 MAX_RUNS = 100_000
 """Limit of the runs in a sweep."""

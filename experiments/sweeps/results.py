@@ -21,8 +21,8 @@ from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 
 from patrol.errors import BadInput
+from patrol.files.untrusted import RESULTS, check_regular
 from patrol.printable import printable
-from patrol.untrusted import RESULTS, check_regular
 
 FILE = "results.jsonl"
 LONGEST_LINE = 1 << 20

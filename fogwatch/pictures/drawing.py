@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.errors import BadInput
+from patrol.files.whole_file import replacing
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.palette import rgb, with_walls
-from patrol.whole_file import replacing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

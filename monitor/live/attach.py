@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from monitor.live.feed_client import ZenohFeedClient, first_answer
 from patrol.errors import BadInput
+from patrol.files.untrusted import leads_out
 from patrol.net.keys import WORLD, callers_of, check_radio, fleet_keys, is_local
 from patrol.net.link import Link, LinkDown, open_link
 from patrol.net.open_links import open_links
@@ -17,7 +18,6 @@ from patrol.net.security.credentials import MEMBER
 from patrol.net.security.roles import Kind
 from patrol.process.options import Meeting, meeting
 from patrol.process.reporting.logs import Log
-from patrol.untrusted import leads_out
 
 if TYPE_CHECKING:
     from monitor.observation.source import Source

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 from monitor.replay.run_files import JOURNAL
 from patrol.errors import BadInput
-from patrol.untrusted import MIB, RECORDING, open_untrusted
+from patrol.files.untrusted import MIB, RECORDING, open_untrusted
 
 if TYPE_CHECKING:
     from mcap.stream_reader import StreamReader

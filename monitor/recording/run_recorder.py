@@ -31,11 +31,11 @@ from monitor.recording.ros_file import RosFile
 from monitor.replay.run import Run
 from monitor.replay.run_files import RECORDING, SCENARIO, check_out
 from patrol.errors import BadInput
+from patrol.files.untrusted import SCENARIO as SCENARIO_FILE
+from patrol.files.untrusted import read_untrusted
 from patrol.ground.fog import Fog
 from patrol.ground.footprint import View
 from patrol.journal.records import Event, Status
-from patrol.untrusted import SCENARIO as SCENARIO_FILE
-from patrol.untrusted import read_untrusted
 
 KEY_FRAME_S = 10.0
 """Simulated time between two grids, s."""

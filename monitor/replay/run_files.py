@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from patrol.errors import BadInput
+from patrol.files.untrusted import RECORDING as RECORDING_FILE
+from patrol.files.untrusted import leads_out, open_untrusted
 from patrol.journal import Journal, read_journal
-from patrol.untrusted import RECORDING as RECORDING_FILE
-from patrol.untrusted import leads_out, open_untrusted
 
 JOURNAL = "journal"
 SCENARIO = "scenario.yaml"

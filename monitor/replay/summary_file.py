@@ -10,9 +10,9 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from patrol.errors import BadInput, quoted
-from patrol.half_characters import refuse_half_characters
+from patrol.files.half_characters import refuse_half_characters
+from patrol.files.untrusted import SUMMARY, read_untrusted
 from patrol.summary.model import Summary
-from patrol.untrusted import SUMMARY, read_untrusted
 
 DEEPEST = 50
 """Mappings and lists within each other; a summary has six."""

@@ -15,9 +15,9 @@ from PIL import Image, UnidentifiedImageError
 from PIL.ImageFile import ImageFile
 
 from patrol.errors import BadInput
+from patrol.files.untrusted import IMAGE, open_untrusted
 from patrol.ground.map_file import MapFile
 from patrol.ground.terrain import BoolGrid
-from patrol.untrusted import IMAGE, open_untrusted
 
 FORMATS = ("PPM", "PNG", "BMP", "JPEG")
 MAX_CELLS = 100_000_000

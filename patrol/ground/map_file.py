@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from patrol.errors import BadInput, did_you_mean, quoted
-from patrol.untrusted import MAP, leads_out
-from patrol.yaml_text import parse_yaml, read_text
+from patrol.files.untrusted import MAP, leads_out
+from patrol.files.yaml_text import parse_yaml, read_text
 
 Mode = Literal["trinary", "scale", "raw"]
 MODES: tuple[Mode, ...] = ("trinary", "scale", "raw")

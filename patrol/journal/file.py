@@ -25,10 +25,10 @@ import msgpack
 import numpy as np
 
 from patrol.errors import BadInput, Malformed
+from patrol.files.untrusted import JOURNAL, open_untrusted
 from patrol.journal.decode import decode, is_tick, longest_record
 from patrol.journal.links import Drops, Links
 from patrol.journal.records import End, Event, Header, Record, TickRecord
-from patrol.untrusted import JOURNAL, open_untrusted
 
 _KIND = b"fogwatch journal "
 MAGIC = _KIND + b"1\n"

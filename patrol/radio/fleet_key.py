@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from patrol.errors import BadInput
-from patrol.untrusted import KEY, read_untrusted
+from patrol.files.untrusted import KEY, read_untrusted
 
 SHORTEST = 16
 LONGEST = 64

@@ -8,7 +8,7 @@ from pathlib import Path
 from pydantic import ValidationInfo
 
 from patrol.errors import BadInput
-from patrol.untrusted import OWN_CLASS, read_untrusted
+from patrol.files.untrusted import OWN_CLASS, read_untrusted
 from patrol.values.section import absolute
 
 

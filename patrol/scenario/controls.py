@@ -26,7 +26,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Discriminator, Field, TypeAdapter, ValidationError, model_validator
 
 from patrol.errors import BadInput, did_you_mean, quoted
-from patrol.half_characters import refuse_half_characters
+from patrol.files.half_characters import refuse_half_characters
 from patrol.journal.records import Event
 from patrol.scenario import Scenario, load_scenario
 from patrol.scenario.faults.kinds import Clock, Lasting, nothing

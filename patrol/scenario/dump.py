@@ -8,12 +8,12 @@ from typing import Any
 
 import yaml
 
+from patrol.files.yaml_text import add_core_rules
 from patrol.scenario.lengths import FIELDS
 from patrol.scenario.model import Scenario
 from patrol.scenario.policies import OPTION_LENGTHS
 from patrol.values.section import Section
 from patrol.values.types import AUTO
-from patrol.yaml_text import add_core_rules
 
 _COMMENT_COLUMN = 32
 _MOST_NAMES = 8

@@ -22,8 +22,10 @@ from typing import Any
 from pydantic import ValidationError
 
 from patrol.errors import BadInput, did_you_mean, quoted
+from patrol.files.half_characters import refuse_half_characters
+from patrol.files.untrusted import IMAGE, read_untrusted
+from patrol.files.yaml_text import line_of, parse_yaml, read_text
 from patrol.ground.map_file import read_map_file
-from patrol.half_characters import refuse_half_characters
 from patrol.pose import TURNS_IN_ARCS
 from patrol.scenario.class_file import class_file, file_digest
 from patrol.scenario.dump import dump_section, notes_on_lengths
@@ -37,9 +39,7 @@ from patrol.scenario.policy_file import COMMITTED
 from patrol.scenario.radio_spec import IDEAL
 from patrol.scenario.robots import RobotSpec
 from patrol.scenario.sections import BUILT_IN_SENSORS, RobotEntry, RobotGroup
-from patrol.untrusted import IMAGE, read_untrusted
 from patrol.values.types import AUTO, BUILTINS
-from patrol.yaml_text import line_of, parse_yaml, read_text
 
 Overrides = Mapping[str, object]
 

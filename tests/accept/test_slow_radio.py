@@ -9,8 +9,8 @@ from statistics import mean
 import pytest
 
 from experiments.inprocess import Outcome, run_in_process
+from patrol.files.yaml_text import parse_yaml, read_text
 from patrol.scenario import load_scenario
-from patrol.yaml_text import parse_yaml, read_text
 
 pytestmark = [pytest.mark.accept, pytest.mark.timeout(3600)]
 

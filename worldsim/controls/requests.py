@@ -9,11 +9,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
+from patrol.files.whole_file import write_whole
 from patrol.net.security.control_auth import Admitted, ControlGate, RequestRefused
 from patrol.scenario import dump_scenario
 from patrol.scenario.controls import read_control
 from patrol.scenario.copying import MAP
-from patrol.whole_file import write_whole
 from worldsim.controls.operator import ControlRequest, refusal
 
 if TYPE_CHECKING:

@@ -165,8 +165,8 @@ def control_of(do: str, value: str | None) -> dict[str, Any]:
     Raises:
         BadInput: A value is missing, not wanted, or no YAML.
     """
+    from patrol.files.yaml_text import parse_yaml
     from patrol.scenario.controls import EXAMPLES
-    from patrol.yaml_text import parse_yaml
 
     field, example = next(iter(EXAMPLES.get(do, {}).items()), (None, ""))
     if value is None:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from patrol.files.untrusted import leads_out
 from patrol.printable import printable
 from patrol.process.starting.warmup import warm
-from patrol.untrusted import leads_out
 
 if TYPE_CHECKING:
     from monitor.replay.run import Run

@@ -18,11 +18,11 @@ from pathlib import Path
 from typing import Any
 
 from patrol.errors import BadInput
-from patrol.half_characters import refuse_half_characters
+from patrol.files.half_characters import refuse_half_characters
+from patrol.files.untrusted import ACCESS, open_untrusted
+from patrol.files.whole_file import replacing
 from patrol.net.keys import FleetKeys, check_locator, fleet_keys, is_local
 from patrol.net.security.roles import COMMON_NAMES, USERNAMES, Kind, Role, access_control, robot_role, role_of
-from patrol.untrusted import ACCESS, open_untrusted
-from patrol.whole_file import replacing
 
 MEMBER = "member.json"
 """A member's credentials, in a folder of their own."""

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from patrol.errors import BadInput
+from patrol.files.yaml_text import parse_yaml
 from patrol.scenario import as_mapping, dump_scenario, load_scenario, scenario_hash
-from patrol.yaml_text import parse_yaml
 
 YARDS: dict[str, Any] = {"terrain": {"builtin": "yards"}}
 BUDGET = {"bits_per_s": 1200}

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from patrol.untrusted import KEY, FileRefused, Kind, check_regular, leads_out, open_untrusted, read_untrusted
+from patrol.files.untrusted import KEY, FileRefused, Kind, check_regular, leads_out, open_untrusted, read_untrusted
 
 SMALL = Kind("a note", 2048)
 
@@ -69,7 +69,7 @@ def test_the_file_that_was_checked_is_the_one_that_is_opened(tmp_path: Path, mon
         path.unlink()
         os.mkfifo(path)
 
-    monkeypatch.setattr("patrol.untrusted.check_regular", replaced)
+    monkeypatch.setattr("patrol.files.untrusted.check_regular", replaced)
     assert read_untrusted(path, SMALL) == b"checked"
 
 

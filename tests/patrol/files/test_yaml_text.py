@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from patrol.errors import BadInput
+from patrol.files.yaml_text import line_of, parse_yaml
 from patrol.scenario import load_scenario
-from patrol.yaml_text import line_of, parse_yaml
 
 ALIAS_BOMB = "a0: &a0 [1, 2]\n" + "".join(f"a{n}: &a{n} [{f'*a{n - 1},' * 9}]\n" for n in range(1, 30))
 

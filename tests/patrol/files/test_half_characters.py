@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from patrol.half_characters import refuse_half_characters
+from patrol.files.half_characters import refuse_half_characters
+from patrol.files.yaml_text import parse_yaml
 from patrol.net.security.credentials import read_object
 from patrol.scenario import load_scenario
-from patrol.yaml_text import parse_yaml
 from tests.hostile.files.looks import MAP, one_line
 
 ANY_TEXT = st.text(st.characters(exclude_categories=()), max_size=4)
