@@ -31,7 +31,7 @@ from patrol.ground.footprint import Footprint
 from patrol.prepare import inboxes_of, sensor_footprint
 from patrol.radio.prediction import Predictor
 from patrol.random import Purpose, draw
-from patrol.scenario.policy_file import COMMITTED
+from patrol.scenario.policies import COMMITTED
 
 if TYPE_CHECKING:
     from agent.routes.path_window import PathWindow

@@ -27,7 +27,7 @@ from patrol.process.starting.seldom import seldom_kernels
 from patrol.process.starting.warmup import warm
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import Scenario, load_scenario, open_scenario
-from patrol.scenario.policy_file import BUILT_IN
+from patrol.scenario.policies import BUILT_IN
 from patrol.scenario.radio_spec import MODELS
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""The sensor of a scenario: one that comes with fogwatch, or one of one's own, found by name (`patrol.named_class`).
+"""A scenario's sensor: one that comes with fogwatch, or one of one's own (`patrol.classes.named_class`).
 
 A sensor of one's own runs in everything that computes looks: in the world, in every robot, and in commands that play a
 run again or judge it. Those open what others may have written, and must not run a stranger's code. So such a sensor is
@@ -22,11 +22,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from patrol.classes.class_file import class_file
+from patrol.classes.named_class import ClassSort, NamedClass, check_digest, find, options_of
 from patrol.errors import BadInput
 from patrol.ground.footprint import Footprint, Sensor, SensorSetup, View
-from patrol.named_class import ClassSort, NamedClass, check_digest, find, options_of
 from patrol.pose import Pose
-from patrol.scenario.class_file import class_file
 from patrol.scenario.sections import BUILT_IN_SENSORS, SensorSpec
 
 if TYPE_CHECKING:

@@ -1,7 +1,7 @@
 """The policy that a scenario names, with its options.
 
 A policy is ``committed`` (the default), ``potential-field`` (the paper's), or one of one's own, found by name
-(`patrol.named_class`). Only what runs minds comes here: no command that only reads a run imports its policy.
+(`patrol.classes.named_class`). Only what runs minds comes here: no command that only reads a run imports its policy.
 """
 
 from __future__ import annotations
@@ -12,9 +12,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, cast
 
 from agent.ports import Policy, PolicySetup
-from patrol.named_class import ClassSort, NamedClass, find, options_of
-from patrol.scenario.policies import PatrolOptions
-from patrol.scenario.policy_file import COMMITTED, PAPER
+from patrol.classes.named_class import ClassSort, NamedClass, find, options_of
+from patrol.scenario.policies import COMMITTED, PAPER, PatrolOptions
 
 if TYPE_CHECKING:
     from patrol.scenario import Scenario

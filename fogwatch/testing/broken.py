@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from patrol.classes.named_class import ClassSort, NamedClass, find
 from patrol.errors import BadInput
-from patrol.named_class import ClassSort, NamedClass, find
 
 _MODULE = "fogwatch_checked"
 """A module that holds the classes under check, so that a scenario can name them wherever they were made."""

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from fogwatch.testing.broken import RuleBroken, class_of, disturb_chance
+from patrol.classes.named_class import NamedClass, options_of
 from patrol.ground.footprint import SensorSetup, View
 from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import Terrain
-from patrol.named_class import NamedClass, options_of
 from patrol.own_sensor import SENSORS, CheckedSensor, SensorFailed
 from patrol.pose import Pose
 from patrol.radio.message import as_received

@@ -10,11 +10,11 @@ from typing import TypeVar
 
 import yaml
 
+from patrol.classes.class_file import class_file, class_source, file_digest
 from patrol.errors import BadInput
 from patrol.files.untrusted import IMAGE, read_untrusted
 from patrol.ground.map_file import read_map_file
 from patrol.scenario import Scenario, dump_scenario
-from patrol.scenario.class_file import class_file, class_source, file_digest
 from patrol.values.section import Section
 
 FILE = "scenario.yaml"

@@ -15,8 +15,7 @@ from patrol.scenario.faults.kinds import KINDS, Fault, Forgery, Jump, Wait
 from patrol.scenario.faults.nemesis_spec import NemesisSpec
 from patrol.scenario.faults.targets import Some
 from patrol.scenario.model import Scenario
-from patrol.scenario.policies import CommittedOptions, PatrolSpec, PotentialFieldOptions
-from patrol.scenario.policy_file import COMMITTED, PAPER
+from patrol.scenario.policies import COMMITTED, PAPER, CommittedOptions, PatrolSpec, PotentialFieldOptions
 from patrol.scenario.radio_spec import MODEL_OPTIONS, AdaptiveSpec, BudgetSpec, RadioSpec
 from patrol.scenario.sections import (
     IntruderSpec,

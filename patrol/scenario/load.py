@@ -21,21 +21,20 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from patrol.classes.class_file import class_file, file_digest
 from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.files.half_characters import refuse_half_characters
 from patrol.files.untrusted import IMAGE, read_untrusted
 from patrol.files.yaml_text import line_of, parse_yaml, read_text
 from patrol.ground.map_file import read_map_file
 from patrol.pose import TURNS_IN_ARCS
-from patrol.scenario.class_file import class_file, file_digest
 from patrol.scenario.dump import dump_section, notes_on_lengths
 from patrol.scenario.explain import one_line
 from patrol.scenario.lengths import FIELDS
 from patrol.scenario.model import Scenario
 from patrol.scenario.nemesis import written_out
 from patrol.scenario.older import translate_field, translate_overrides, translate_patrol
-from patrol.scenario.policies import OPTION_LENGTHS, PatrolOptions
-from patrol.scenario.policy_file import COMMITTED
+from patrol.scenario.policies import COMMITTED, OPTION_LENGTHS, PatrolOptions
 from patrol.scenario.radio_spec import IDEAL
 from patrol.scenario.robots import RobotSpec
 from patrol.scenario.sections import BUILT_IN_SENSORS, RobotEntry, RobotGroup

@@ -13,8 +13,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-from patrol.scenario.policies import OPTION_LENGTHS, CommittedOptions, PotentialFieldOptions
-from patrol.scenario.policy_file import BUILT_IN, COMMITTED, PAPER
+from patrol.scenario.policies import BUILT_IN, COMMITTED, OPTION_LENGTHS, PAPER, CommittedOptions, PotentialFieldOptions
 
 _POLICIES: Mapping[str, str] = MappingProxyType({"target": COMMITTED, "none": PAPER})
 """Policies of this version by the value of `commitment`."""

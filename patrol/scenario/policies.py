@@ -10,12 +10,11 @@ the scenario; those of any other when a run finds its class (`agent.policies.fou
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
-from patrol.scenario.class_file import beside, class_file
-from patrol.scenario.policy_file import BUILT_IN, COMMITTED, PAPER
+from patrol.classes.class_file import beside, class_file
 from patrol.values.section import Section, wrong
 from patrol.values.types import (
     AUTO,
@@ -34,6 +33,15 @@ from patrol.values.types import (
     Separation,
     Tolerance,
 )
+
+COMMITTED: Final = "committed"
+"""The default policy."""
+
+PAPER: Final = "potential-field"
+"""The policy of the paper."""
+
+BUILT_IN = (COMMITTED, PAPER)
+"""Policies that come with fogwatch."""
 
 OPTION_LENGTHS = ("dilatation", "obstacle_radius", "fuzzy_distance", "critical_width")
 """Lengths that are settings of policies: fields of `patrol.options` that may be ``auto``."""

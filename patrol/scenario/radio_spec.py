@@ -16,11 +16,11 @@ from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
+from patrol.classes.class_file import beside, class_file
 from patrol.radio.allowance import BITS, Share
 from patrol.radio.message import MAX_STEP_CM, longest_frame
 from patrol.radio.peers import SPAN
 from patrol.radio.units import cm_to_m, m_to_cm
-from patrol.scenario.class_file import beside, class_file
 from patrol.scenario.robots import RobotSpec
 from patrol.scenario.sections import BUILT_IN_SENSORS, SensorSpec
 from patrol.values.section import Section, absolute, wrong

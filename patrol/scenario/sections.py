@@ -7,7 +7,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import ConfigDict, Field, Tag, ValidationInfo, field_validator, model_validator
 
-from patrol.scenario.class_file import beside, class_file
+from patrol.classes.class_file import beside, class_file
 from patrol.values.section import Section, absolute, wrong
 from patrol.values.types import (
     MAX_ROBOTS,

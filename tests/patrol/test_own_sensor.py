@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from patrol.classes.static_check import check_without_running
 from patrol.errors import BadInput
 from patrol.ground.footprint import SensorSetup, View
 from patrol.ground.sensors import Disc, footprint_of
@@ -18,7 +19,6 @@ from patrol.own_sensor import CheckedSensor, SensorFailed, allow_sensor, make_fo
 from patrol.pose import Pose
 from patrol.scenario import Scenario, dump_scenario, load_scenario, same_but_for_files, scenario_hash
 from patrol.scenario.copying import keep_scenario
-from patrol.static_check import check_without_running
 from tests.patrol.sensors import records
 
 __all__ = ["records"]

@@ -21,7 +21,7 @@ from fogwatch.launch.live_table import duration_text
 from fogwatch.progress import SweepProgress, print_failures
 from patrol.errors import BadInput
 from patrol.own_sensor import allow_sensor
-from patrol.scenario.policy_file import BUILT_IN
+from patrol.scenario.policies import BUILT_IN
 from patrol.scenario.radio_spec import MODELS
 
 FAILED = 1

@@ -14,7 +14,7 @@ from patrol.errors import BadInput
 from patrol.printable import printable
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import Scenario, dump_scenario, open_scenario, parse_overrides, scenario_hash, scenario_schema
-from patrol.scenario.policy_file import BUILT_IN
+from patrol.scenario.policies import BUILT_IN
 from patrol.scenario.radio_spec import MODELS
 from patrol.scenario.sections import BUILT_IN_SENSORS
 
@@ -53,9 +53,9 @@ def check(what: What, settings: Settings = None) -> None:
     scenario = open_scenario(what, parse_overrides(settings or []))
     digest = scenario_hash(scenario)
     fleet_key(scenario.radio.key)
+    from patrol.classes.static_check import check_without_running
     from patrol.own_sensor import sensor_named  # here: needs libraries that `fogwatch scenario show` does without
     from patrol.prepare import prepare
-    from patrol.static_check import check_without_running
 
     prepared = prepare(scenario)
     check_without_running(sensor_named(scenario.sensor))

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def _follows_forces(scenario: Scenario) -> bool:
     """Whether robots sum forces, or may: a policy of another kind can build on anything."""
-    from patrol.scenario.policy_file import COMMITTED  # here, as processes that compile need no scenario
+    from patrol.scenario.policies import COMMITTED  # here, as processes that compile need no scenario
 
     return scenario.patrol.policy != COMMITTED
 

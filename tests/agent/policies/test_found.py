@@ -17,6 +17,7 @@ from agent.policies.committed.policy import Committed
 from agent.policies.found import POLICIES, policy_of
 from agent.policies.potential_field.policy import PotentialField
 from agent.ports import PolicyFailed, State
+from patrol.classes.class_file import file_digest
 from patrol.errors import BadInput
 from patrol.pose import Pose
 from patrol.prepare import prepare
@@ -28,7 +29,6 @@ from patrol.scenario import (
     load_scenario,
     scenario_hash,
 )
-from patrol.scenario.class_file import file_digest
 from patrol.scenario.copying import keep_scenario
 from tests.agent.minds import at
 

@@ -69,7 +69,7 @@ def digest_of(image: Path) -> str:
 
 
 def digest_of_policy(path: Path) -> str:
-    from patrol.scenario.class_file import file_digest
+    from patrol.classes.class_file import file_digest
 
     return file_digest(path, "patrol.policy")
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from patrol.classes.named_class import ClassSort, NamedClass, find, options_of
 from patrol.errors import BadInput
-from patrol.named_class import ClassSort, NamedClass, find, options_of
 from patrol.scenario.radio_spec import IDEAL, MODELS
 from worldsim.radio.models.port import ModelSetup, OnAir, RadioModel
 

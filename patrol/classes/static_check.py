@@ -12,10 +12,10 @@ from collections.abc import Iterable, Iterator
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 
+from patrol.classes.class_file import class_file, class_source
+from patrol.classes.named_class import NamedClass, absent_class, absent_module, check_digest, entry_point_of, no_class
 from patrol.errors import BadInput
 from patrol.files.untrusted import KIB
-from patrol.named_class import NamedClass, absent_class, absent_module, check_digest, entry_point_of, no_class
-from patrol.scenario.class_file import class_file, class_source
 
 LONGEST = 256 * KIB
 """Bytes of the longest source that is parsed; a parsed one takes some hundred times as much memory."""

@@ -7,7 +7,7 @@ entry point of an installed package. For example, in a scenario:
     sensor: {kind: my_package.lidar:Lidar, range: 12}
 
 A class may have a pydantic model named ``Options``, which validates its options. `find` runs the code that a name
-stands for; `patrol.static_check` looks at it without running it.
+stands for; `patrol.classes.static_check` looks at it without running it.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from patrol.classes.class_file import class_file, file_digest
 from patrol.errors import BadInput, did_you_mean
-from patrol.scenario.class_file import class_file, file_digest
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,8 +9,8 @@ from textwrap import dedent
 import pytest
 
 from agent.policies.found import policy_named
+from patrol.classes.static_check import LONGEST, check_without_running
 from patrol.scenario import Scenario, load_scenario
-from patrol.static_check import LONGEST, check_without_running
 from tests.agent.policies.test_found import PATIENT, STILL, Write, installed, named, write
 from tests.hostile.files.looks import one_line
 
