@@ -119,7 +119,7 @@ def _work(process: ProcessContext) -> int:
 
 def _serve(process: ProcessContext, connection: Connection) -> None:
     from fogwatch.launch.derived import load
-    from patrol.best_tour import best_tour
+    from patrol.measures.best_tour import best_tour
     from patrol.prepare import Prepared
     from worldsim.verdict.live import LiveJudge
 

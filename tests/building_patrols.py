@@ -12,11 +12,11 @@ import numpy as np
 
 from experiments.inprocess import run_in_process
 from patrol.journal import Status, TickRecord
-from patrol.own_ground import own_grounds
+from patrol.measures.own_ground import own_grounds
+from patrol.measures.progress import stalest_outside
+from patrol.measures.stays import SAMPLE_S, Stay
 from patrol.prepare import Prepared, prepare
-from patrol.progress import stalest_outside
 from patrol.scenario import Scenario, load_scenario
-from patrol.stays import SAMPLE_S, Stay
 from patrol.values.types import Kind
 from tests.buildings import TEAM, random_building
 from worldsim.world import World

@@ -313,7 +313,7 @@ OWN_FILES = {
     "fogwatch/launch/child_control.py": "the kernel's facts about its own children",
     "fogwatch/launch/children.py": "logs of its own children",
     "monitor/report/html.py": "data of the package",
-    "patrol/best_tour.py": "the user's own cache",
+    "patrol/measures/best_tour.py": "the user's own cache",
     "patrol/ground/fields.py": "fields that the launcher prepared",
     "patrol/kernel_cache.py": "the user's own cache, and kernels of the packages",
     "patrol/net/carriers/serial_line.py": "the line that its user names; what comes over it is judged like any frame",

@@ -10,8 +10,8 @@ from rich.table import Table
 from rich.text import Text
 
 from fogwatch.launch.live_table import STATUS_STYLES, duration_text
-from patrol.best_tour import NO_BOUND
 from patrol.journal import Status
+from patrol.measures.best_tour import NO_BOUND
 from patrol.printable import printable
 from patrol.summary.metric import metrics_of
 from patrol.summary.model import IntruderFacts, RobotFigures, Summary, VerdictFacts, unsettled

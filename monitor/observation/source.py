@@ -96,7 +96,7 @@ class Static:
 
 @dataclass(frozen=True, slots=True)
 class Trapped:
-    """Since when a robot has been trapped (`patrol.progress`).
+    """Since when a robot has been trapped (`patrol.measures.progress`).
 
     Attributes:
         since_s: When its stay began, s.

@@ -1,6 +1,6 @@
 """The trapped robots, as a page shows them: a mark with the time since when, and events.
 
-`patrol.progress` decides. It is given each tick's positions and, when it asks, the fog.
+`patrol.measures.progress` decides. It is given each tick's positions and, when it asks, the fog.
 """
 
 from __future__ import annotations
@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 from monitor.observation.source import Trapped
 from patrol.journal.records import Event
+from patrol.measures.progress import Trap, Traps
+from patrol.measures.stays import SAMPLE_S
 from patrol.net.messages.telemetry import FREE, TRAPPED
-from patrol.progress import Trap, Traps
-from patrol.stays import SAMPLE_S
 
 if TYPE_CHECKING:
     import numpy as np

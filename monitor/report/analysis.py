@@ -14,8 +14,8 @@ from monitor.replay.replay import Watcher, play
 from monitor.replay.run import Run
 from monitor.replay.run_files import SUMMARY
 from monitor.replay.visits import VisitCounter, Visits
-from patrol.best_tour import NO_BOUND, best_tour
 from patrol.errors import quoted
+from patrol.measures.best_tour import NO_BOUND, best_tour
 from patrol.prepare import sensor_footprint
 from patrol.summary.metric import Metric, metrics_of
 from patrol.summary.model import RobotFigures, Summary, unsettled

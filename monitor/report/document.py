@@ -28,10 +28,10 @@ from monitor.report.analysis import (
 )
 from monitor.report.radio_section import links_section
 from monitor.report.style import Drawing, draw
-from patrol.best_tour import best_tour
 from patrol.errors import BadInput
 from patrol.files.whole_file import write_whole
 from patrol.files.yaml_text import read_text
+from patrol.measures.best_tour import best_tour
 from patrol.scenario.controls import intruder_name
 from patrol.summary.metric import metrics_of
 from patrol.summary.model import FaultFacts, RobotFigures

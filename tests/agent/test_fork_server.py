@@ -14,7 +14,7 @@ from agent.fork_server import _load
 _load([])
 loaded = set(sys.modules)
 from experiments.inprocess import run_in_process
-from patrol.best_tour import best_tour
+from patrol.measures.best_tour import best_tour
 from patrol.prepare import prepare
 from patrol.scenario import load_scenario
 robots = {"count": 3, "model": sys.argv[1]}

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from patrol.measures.progress import Trap, Traps
 from patrol.net.messages.telemetry import FREE, TRAPPED, Metrics, Notice, Watcher
-from patrol.progress import Trap, Traps
 
 if TYPE_CHECKING:
     from patrol.journal import Event, TickRecord

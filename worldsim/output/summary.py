@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from patrol.best_tour import best_tour
 from patrol.journal import Event, Header, TickRecord
+from patrol.measures.best_tour import best_tour
 from patrol.summary.model import Summary
 from patrol.summary.totals import RunTotals
 from worldsim.output.direct_radio import as_measured

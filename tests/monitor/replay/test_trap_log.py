@@ -8,8 +8,8 @@ import pytest
 from monitor.observation.source import Trapped
 from monitor.replay.player import Player
 from monitor.replay.trap_log import TrapLog
+from patrol.measures.stays import TRAPPED_S
 from patrol.net.messages.telemetry import FREE, TRAPPED
-from patrol.stays import TRAPPED_S
 from tests.monitor.live.test_feed_source import FakeFeed, watched
 from tests.monitor.replay.test_player import Wall, at
 

@@ -20,8 +20,8 @@ from monitor.report.compare import compare_html, differences, names_of, rows_of
 from monitor.report.compare import drawings as drawings_of_several
 from monitor.report.document import drawings, report_html, write_page, write_report
 from monitor.report.style import draw
-from patrol.best_tour import best_tour
 from patrol.errors import BadInput
+from patrol.measures.best_tour import best_tour
 from patrol.summary.model import Summary
 from tests.monitor.conftest import run_of
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from patrol.journal import Event, TickRecord
+from patrol.measures.stays import Place
 from patrol.net.messages.telemetry import Notice
-from patrol.stays import Place
 from tests.worldsim.verdict.run.test_progress import WHOLE, made, rooms
 from worldsim.output.live_progress import LiveProgress
 from worldsim.world import World

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from patrol.best_tour import best_tour
 from patrol.journal import Status, trace_hash
+from patrol.measures.best_tour import best_tour
+from patrol.measures.stays import roaming_radius
 from patrol.scenario import load_scenario, scenario_hash
-from patrol.stays import roaming_radius
 from patrol.summary.metric import metrics_of
 from patrol.summary.model import Messages, RobotFigures, Summary
 from worldsim.output.record import lower_bound

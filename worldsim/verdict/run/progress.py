@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from patrol.best_tour import best_tour
 from patrol.ground.fields import parts_of
 from patrol.ground.fog import NEVER
 from patrol.journal import Status
-from patrol.progress import Trap, Traps, judged_places
-from patrol.stays import TRAPPED_S, Place, Stay
+from patrol.measures.best_tour import best_tour
+from patrol.measures.progress import Trap, Traps, judged_places
+from patrol.measures.stays import TRAPPED_S, Place, Stay
 from worldsim.verdict.common.check import Check, CheckResult
 from worldsim.verdict.common.robots_there import RobotsThere
 from worldsim.verdict.common.true_fog import TrueFog
@@ -63,7 +63,7 @@ class Stalest:
 
 @dataclass(frozen=True, slots=True)
 class LongestStay:
-    """The longest time for which a robot stayed in one place (`patrol.stays.Stays`).
+    """The longest time for which a robot stayed in one place (`patrol.measures.stays.Stays`).
 
     Attributes:
         seconds: How long, s.

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from patrol.measures.stays import TRAPPED_S, Place, Stay, Stays, roaming_radius
 from patrol.scenario import load_scenario
-from patrol.stays import TRAPPED_S, Place, Stay, Stays, roaming_radius
 
 R = 3.0001234567  # which no sum of round numbers hits, so that rounding decides nothing
 LONG = int(TRAPPED_S)

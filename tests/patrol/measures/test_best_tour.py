@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import patrol.ground.tour.search
-from patrol import best_tour as module
-from patrol.best_tour import BestTour, PartTour, best_tour
 from patrol.ground.fields import compute_fields
 from patrol.ground.terrain import Terrain
+from patrol.measures import best_tour as module
+from patrol.measures.best_tour import BestTour, PartTour, best_tour
 from patrol.own_sensor import allow_sensor
 from patrol.pose import Pose
 from patrol.prepare import Prepared

@@ -8,12 +8,12 @@ import pytest
 from patrol.ground.fields import compute_fields
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.journal.records import RobotTick, Status, TickRecord
-from patrol.own_ground import own_grounds
+from patrol.measures.own_ground import own_grounds
+from patrol.measures.progress import Traps, judged_places, stalest_outside
+from patrol.measures.stays import Place, Stay
 from patrol.pose import Pose
 from patrol.prepare import Prepared, prepare
-from patrol.progress import Traps, judged_places, stalest_outside
 from patrol.scenario import load_scenario
-from patrol.stays import Place, Stay
 
 
 def rooms(doors: bool = True) -> Terrain:

@@ -1,8 +1,8 @@
-"""Progress: which robots are in one place for long although there is stale ground elsewhere that they could go and see.
+"""Progress: robots that are in one place for long although there is stale ground elsewhere that they could go and see.
 
-A robot is *trapped* when it has stayed in one circle (`patrol.stays`) for `TRAPPED_S` while a point outside of that
-circle, which its body could go and see, has been seen by nobody. It is trapped until it leaves the circle, or until all
-such points have been seen; in the second case its time counts anew from then on. Positions and fog are given by the
+A robot is *trapped* when it has stayed in one circle (`patrol.measures.stays`) for `TRAPPED_S` while no robot has seen
+some point outside of that circle, which its body could go and see. It is trapped until it leaves the circle, or until
+all such points have been seen; in the second case its time counts anew from then on. Positions and fog are given by the
 caller, true or believed, live or from a journal.
 """
 
@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.journal.records import SURROUNDING, Status, TickRecord
-from patrol.own_ground import OwnGround, own_grounds
-from patrol.stays import TRAPPED_S, Place, Stay, Stays, roaming_radius, ticks_of
+from patrol.measures.own_ground import OwnGround, own_grounds
+from patrol.measures.stays import TRAPPED_S, Place, Stay, Stays, roaming_radius, ticks_of
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared

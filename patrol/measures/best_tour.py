@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from patrol.own_ground import OwnGround, own_grounds
+from patrol.measures.own_ground import OwnGround, own_grounds
 from patrol.prepare import sensor_footprint
 from patrol.scenario.sections import BUILT_IN_SENSORS
 
