@@ -31,8 +31,8 @@ from patrol.files.whole_file import write_whole
 from patrol.ground.maps import load_terrain
 from patrol.net.security.access import FILE as ACCESS
 from patrol.scenario import Scenario, load_scenario
-from patrol.scenario.copying import FILE as SCENARIO
-from patrol.scenario.copying import MAP, keep_scenario
+from patrol.scenario.file.copying import FILE as SCENARIO
+from patrol.scenario.file.copying import MAP, keep_scenario
 from patrol.summary.model import Summary
 
 RUNS = Path("runs")

@@ -8,7 +8,7 @@
     fogwatch/<fleet>/stop/<robot>                what an operator asks of a robot that no world carries
     fogwatch/<fleet>/alive/<robot>               liveliness tokens
 
-A robot's name has no dot (`patrol.scenario.load`), so that `WORLD` can never be one.
+A robot's name has no dot (`patrol.scenario.file.load`), so that `WORLD` can never be one.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """The scenario: one file that says everything a run depends on, its faults, and what an operator may change."""
 
-from patrol.scenario.lengths import BodyLengths
-from patrol.scenario.load import (
+from patrol.scenario.file.load import (
     as_mapping,
     dump_scenario,
     load_scenario,
@@ -13,6 +12,7 @@ from patrol.scenario.load import (
     scenario_schema,
     with_spares,
 )
+from patrol.scenario.lengths import BodyLengths
 from patrol.scenario.model import Scenario
 from patrol.scenario.policies import (
     CommittedOptions,

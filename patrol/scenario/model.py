@@ -1,6 +1,6 @@
 """The scenario: its sections put together, and what they must agree on.
 
-Frozen pydantic models that refuse unknown keys. `patrol.scenario.load` reads and writes scenario files and is what
+Frozen pydantic models that refuse unknown keys. `patrol.scenario.file.load` reads and writes scenario files and is what
 other modules import.
 """
 

@@ -13,7 +13,7 @@ from patrol.files.whole_file import write_whole
 from patrol.net.security.control_auth import Admitted, ControlGate, RequestRefused
 from patrol.scenario import dump_scenario
 from patrol.scenario.controls import read_control
-from patrol.scenario.copying import MAP
+from patrol.scenario.file.copying import MAP
 from worldsim.controls.operator import ControlRequest, refusal
 
 if TYPE_CHECKING:

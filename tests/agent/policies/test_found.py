@@ -29,7 +29,7 @@ from patrol.scenario import (
     load_scenario,
     scenario_hash,
 )
-from patrol.scenario.copying import keep_scenario
+from patrol.scenario.file.copying import keep_scenario
 from tests.agent.minds import at
 
 STILL = '''

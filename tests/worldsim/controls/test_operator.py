@@ -30,7 +30,7 @@ from patrol.scenario.controls import (
     intruders_there,
     read_control,
 )
-from patrol.scenario.copying import FILE, keep_scenario
+from patrol.scenario.file.copying import FILE, keep_scenario
 from tests.fleets import end_of
 from worldsim.controls.operator import ControlRequest, Operator
 from worldsim.controls.requests import TIMELINE, keep_timeline

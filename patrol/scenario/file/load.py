@@ -28,12 +28,12 @@ from patrol.files.untrusted import IMAGE, read_untrusted
 from patrol.files.yaml_text import line_of, parse_yaml, read_text
 from patrol.ground.map_file import read_map_file
 from patrol.pose import TURNS_IN_ARCS
-from patrol.scenario.dump import dump_section, notes_on_lengths
-from patrol.scenario.explain import one_line
+from patrol.scenario.file.dump import dump_section, notes_on_lengths
+from patrol.scenario.file.explain import one_line
+from patrol.scenario.file.older import translate_field, translate_overrides, translate_patrol
 from patrol.scenario.lengths import FIELDS
 from patrol.scenario.model import Scenario
 from patrol.scenario.nemesis import written_out
-from patrol.scenario.older import translate_field, translate_overrides, translate_patrol
 from patrol.scenario.policies import COMMITTED, OPTION_LENGTHS, PatrolOptions
 from patrol.scenario.radio_spec import IDEAL
 from patrol.scenario.robots import RobotSpec

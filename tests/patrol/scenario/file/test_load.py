@@ -380,7 +380,7 @@ def test_without_its_map_a_scenario_has_no_hash(tmp_path: Path) -> None:
 
 @pytest.mark.processes
 def test_the_hash_is_the_same_in_another_process() -> None:
-    code = "from patrol.scenario.load import *; print(scenario_hash(load_scenario({'terrain': {'builtin': 'yards'}})))"
+    code = "from patrol.scenario import *; print(scenario_hash(load_scenario({'terrain': {'builtin': 'yards'}})))"
     env = {**os.environ, "PYTHONHASHSEED": "12345"}
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=env)
     assert told.stdout.strip() == scenario_hash(load_scenario(YARDS))

@@ -1,0 +1,1 @@
+"""Scenario files: read and resolved, older versions too; errors that name the line; dumped and copied into runs."""
