@@ -1,1 +1,1 @@
-"""What goes over the network: keys, links, and the messages between processes."""
+"""The network: keys, links, and the messages between processes."""

@@ -1,4 +1,4 @@
-"""Where messages go: the key expressions of a fleet.
+"""The key expressions of a fleet, under which its messages travel.
 
     fogwatch/<fleet>/position/<robot>            positions, when robots talk directly
     fogwatch/<fleet>/robot/<robot>/tick|reply    phases A and B of a simulated robot
@@ -8,7 +8,7 @@
     fogwatch/<fleet>/stop/<robot>                what an operator asks of a robot that no world carries
     fogwatch/<fleet>/alive/<robot>               liveliness tokens
 
-A robot's name has no dot (`patrol.scenario.file.load`), so that `WORLD` can never be one.
+A robot's name has no dot (`patrol.values.types.RobotName`), so that `WORLD` can never be one.
 """
 
 from __future__ import annotations
@@ -164,7 +164,7 @@ def check_locator(locator: str, option: str) -> str:
 
 
 def is_loopback(host: str) -> bool:
-    """Whether a host is this machine alone.
+    """Return True if a host is this machine alone.
 
     Args:
         host: a name or an address.
@@ -176,7 +176,7 @@ def is_loopback(host: str) -> bool:
 
 
 def is_local(locator: str) -> bool:
-    """Whether a router's address is on this machine alone.
+    """Return True if a router's address is on this machine alone.
 
     Args:
         locator: Such as ``tcp/127.0.0.1:7447``.
@@ -185,7 +185,7 @@ def is_local(locator: str) -> bool:
 
 
 def is_group(locator: str) -> bool:
-    """Whether a locator is an IPv4 multicast group.
+    """Return True if a locator is an IPv4 multicast group.
 
     Args:
         locator: ``udp/GROUP:PORT``, perhaps with ``#iface=NAME``.

@@ -31,19 +31,19 @@ LEASE_S = 600.0
 host may be cut off. One whose process ends is gone at once, since its connection ends."""
 
 CLOSE_S = 2.0
-"""How long closing may take; under loss it has been seen to take longer."""
+"""Longest wait for closing, s; under loss closing has taken longer."""
 
 SEE_S = 5.0
-"""How long the router may take to say whose tokens there are."""
+"""Longest wait for the router's list of tokens, s."""
 
 TELL_S = (1.0, 5.0)
-"""When somebody who waits says so for the first time, and how long after that again."""
+"""Waiting time before a process first says that it waits, and between later times, s."""
 
 ECHO_S = 3600.0
-"""How long to wait for a router that does not answer."""
+"""Longest wait for a router that does not answer, s."""
 
 KNOCK_S = 1.0
-"""How long anything may take to accept a connection where no router has answered."""
+"""Longest wait for a connection where no router has answered, s."""
 
 _ADMISSION = (
     "its credentials are missing, wrong or expired, or the router hangs; give --credentials FOLDER, made by: fogwatch "
@@ -76,12 +76,12 @@ class Link:
 
     @property
     def connected(self) -> bool:
-        """Whether a router is at the other end now; clients find back to one that returns by themselves."""
+        """True if a router is at the other end now; clients find back to one that returns by themselves."""
         return bool(self._session.info.routers_zid())
 
     @property
     def connections(self) -> int:
-        """How many processes are at the other ends now: of a router those that are connected to it."""
+        """Number of processes at the other ends now: of a router, those that are connected to it."""
         return len(self._session.info.transports())
 
     def post(self, key: str, *, waits: bool = True, together: bool = False) -> Post:
@@ -90,7 +90,7 @@ class Link:
         Args:
             key: To publish under.
             waits: Whether to wait where a queue is full, or to drop. One receiver that has stopped reading then holds
-                up its router, and with it everything that this link sends to anybody.
+                up its router, and with it everything that this link sends.
             together: For who sends to many at a time: what is sent while an earlier message still waits travels with
                 it, in pieces of up to 64 KiB. Each message on its own takes a place in the queue: of a burst to 50
                 robots, a busy machine dropped what came after the 16th (`patrol.net.settings`).
@@ -166,7 +166,7 @@ class Link:
         self._declared.append(self._session.liveliness().declare_subscriber(key, handler, history=True))
 
     def sees(self, key: str) -> bool:
-        """Whether anybody holds the liveliness token of a key now.
+        """Return True if any process holds the liveliness token of a key now.
 
         Args:
             key: a key expression.
@@ -174,7 +174,7 @@ class Link:
         return any(reply.ok is not None for reply in self._session.liveliness().get(key, timeout=SEE_S))
 
     def seen(self, key: str, most: int) -> list[str]:
-        """The keys of liveliness tokens that somebody holds now.
+        """List the keys of liveliness tokens that are held now.
 
         Args:
             key: a key expression.
@@ -227,7 +227,7 @@ class Link:
         return answers_of(self._session, keys, payload, longest, wait_s)
 
     def echo(self, key: str) -> Callable[[], bool]:
-        """Ask the router for a liveliness token, whoever holds it; its answer shows that the router is at work.
+        """Ask the router for a liveliness token of any holder; its answer shows that the router is at work.
 
         Args:
             key: Of the token.
@@ -301,7 +301,7 @@ def close_session(session: zenoh.Session, declared: list[Any], limit_s: float) -
 
 def _answers(query: zenoh.Query, key: str) -> Post:
     def answer(payload: bytes) -> None:
-        with query, suppress(zenoh.ZError):  # the link has been closed meanwhile, or whoever asked has gone
+        with query, suppress(zenoh.ZError):  # the link has been closed meanwhile, or the asking process has gone
             query.reply(key, payload)
 
     return answer
@@ -321,7 +321,7 @@ def open_link(
         wait_s: How long to wait for it.
         waiting: Called as `TELL_S` says, with the seconds waited, while no router answers.
         stopped: Whether to give up.
-        credentials: Prove who this is; None for a router that asks nobody.
+        credentials: Prove who this is; None for a router that asks for none.
 
     Raises:
         LinkDown: When no router has answered after `wait_s`, or `stopped` says so.
@@ -378,7 +378,7 @@ def open_session(
 
 
 def listens(router: str) -> bool:
-    """Whether anything listens at a router's address, so that it must have refused us."""
+    """Return True if anything listens at a router's address, so that it must have refused us."""
     host, _, port = router.partition("/")[2].rpartition(":")
     try:
         socket.create_connection((host.strip("[]"), int(port)), KNOCK_S).close()
@@ -392,7 +392,7 @@ def open_router(listen: str, security: RouterSecurity | None = None, others: Seq
 
     Args:
         listen: The locator to listen at.
-        security: Says who may connect and do what; None to let everybody do everything.
+        security: Says who may connect and do what; None to allow everything.
         others: Locators of the fleet's routers at other sites, to connect to.
 
     Raises:

@@ -51,7 +51,7 @@ class Payload(Protocol):
     """The payload of a message, which may not have been copied out of Zenoh yet."""
 
     def __len__(self) -> int:
-        """How many bytes."""
+        """Return the number of bytes."""
         ...
 
     def to_bytes(self) -> bytes:
@@ -94,7 +94,7 @@ class Mailbox(Generic[T]):
 
     @property
     def waiting(self) -> int:
-        """How many messages wait; asked by any thread."""
+        """Number of messages that wait; read from any thread."""
         return sum(len(waiting) for waiting in self._waiting.values())
 
     def deliver(self, key: str, payload: Payload) -> None:
@@ -163,7 +163,7 @@ class Mailbox(Generic[T]):
 
 
 class Air(Protocol):
-    """What carries positions: a link to Zenoh, a multicast group or a serial line."""
+    """A carrier of positions: a link to Zenoh, a multicast group or a serial line."""
 
     def broadcast(self, key: str) -> Post:
         """A publisher for a direct radio: sends at once, to all others; a message is lost rather than late.

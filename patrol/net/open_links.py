@@ -38,14 +38,14 @@ def open_links(
         wait_s: How long to wait for each.
         say: Takes a line now and then while the process waits.
         stopped: Whether to give up.
-        credentials: Prove who this is, at both routers; None for routers that ask nobody.
+        credentials: Prove who this is, at both routers; None for routers that ask for none.
         callers: The keys under which the robots send, by their numbers, for a serial line, which carries no keys.
 
     Returns:
         Both links, which may be the same; None when `stopped` says so.
 
     Raises:
-        BadInput: When nobody has answered after `wait_s`, or the credentials cannot be used at `radio`.
+        BadInput: When no router has answered after `wait_s`, or the credentials cannot be used at `radio`.
     """
     if radio is not None and credentials is not None and not is_group(radio):
         credentials.check_router(radio, "--radio")

@@ -1,4 +1,4 @@
-"""Questions to everybody who may answer, for a caller who can tell right answers from others."""
+"""Questions to all that may answer, for a caller that can tell right answers from others."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ _OVER = ""
 """The key of the mailbox's message that no more answers come."""
 _ROOM = 256
 _MORE_S = 1.0
-"""How much longer than the query itself to wait for Zenoh's word that it is over, s."""
+"""Waiting time, after the query's own, for Zenoh's word that it is over, s."""
 
 
 def all_answers(session: zenoh.Session, key: str, payload: bytes, longest: int, wait_s: float) -> Iterator[bytes]:
-    """The answers of all who answer a query, as they come (`answers_of`, for one key)."""
+    """Give the answers of all that answer a query, as they come (`answers_of`, for one key)."""
     return (answer for _, answer in answers_of(session, (key,), payload, longest, wait_s))
 
 
 def answers_of(
     session: zenoh.Session, keys: Sequence[str], payload: bytes, longest: int, wait_s: float
 ) -> Iterator[tuple[str, bytes]]:
-    """The answers of all who answer the same query under several keys, which are asked at once.
+    """Give the answers to one query under several keys, which are asked at once.
 
-    A query goes by itself to whoever seems nearest, who need not be whom it is for. So this one goes to all, and the
-    answer of one replaces that of no other.
+    By default, Zenoh sends a query to the process that seems nearest, which may be the wrong one. So this one goes to
+    all, and no answer replaces another.
 
     Args:
         session: An open Zenoh session.

@@ -76,7 +76,7 @@ SILENCE_S = 5.0
 UNGREETED_S = 1.0
 """Interval at which a robot asks for a greeting until a world has greeted it, s."""
 GRACE_S = 0.3
-"""How long a token must have been gone, the router answering, before its robot can count as gone, s."""
+"""Time without a token, while the router answers, before its robot can count as gone, s."""
 RETURN_S = 12.0
 """The same for a robot that no launcher has started and that has not said farewell, s. One that was cut off may have
 10 s left of an attempt to connect when the network is back, and the next begins half a second later."""
@@ -213,7 +213,7 @@ Effects = tuple[Send | Refuse | Deliver | Repeat | Halt | Part | Unanswered | Un
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """What identifies a robot's process.
+    """The identity of a robot's process.
 
     Attributes:
         name: The robot's name.
@@ -333,7 +333,7 @@ class RobotEnd:
 
     @property
     def has_left(self) -> bool:
-        """Whether nothing follows any more."""
+        """True if nothing follows any more."""
         return self.stage is RobotStage.LEFT
 
     @property
@@ -515,7 +515,7 @@ class WorldEnd:
 
     @property
     def said_farewell(self) -> bool:
-        """Whether the process in the seat has sent its last report."""
+        """True if the process in the seat has sent its last report."""
         return self.process is not None and self.transcripts[self.process].closed
 
     def is_missing(self, now: float, for_s: float = GRACE_S) -> bool:

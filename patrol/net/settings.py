@@ -19,12 +19,12 @@ _QUEUE = 16
 in seven from the third of a burst on: at a pace, only the first two robots of a fleet received every pose. Messages of
 a burst may also share a place (`patrol.net.link.Link.post`)."""
 _DROP_US = 100
-"""How long to wait, of what may be dropped, for one who does not read; everybody behind waits too."""
+"""Waiting time for a receiver that does not read, before dropping, us; all other receivers wait too."""
 
 MOST_STRANGERS = 512
-"""How many connections at a router may not have said yet who they are; once there are so many, others wait. Each has
-10 s for it, and takes a file descriptor, of which a process often has 1024. With the 100 of Zenoh, 200 silent
-connections kept a fleet from starting."""
+"""Most connections at a router that have not proved their identity yet; above it, new ones wait. Each has 10 s
+for it, and takes a file descriptor, of which a process often has 1024. With the 100 of Zenoh, 200 silent connections
+kept a fleet from starting."""
 
 MAX_MESSAGE = 1 << 24
 """Bytes of the longest message that a fleet's sessions put together. A router puts messages together before it looks at
@@ -33,8 +33,9 @@ of the router's memory, for good."""
 
 _CLOSE = "transport/link/tx/queue/congestion_control/block/wait_before_close"
 _CLOSE_US = 1_000_000
-"""How long a router waits, of what must not be dropped, for one who does not read, and then closes its connection. All
-others wait as well: with Zenoh's 5 s, twice over, three that stopped one after the other cost a fleet its robots."""
+"""Waiting time of a router for a receiver that does not read, where nothing may be dropped, before it closes the
+connection, us. All others wait as well: with Zenoh's 5 s, twice over, three that stopped one after the other cost a
+fleet its robots."""
 
 _QUIET: dict[str, object] = {
     "scouting/multicast/enabled": False,
@@ -54,7 +55,7 @@ def client_settings(router: str, lease_s: float, credentials: Credentials | None
     Args:
         router: Its locator.
         lease_s: How long the client may be silent before the router drops it, s.
-        credentials: Prove who this is; None for a router that asks nobody.
+        credentials: Prove who this is; None for a router that asks for none.
     """
     return {
         **_QUIET,
@@ -76,7 +77,7 @@ def router_settings(
 
     Args:
         listen: The locator.
-        security: Says who may connect and do what; None to let everybody do everything.
+        security: Says who may connect and do what; None to allow everything.
         others: Locators of routers of the same fleet, at other sites, to connect to; one that is not there, or goes, is
             tried again for ever.
     """

@@ -1,4 +1,4 @@
-"""What Zenoh's errors say, for people and for programs."""
+"""Texts of Zenoh's errors, for people and for programs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def system_error(error: Exception) -> int | None:
 
 
 def first_line(error: Exception) -> str:
-    """What Zenoh says, without where in its sources it says so.
+    """Give Zenoh's text without the place in its sources.
 
     Args:
         error: Of Zenoh.

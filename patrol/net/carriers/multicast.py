@@ -63,7 +63,7 @@ class Group:
         self._thread.start()
 
     def broadcast(self, key: str) -> Post:
-        """What sends under a key; a frame that the network does not take at once is lost.
+        """Make a publisher under a key; a frame that the network does not take at once is lost.
 
         Args:
             key: To send under.

@@ -1,9 +1,9 @@
-"""Frames on a line of bytes: where each begins and ends, and whether it arrived whole.
+"""Frames on a line of bytes: their beginnings and ends, and the detection of damaged ones.
 
 A *packet* is the frame and its checksum, stuffed so that it holds no zero byte (COBS: consistent overhead byte
 stuffing), and a zero byte that ends it: four bytes more than the frame. The checksum is CRC-16 with polynomial 0x1021,
 beginning at 0xFFFF, inverted, high byte first. (Not inverted, it would be right again with a zero byte behind it.)
-Whoever begins to listen in the middle of a packet, or hears one that noise has spoilt, is right again at the next zero
+A receiver that begins in the middle of a packet, or gets one spoilt by noise, is in step again at the next zero
 byte. The checksum is against noise; against forgers there is the fleet's key.
 """
 
@@ -96,7 +96,7 @@ def _stuffed(body: bytes) -> bytes:
 
 
 def _unstuffed(stuffed: bytes) -> bytes | None:
-    """What `_stuffed` was made from; None where the lengths do not add up."""
+    """Undo `_stuffed`; return None where the lengths do not add up."""
     runs = []
     at = 0
     while at < len(stuffed):

@@ -37,7 +37,7 @@ class SerialDown(Exception):
 
 
 def is_serial(locator: str) -> bool:
-    """Whether a locator is that of a serial line, at a speed that this system has.
+    """Return True if a locator is that of a serial line, at a speed that this system has.
 
     Args:
         locator: ``serial/DEVICE``, perhaps with ``#baud=SPEED``.
@@ -86,7 +86,7 @@ class SerialLine:
         self._thread.start()
 
     def broadcast(self, key: str) -> Post:
-        """What sends frames; one that the line does not take at once is lost.
+        """Make a publisher of frames; one that the line does not take at once is lost.
 
         Args:
             key: Under which the sender is known; it is not sent.
@@ -216,7 +216,7 @@ def _opened(device: str, speed: int) -> int:
         tty.setraw(fd)
         settings = termios.tcgetattr(fd)
         settings[2] |= termios.CLOCAL | termios.CREAD
-        settings[2] &= ~(termios.CSTOPB | termios.CRTSCTS)  # whoever had the line before may have set them
+        settings[2] &= ~(termios.CSTOPB | termios.CRTSCTS)  # an earlier user of the line may have set them
         settings[4] = settings[5] = speed
         termios.tcsetattr(fd, termios.TCSANOW, settings)
         termios.tcflush(fd, termios.TCIOFLUSH)

@@ -1,4 +1,4 @@
-"""What the world publishes of a run while it goes on: the journal, in batches, and for a late viewer all before.
+"""The journal of a run as the world publishes it: in batches, and for a late viewer all earlier ones.
 
     truth/ticks    `Batch`      the journal's records as they are written, several at a time; a batch may be lost
     truth/fog      `SoFar`      the answer to a query under this key: all that a viewer needs to begin with
@@ -94,7 +94,7 @@ class Ground:
     Attributes:
         passable: False is an obstacle.
         keep_out: True where bodies may not go.
-        areas: What robots can see, one for each kind of body.
+        areas: The ground that robots can see, one for each kind of body.
         area_of: By robot number, the index of its area.
     """
 
@@ -105,7 +105,7 @@ class Ground:
 
     @property
     def patrolled(self) -> NDArray[np.bool_]:
-        """What some robot can see."""
+        """The ground that at least one robot can see, bool (height, width)."""
         return np.asarray(np.logical_or.reduce(self.areas), dtype=np.bool_)
 
 
@@ -306,7 +306,7 @@ def _inflated(packed: bytes, size: int) -> bytes:
 
 
 def thinned(values: Sequence[float], every: int) -> NDArray[np.float32]:
-    """Every n-th of the values, as a copy: the values may grow while somebody still looks at these.
+    """Every n-th of the values, as a copy: the values may grow while these are still read.
 
     Args:
         values: The series.

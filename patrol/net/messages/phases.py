@@ -41,7 +41,7 @@ NO_RUN = 0
 """The run in the messages of a robot that no world has greeted yet; the robot thereby asks for a greeting."""
 
 UNLIKE = "this process was started with another "
-"""How the reason of a Stop begins that turns away a process whose scenario or protocol is not the world's."""
+"""First words of the reason of a Stop for a process whose scenario or protocol is not the world's."""
 
 MAX_REPLY, MAX_STATE = 2048, 32
 """Sizes of the longest message from a robot, bytes, and of its longest state word, characters."""
@@ -96,7 +96,7 @@ class Hello(Head):
 
 @dataclass(frozen=True, slots=True)
 class PhaseA(Head):
-    """What the robot senses at tick k.
+    """The robot's senses at tick k.
 
     Attributes:
         sensed: Of the same tick.
@@ -172,7 +172,7 @@ class HelloReply(Head):
 
 @dataclass(frozen=True, slots=True)
 class ReplyA(Head):
-    """What the robot sends in tick k.
+    """The frames that the robot sends in tick k.
 
     Attributes:
         frames: Its position frame, then those of its contacts; none for a robot that stays silent. The ether drops and
@@ -229,7 +229,7 @@ class Failed(Head):
 
 @dataclass(frozen=True, slots=True)
 class Report(Head):
-    """What the robot has sent and acted on since its last report, complete up to tick k.
+    """The digests of all that the robot has sent and acted on since its last report, complete up to tick k.
 
     Attributes:
         since: The first tick for which it is complete.

@@ -1,8 +1,8 @@
-"""What an operator asks of robots that no world carries: to stop, and to be released.
+"""An operator's orders to robots that no world carries: to stop, and to be released.
 
 The robots answer themselves. Only operators may ask at a fleet's router (`patrol.net.security.roles`); at one that asks
-nobody who they are, everybody may. An order says nothing but its word, so whoever repeats an old one can at most
-release a robot that the same operator has stopped; members' secrets keep strangers from that.
+for no credentials, every process may. An order is one word, so repeating an old one can at most release a robot that
+the same operator has stopped; members' secrets keep strangers from that.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _DONE, _NOT_DONE = "done", "undone"
 
 
 class Order(StrEnum):
-    """What a robot is asked."""
+    """An order to a robot."""
 
     STOP = "stop"
     RELEASE = "release"
@@ -40,10 +40,10 @@ class Order(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What has come of an order.
+    """The outcome of an order.
 
     Attributes:
-        done: Whether it is carried out, as far as anybody can tell: a robot that was to stop stands.
+        done: Whether it is carried out, as far as the robot can tell: after an order to stop, it stands.
         text: In one line.
     """
 
@@ -51,12 +51,12 @@ class Outcome:
     text: str
 
     def to_bytes(self) -> bytes:
-        """As it is answered."""
+        """Pack the outcome as an answer."""
         return f"{_DONE if self.done else _NOT_DONE} {self.text}".encode()[:LONGEST_ANSWER]
 
 
 def outcome_of(answer: bytes) -> Outcome:
-    """The outcome in an answer, whoever gave it; what is none counts as not done.
+    """Read the outcome in an answer of unknown origin; any other text counts as not done.
 
     Args:
         answer: At most `LONGEST_ANSWER` bytes.
@@ -78,7 +78,7 @@ def robots_there(link: Link, keys: FleetKeys) -> list[str]:
 def ask_robots(
     link: Link, keys: FleetKeys, robots: Sequence[str], order: Order, wait_s: float
 ) -> Iterator[tuple[str, Outcome]]:
-    """Ask robots, all at once: nobody is told later because another one does not answer.
+    """Ask robots, all at once: none is asked later because another one does not answer.
 
     Each is asked by its name: a router with rules hands a robot no question that is for others as well.
 

@@ -1,4 +1,4 @@
-"""What observers of a run receive: live tables, pages, recordings. Nothing that decides anything reads it.
+"""Messages for observers of a run: live tables, pages, recordings. No robot decides by them.
 
     truth/metrics        `Metrics`    the world, at most about ten times a second
     truth/events         `Notice`     the world, when something happens
@@ -84,7 +84,7 @@ class Metrics:
         seen_share: Of the patrolled area.
         ticks_per_s: By the wall clock, over the last seconds.
         robots: In roster order.
-        stalest: x and y in m of the stalest place now, or None where nobody says.
+        stalest: x and y in m of the stalest place now, or None where it is not told.
     """
 
     k: Annotated[_Whole, Field(ge=1)]
@@ -141,7 +141,7 @@ class Traffic:
 
 @dataclass(frozen=True, slots=True)
 class Telemetry:
-    """What a robot decided in one tick.
+    """A robot's decision in one tick.
 
     Attributes:
         k: The tick.

@@ -1,1 +1,1 @@
-"""Who may do what on the network, and how each side proves it."""
+"""Rights on the network, and the proofs that each side gives of them."""

@@ -1,11 +1,11 @@
-"""How to reach a running fleet, and the right to control it: `control.json`, or an operator's credentials.
+"""Address of a running fleet, and the right to control it: `control.json`, or an operator's credentials.
 
 A launcher keeps the secrets of its run in a private folder of this machine, and writes the file into the run's folder.
-The file names the private folder, and holds no secret and no path: a run's folder may come from anybody, so
+The file names the private folder, and holds no secret and no path: a run's folder may come from others, so
 only folders that are this user's own, where launchers make them, are looked into.
 
 For processes that are started by hand the file is made by hand: a JSON object with "fleet", "router" and "token". It
-leads to a router on this machine only, because such a file may come from anybody too. A fleet of several machines needs
+leads to a router on this machine only, because such a file may come from others too. A fleet of several machines needs
 none: each operator has credentials in a folder of its own (`patrol.net.security.credentials`), which is never a run's.
 """
 
@@ -37,18 +37,18 @@ FILE = "control.json"
 _PRIVATE = re.compile(r"[0-9a-f]{16,64}")
 _FIELDS = ("fleet", "router", "token")
 _OF_A_RUN = ("journal", "scenario.yaml")
-"""What a run's folder holds, and a member's does not."""
+"""Files that a run's folder holds, and a member's does not."""
 
 
 @dataclass(frozen=True, slots=True)
 class Access:
-    """How to reach a fleet and control it.
+    """Address of a fleet, and the right to control it.
 
     Attributes:
         fleet: Its name.
         router: Its locator.
         token: The right to control it.
-        credentials: Prove to the router who this is; None for a router that asks nobody.
+        credentials: Prove to the router who this is; None for a router that asks for none.
     """
 
     fleet: str
@@ -178,7 +178,7 @@ def private_roots() -> list[Path]:
 
 
 def is_private(folder: Path) -> bool:
-    """Whether a path is a folder of this user's own, and no link, that nobody else can look into.
+    """Return True if a path is a folder of this user's own, and no link, that no other user can look into.
 
     Args:
         folder: The path.

@@ -1,4 +1,4 @@
-"""How an operator and a world prove to each other that they know the fleet's token, which never travels.
+"""Proofs between an operator and a world that both know the fleet's token, which never travels.
 
     operator to world    nonce                                     under `CHALLENGE`
     world to operator    MAC, run, ticket
@@ -6,8 +6,8 @@
     world to operator    MAC, answer
 
 Each MAC is HMAC-SHA256 (RFC 2104) with the token as key, over everything that the message and the exchange so far say:
-the fleet, the run, the operator's nonce, the world's ticket, the control, the answer. So whoever reads along learns
-nothing that is of use in another exchange, and whoever answers without the token is found out.
+the fleet, the run, the operator's nonce, the world's ticket, the control, the answer. So
+reading along gives nothing that is of use in another exchange, and an answer without the token is detected.
 
 A ticket is the time at which it was made, and a MAC of it and the nonce under a key that the world alone has. The
 world stores nothing for it, so asking for tickets takes none of its memory. It stores the nonces of requests that it
@@ -39,7 +39,7 @@ NONCE = 16
 MAX_CONTROL = 1 << 16
 """Bytes of the longest control."""
 LIFETIME_S = 600.0
-"""How long a ticket is good for, s of wall time; a slow tick may hold up a request for long."""
+"""Wall time for which a ticket is good, s; a slow tick may hold up a request for long."""
 MAX_OBEYED = 1024
 """Requests within `LIFETIME_S` beyond which a world takes no more."""
 
@@ -55,11 +55,11 @@ MAX_ANSWER = _MAC + 6 * _MAX_TEXT + 64
 
 
 class RequestRefused(Unusable, ValueError):
-    """Bytes of somebody who has not proved to know the token, or not in time."""
+    """A request without a valid, fresh MAC."""
 
 
 class Unanswered(Exception):
-    """No answer came from somebody who knows the token; one line says what came instead."""
+    """No answer had a valid MAC; one line says what came instead."""
 
 
 # --- the world -------------------------------------------------------------------------------------------------------
@@ -67,7 +67,7 @@ class Unanswered(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Admitted:
-    """A request of somebody who knows the token.
+    """A request with a valid MAC.
 
     Attributes:
         control: What is asked for: anything that JSON can say, or None where the request is no JSON.
@@ -97,7 +97,7 @@ class ControlGate:
             fleet: The fleet's name.
             token: The fleet's token.
             run: The run's random number.
-            secret: At least 16 random bytes that nobody else has.
+            secret: At least 16 random bytes that no other process has.
             now: Monotonic clock, s, at least 0.
         """
         self._fleet = fleet
@@ -187,7 +187,7 @@ def _parsed(control: bytes) -> Any:
 
 
 class Asks(Protocol):
-    """What sends a question to all who may answer it (`patrol.net.link.Link`)."""
+    """A link that sends a question to all that may answer it (`patrol.net.link.Link`)."""
 
     def answers(self, key: str, payload: bytes, longest: int, wait_s: float) -> Iterable[bytes]:
         """All answers, as they come.
@@ -248,7 +248,7 @@ class ControlClient:
             What became of it.
 
         Raises:
-            Unanswered: Nobody who knows the token has answered.
+            Unanswered: No answer had a valid MAC.
         """
         until = self.now() + wait_s
         fleet, nonce = self.keys.fleet, self.random(NONCE)
@@ -273,7 +273,7 @@ class ControlClient:
         raise Unanswered(self._why(strangers, wait_s))
 
     def _ticket(self, given: bytes, nonce: bytes) -> tuple[int, bytes] | None:
-        """The run and the ticket in an answer to a challenge, of somebody who knows the token; None of anybody else."""
+        """Read run and ticket from an answer to a challenge; return None without a valid MAC."""
         if len(given) != _CHALLENGED.size:
             return None
         mac, run, ticket = _CHALLENGED.unpack(given)

@@ -1,4 +1,4 @@
-"""How a process proves to a fleet's router who it is, and what a router needs to check that.
+"""A process's credentials at a fleet's router, and the files by which the router checks them.
 
 A member's credentials are a JSON file: the fleet, its router, the member's role, the operators' token where the role
 has it, and a password. In a fleet of several machines there is no password. The file `MEMBER` then lies in a folder of
@@ -44,7 +44,7 @@ _REMEDY = "make it with: fogwatch fleet init"
 
 @dataclass(frozen=True, slots=True)
 class Credentials:
-    """Who a process is, and where it meets its fleet. What is secret is not in its `repr`.
+    """A process's role, its secrets and its fleet's router. The `repr` shows no secrets.
 
     Attributes:
         fleet: The fleet's name.
@@ -66,7 +66,7 @@ class Credentials:
         return f"Credentials({self.fleet!r}, {self.router!r}, {self.role.user!r})"
 
     def session(self) -> dict[str, object]:
-        """What Zenoh's configuration of a client's session gets, by key."""
+        """Give the settings for Zenoh's configuration of a client's session, by key."""
         if self.folder is None:
             return {
                 "transport/auth/usrpwd/user": self.role.user,
@@ -82,7 +82,7 @@ class Credentials:
         }
 
     def check_router(self, router: str, option: str) -> str:
-        """Check that a router can ask for these credentials, so that whoever has them is not told that they are wrong.
+        """Check that a router can ask for these credentials, so that their owner is not told that they are wrong.
 
         Args:
             router: The router's locator.
@@ -157,7 +157,7 @@ def read_credentials(path: Path, option: str) -> Credentials:
 
 @dataclass(frozen=True, slots=True)
 class RouterSecurity:
-    """What a fleet's router needs to know of its members.
+    """The members of a fleet, for its router.
 
     Attributes:
         keys: The fleet's keys.
@@ -174,7 +174,7 @@ class RouterSecurity:
     passwords: bool
 
     def session(self) -> dict[str, object]:
-        """What Zenoh's configuration of the router gets, by key."""
+        """Give the settings for Zenoh's configuration of the router, by key."""
         if self.passwords:
             return {
                 "transport/auth/usrpwd/dictionary_file": str(self.folder / USERS),
@@ -193,7 +193,7 @@ class RouterSecurity:
         }
 
     def check_listen(self, listen: str) -> str:
-        """Check that members can be told apart, and that nobody can read along, where the router listens.
+        """Check that members can be told apart, and that no stranger can read along, where the router listens.
 
         Args:
             listen: The locator.
@@ -293,7 +293,7 @@ def check_private(file: Path, option: str) -> None:
 
 
 def _exposed(file: Path, mode: int) -> bool:
-    """Whether others than its owner can read or change a file.
+    """Return True if others than its owner can read or change a file.
 
     A service manager gives a service its secrets in a folder of their own, by an access list that names the service's
     user. Such a list shows in the mode as a right of the group to read.
@@ -309,7 +309,7 @@ def read_object(file: Path, option: str, *, secret: bool = False) -> dict[str, A
     Args:
         file: The file.
         option: What errors call it.
-        secret: Whether nobody but its owner may be able to read it.
+        secret: Whether only its owner may be able to read it.
 
     Raises:
         BadInput: It cannot be read, or is no JSON object.
@@ -333,7 +333,7 @@ def read_object(file: Path, option: str, *, secret: bool = False) -> dict[str, A
 
 
 def write_private(file: Path, text: str) -> None:
-    """Write a new file that nobody but its owner may read.
+    """Write a new file that only its owner may read.
 
     Args:
         file: The new file.
@@ -362,7 +362,7 @@ def _option(says: Mapping[str, Any], name: str, where: str) -> str | None:
 
 
 def replace_private(file: Path, text: str) -> None:
-    """Write a file that nobody but its owner may read; whoever looks sees all of it or what was there before.
+    """Write a file that only its owner may read; readers see the whole file or the one before.
 
     Args:
         file: The file, which may be there already.

@@ -1,4 +1,4 @@
-"""Who may do what at a fleet's router: the roles, and the router's access rules that follow from them.
+"""The roles at a fleet's router, and the router's access rules that follow from them.
 
     robot     answers its own phases and orders to stop, sends its own position and telemetry, hears all positions
     world     sends phases to all robots and the truth to observers, and answers viewers and operators
@@ -25,7 +25,7 @@ _ROBOT = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
 """A robot's name, as `patrol.values.types.RobotName` has it."""
 
 USERNAMES, COMMON_NAMES = "usernames", "cert_common_names"
-"""What a router knows a session by: the user of its password, or the common name of its certificate."""
+"""Properties that a router knows a session by: the user of its password, or the common name of its certificate."""
 
 
 class Kind(StrEnum):
@@ -43,7 +43,7 @@ RESERVED = frozenset({"authority", "router", *(kind for kind in Kind if kind is 
 
 @dataclass(frozen=True, slots=True)
 class Role:
-    """What a member of a fleet is.
+    """The role of a member of a fleet.
 
     Attributes:
         kind: Its kind.
@@ -60,7 +60,7 @@ class Role:
 
     @property
     def name(self) -> str:
-        """What people call it: the robot's name, or its kind."""
+        """The name for people: the robot's name, or its kind."""
         return self.robot or str(self.kind)
 
 
@@ -143,7 +143,7 @@ class Rights:
 
 
 def rights_of(role: Role, keys: FleetKeys) -> Rights:
-    """What a role may do.
+    """Give the rights of a role.
 
     Args:
         role: The role.
@@ -264,7 +264,7 @@ def rules_of(name: str, rights: Rights, anything: tuple[str, ...]) -> list[dict[
         ("announce", "ingress", ("liveliness_token",), rights.announce),
         ("watch", "ingress", ("declare_liveliness_subscriber", "liveliness_query"), rights.watch),
         ("see", "egress", ("liveliness_token",), rights.watch),
-        # A sender drops what nobody wants, so it must know that somebody does; this says nothing of the content.
+        # Zenoh drops data without a matching subscriber, so publishers may see subscriptions, but no content.
         ("be-wanted", "egress", ("declare_subscriber",), anything if rights.publish else ()),
         ("be-offered", "egress", ("declare_queryable",), anything if rights.ask else ()),
     )

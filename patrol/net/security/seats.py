@@ -1,9 +1,9 @@
-"""Seats: which process of a robot a launcher has started, so that no other one can take its place.
+"""Seats: proof that a launcher has started a robot's process, so that no other one can take its place.
 
 A launcher gives each robot's process an instance that follows from the fleet's token, the robot and the incarnation. It
-stands in the process's environment, where other users of the machine cannot read it. Whoever reads it can take that one
-seat, and learns nothing of the token. The world knows the token too and expects that instance. Without a launcher a
-robot's process draws its instance, and whoever comes first takes the seat.
+stands in the process's environment, where other users of the machine cannot read it. A process that reads it can take
+that one seat, and learns nothing of the token. The world knows the token too and expects that instance. Without a
+launcher a robot's process draws its instance, and the first to come takes the seat.
 """
 
 from __future__ import annotations

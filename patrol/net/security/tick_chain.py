@@ -1,9 +1,9 @@
 """A hash chain by which a robot knows that a tick has begun (Lamport, Password authentication, CACM 24(11), 1981).
 
 The world draws a secret and hashes it over and over. It gives the last hash away when it greets a robot, and with each
-tick the hash before. Whoever has seen a proof can check all later ones by hashing them, and can make none: so nobody
-can send a robot a tick that the world has not begun, however well he has listened. A gap, after a pause or an outage,
-only takes as many more hashes.
+tick the hash before. From one proof, all later ones can be checked by hashing them, but none can be made: so no
+listener can send a robot a tick that the world has not begun. A gap, after a pause or an outage, only takes as many
+more hashes.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class TickChain:
         """Make the chain.
 
         Args:
-            secret: Random bytes that nobody else has.
+            secret: Random bytes that no other process has.
             ticks: Number of ticks of the run.
         """
         self.stride = stride_of(ticks)

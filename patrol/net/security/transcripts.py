@@ -1,9 +1,10 @@
-"""Transcripts: what a robot and the world have each sent and accepted in the phases, as hashes that can be compared.
+"""Transcripts: hashes of the messages that a robot and the world have each sent and accepted, for comparison.
 
-Whoever can publish under a robot's keys can speak for it, or for the world to it. So each robot keeps the digests of
-the phases that it has acted on and of the replies that it has sent, and reports them to the world every `LINES` ticks
-and when it leaves. The world keeps those of the phases that it has sent and of the replies that it has acted on. A
-forged message has a place in one transcript only, and no forger can keep a robot's report from the world.
+A process that can publish under a robot's keys can speak for it, or for the world to it. So each robot keeps the
+digests of the phases that it has acted on and of the replies that it has sent, and reports them to the world every
+`LINES` ticks and when it leaves. The world keeps those of the phases that it has sent and of the replies that it
+has acted on. A forged message has a place in one transcript only, and no forger can keep a robot's report from the
+world.
 
 Messages that were sent and not acted on count nowhere: at a pace some come too late or get lost.
 """
@@ -72,7 +73,7 @@ class RobotTranscript:
 
     @property
     def due(self) -> bool:
-        """Whether there is enough for a report."""
+        """True if there is enough for a report."""
         return len(self._lines) >= LINES
 
     def report(self, until: int) -> list[tuple[int, int, tuple[Line, ...]]]:
@@ -123,7 +124,7 @@ class Span:
 
     @property
     def agrees(self) -> bool:
-        """Whether both say the same."""
+        """True if both say the same."""
         return self.phases[0] == self.phases[1] and self.replies[0] == self.replies[1]
 
     def then(self, other: Span) -> Span:
@@ -158,9 +159,9 @@ class WorldTranscript:
     _until: int = -1
     _forgotten: int = -1
     _sent: dict[int, list[bytes]] = field(default_factory=dict)
-    """By tick: the digests of both phases, until they have been compared."""
+    """Digests of both phases by tick, until they have been compared."""
     _acted_on: dict[int, list[dict[bytes, bool]]] = field(default_factory=dict)
-    """By tick and place: the digests, and whether a report has covered them."""
+    """Digests by tick and place, with True once a report has covered them."""
 
     @property
     def missed(self) -> int:
@@ -219,7 +220,7 @@ class WorldTranscript:
                 if says[place] and k > self._forgotten:
                     phases[0].append(says[place])
                     phases[1].append(ours[place])
-                    ours[place] = b""  # nobody acts on a phase twice
+                    ours[place] = b""  # no robot acts on a phase twice
             for place, digests in enumerate(self._acted_on.get(k, ()), REPLY_A):
                 given = _apart(says[place])
                 for digest in digests:
