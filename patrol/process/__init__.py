@@ -1,1 +1,1 @@
-"""What every process of a fleet does alike: command-line options, warm kernels, leaving in order."""
+"""The common parts of a fleet's processes: command-line options, warm kernels, leaving in order."""

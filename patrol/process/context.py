@@ -1,4 +1,4 @@
-"""What every process of a fleet is given, set up in one order: log, ending, figures, signs of life, links.
+"""The context of a process of a fleet, set up in one order: log, ending, figures, signs of life, links.
 
 A process's own file holds its options and its work. For example, a process that does nothing until it is told to leave:
 
@@ -52,7 +52,7 @@ class AskedToLeave(Exception):
 
 @dataclass(slots=True)
 class ProcessContext:
-    """What a process is given, from its start to its end.
+    """The context of a process, from its start to its end.
 
     Attributes:
         options: Its command line, without what `ProcessParser` adds to follow a process.
@@ -149,7 +149,7 @@ class ProcessContext:
 
         Raises:
             AskedToLeave: Before they were open.
-            BadInput: Nobody has answered in time, or the credentials cannot be used.
+            BadInput: No router has answered in time, or the credentials cannot be used.
         """
         from patrol.net.open_links import open_links
 
@@ -202,7 +202,7 @@ class ProcessContext:
 
     @property
     def patience_s(self) -> float:
-        """How long to wait for others, s: without end for a launcher, which may have a large map to work on."""
+        """Longest wait for others, s: without end for a launcher, which may have a large map to work on."""
         return math.inf if self.launched else float(self.options.wait)
 
 
@@ -244,7 +244,7 @@ def run_with(
 
 
 class PortTaken(BadInput):
-    """Somebody else listens at a port; whoever starts the process may try another one."""
+    """Another process listens at a port; the starter of this process may try another port."""
 
 
 def _quietly(_line: str) -> None:

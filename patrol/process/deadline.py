@@ -1,4 +1,4 @@
-"""A limit to the wall time that somebody else's code may take."""
+"""A limit to the wall time that foreign code may take."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 ANSWER_S = 60.0
-"""How long the world waits in lockstep for a robot's answer, s of wall time: longer than on any machine that is only
+"""Longest wait of the world in lockstep for a robot's answer, s of wall time: longer than on any machine that is only
 busy, and than in the first tick, in which robots may still load what they need."""
 
 DECISION_LIMIT_S = 30.0
@@ -17,7 +17,7 @@ DECISION_LIMIT_S = 30.0
 in lockstep."""
 
 _SLICES = 32
-"""How often the time is looked at within a limit."""
+"""Number of looks at the time within a limit."""
 _MOST_AT_ONCE = 0.25
 """The share of a limit that counts between two looks: a process that is stopped for long uses up this much at most."""
 

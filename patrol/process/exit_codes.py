@@ -1,10 +1,10 @@
-"""What processes and commands exit with. 0 is success; 1 is a failure, such as an invalid verdict."""
+"""Exit codes of processes and commands. 0 is success; 1 is a failure, such as an invalid verdict."""
 
 BAD_INPUT = 2
 """The input is wrong: one line on the standard error says what, and how to mend it."""
 
 UNKNOWN = 3
-"""Nobody can say how it went: a run that could not be judged, a scenario that was too slow to tell, a crash."""
+"""Result unknown: a run that could not be judged, a scenario that was too slow to tell, a crash."""
 
 CRASHED = 70
 """A process met a mistake of ours, with a traceback."""

@@ -1,4 +1,4 @@
-"""How a process learns that it should leave or pause: by a signal, or because whoever started it has died.
+"""A process's reasons to leave or pause: a signal, or the death of the process that started it.
 
 A launcher gives each child the reading end of a pipe that it alone can write to and never does. When the launcher ends,
 however it ends, the pipe is at its end, and the child has `GRACE_S` to leave in order before it is made to.
@@ -39,10 +39,10 @@ class InterruptedBySignal(KeyboardInterrupt):
 
 
 class Ending:
-    """Whether this process should leave, why, and how often it was asked to.
+    """State of a process's end: whether it should leave, why, and how often it was asked to.
 
     Attributes:
-        patience: Signals that are handled by whoever reads this object; each further one raises InterruptedBySignal
+        patience: Signals that are left to the reader of this object; each further one raises InterruptedBySignal
             wherever the process is. None: all are.
         reason: Of the first request.
         times: Requests so far.

@@ -30,10 +30,10 @@ On one machine they may also meet at a router that asks nobody who they are:
   python -m fogwatch.router
   python -m worldsim --router tcp/127.0.0.1:7447 --fleet yards-1 --scenario yards.yaml --out runs/yards-1
   python -m agent    --router tcp/127.0.0.1:7447 --fleet yards-1 --scenario yards.yaml --robot r1"""
-"""For the help of each: how a fleet is started by hand."""
+"""Text in each process's help: starting a fleet by hand."""
 
 _REQUIRED = "the following arguments are required: "
-"""How argparse begins the error about missing options."""
+"""Beginning of argparse's error about missing options."""
 
 
 class ProcessParser(argparse.ArgumentParser):
@@ -104,12 +104,12 @@ def fleet_parser(package: str, description: str, epilog: str, others: str) -> Pr
 
 @dataclass(frozen=True, slots=True)
 class Meeting:
-    """Where a process meets its fleet.
+    """The router, keys and credentials by which a process meets its fleet.
 
     Attributes:
         router: The router's locator.
         keys: The fleet's keys.
-        credentials: Prove to the router who this is; None for a router that asks nobody.
+        credentials: Prove to the router who this is; None for a router that asks for none.
     """
 
     router: str
@@ -118,7 +118,7 @@ class Meeting:
 
     @property
     def revocable(self) -> bool:
-        """Whether the process may have been revoked: a router then lets it in, and silently forbids it everything."""
+        """True if the process may have been revoked: a router then lets it in, and silently forbids it everything."""
         return self.credentials is not None and self.credentials.folder is not None
 
 

@@ -1,1 +1,1 @@
-"""What a process shows of itself: log, health, metrics, and its watchdog."""
+"""Reports of a process about itself: log, health, metrics, and its watchdog."""

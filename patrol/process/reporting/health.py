@@ -102,7 +102,7 @@ _TOLD: Mapping[Figure, Callable[[Value], str]] = {
     PAGES: lambda value: f"pages open: {_sum(value):.0f}",
     MEMORY: lambda value: f"{_sum(value) / 1e6:.0f} MB",
 }
-"""How a health line tells each figure, in the order in which it does."""
+"""Text of each figure in a health line, in the line's order."""
 
 
 def facts_of(figures: Figures) -> dict[str, object]:

@@ -4,7 +4,7 @@ Lines for people begin with the name of the process, and are what they were befo
 ``time`` (UTC), ``level``, ``process``, ``pid`` and ``message``; some have more. Everything that Python writes goes the
 same way then: warnings, messages of libraries, and the traceback of a crash, which is one line.
 
-A log that cannot be written is no reason to end: whoever read it has gone.
+A log that cannot be written is no reason to end: its reader has gone.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from types import TracebackType
 from typing import Any
 
 LEVELS = ("debug", "info", "warning", "error")
-"""From all lines to the fewest."""
+"""Log levels, from all lines to the fewest."""
 
 LONGEST = 8192
 """Characters of the longest message or traceback in a JSON line; of longer ones the beginning and the end remain."""
@@ -32,14 +32,14 @@ _LOGGER = logging.getLogger("fogwatch")
 
 
 class Format(StrEnum):
-    """How a log is written."""
+    """Formats of a log."""
 
     TEXT = "text"
     JSON = "json"
 
 
 class Log:
-    """What one process, or one part of it, reports."""
+    """The log of one process, or of one part of it."""
 
     def __init__(self, process: str, prefix: str | None = None) -> None:
         """Report under a name.
@@ -69,7 +69,7 @@ class Log:
         self._report(logging.INFO, line, facts=facts)
 
     def warning(self, line: str) -> None:
-        """Report what somebody may have to look after.
+        """Report something that people may have to look after.
 
         Args:
             line: One line.
@@ -93,7 +93,7 @@ class Log:
         self._report(logging.ERROR, described(error), error=error)
 
     def announce(self, line: str) -> None:
-        """Tell whoever started this process, on the standard output and whatever the level, what they wait for.
+        """Tell the starter of this process, on the standard output and at any level, that what it waits for is done.
 
         Args:
             line: One line.
@@ -133,7 +133,7 @@ class _Handler(logging.Handler):
             record: Of our own logger or of a library's.
         """
         stream = sys.stderr
-        with suppress(OSError, ValueError, AttributeError):  # nobody reads it any more, or there is none
+        with suppress(OSError, ValueError, AttributeError):  # its reader has gone, or there is none
             stream.write(f"{self.shape(record)}\n")
             stream.flush()
 
@@ -209,7 +209,7 @@ def begin_log(process: str, form: Format, level: str) -> Log:
 
 
 def is_json() -> bool:
-    """Whether the log is one JSON object in each line; then libraries must not write lines of their own."""
+    """Return True if the log is one JSON object in each line; then libraries must not write lines of their own."""
     return isinstance(_HANDLER.shape, _AsJson)
 
 

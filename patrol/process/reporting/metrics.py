@@ -30,13 +30,13 @@ LONGEST_REQUEST = 4096
 """Bytes of the longest request."""
 
 LIMIT_S = 2.0
-"""How long a connection may last, s."""
+"""Longest time of a connection, s."""
 
 REST_S = 0.02
 """Time between two rounds over the connections, s; in a round each is read from or written to once."""
 
 KEEP_S = 0.25
-"""For how long the same text is the answer, s."""
+"""Time for which the same text is the answer, s."""
 
 _POLL_S = 0.5
 _READ_BYTES = 1024
@@ -114,7 +114,7 @@ def listen_at(where: str, *, is_open: bool) -> socket.socket:
 
 @dataclass(eq=False)
 class _Connection:
-    """Somebody who asks."""
+    """A connection, and the parts of its request and answer."""
 
     end: socket.socket
     until: float
@@ -146,12 +146,12 @@ class MetricsServer:
 
     @property
     def address(self) -> str:
-        """Where the metrics are."""
+        """The URL of the metrics."""
         host, port = self._listening.getsockname()[:2]
         return f"http://{f'[{host}]' if ':' in host else host}:{port}/metrics"
 
     def close(self) -> None:
-        """Answer nobody any more."""
+        """Stop answering."""
         self._ending.set()
         self._thread.join()
 

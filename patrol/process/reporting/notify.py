@@ -1,4 +1,4 @@
-"""How a process tells the systemd that started it that it is ready, and that its loop still turns.
+"""Messages to the systemd that started a process: that it is ready, and that its loop still turns.
 
 The service manager names a datagram socket in the environment, and in a unit with `WatchdogSec=` also how long it waits
 for the next sign of life before it restarts the process. A sign of life comes from the loop that does the work, never

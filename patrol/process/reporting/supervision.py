@@ -16,7 +16,7 @@ LEAST_S, MOST_S = 0.1, 86_400.0
 
 @dataclass(frozen=True, slots=True)
 class Supervision:
-    """How a process is followed.
+    """Settings for following a process.
 
     Attributes:
         log_format: How its log is written.
@@ -34,7 +34,7 @@ class Supervision:
 
     @property
     def counts(self) -> bool:
-        """Whether anybody wants to know each tick's figures."""
+        """True if each tick's figures are wanted."""
         return self.health is not None or self.metrics is not None or self.log_level == "debug"
 
 

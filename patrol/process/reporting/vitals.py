@@ -1,4 +1,4 @@
-"""The figures that show how a process does, for its health lines and for whoever scrapes its metrics.
+"""The figures that show how a process does, for its health lines and its metrics.
 
 A process's loop leaves its figures after each tick (`Vitals.beat`); it never waits for those who read them. What no
 loop can leave, because it is of interest when the loop hangs, is read by the reader (`Vitals.probe`).
@@ -25,7 +25,7 @@ Value = float | Mapping[str, float]
 
 
 class Kind(StrEnum):
-    """How a figure behaves over time."""
+    """The behaviour of a figure over time."""
 
     GAUGE = "gauge"
     COUNTER = "counter"
@@ -76,7 +76,7 @@ THREADS = Figure("process_threads", Kind.GAUGE, "Threads that Python knows of.")
 
 @dataclass(frozen=True, slots=True)
 class _Beat:
-    """What the loop left after its newest tick."""
+    """The figures of the loop after its newest tick."""
 
     ticks: int
     at: float
@@ -109,7 +109,7 @@ class Vitals:
         self._beat = _Beat(ticks, self._now(), {TICK: k, **figures})
 
     def probe(self, figure: Figure, read: Callable[[], Value | None]) -> None:
-        """Have a figure read whenever somebody asks.
+        """Have a figure read for each request.
 
         Args:
             figure: One that the loop does not leave. Where it is read in several places, the numbers are added.
@@ -118,7 +118,7 @@ class Vitals:
         self._probes.append((figure, read))
 
     def probe_mailbox(self, mailbox: Mailbox[Any]) -> None:
-        """Have a mailbox's figures read whenever somebody asks.
+        """Have a mailbox's figures read for each request.
 
         Args:
             mailbox: Whose messages wait or were dropped.

@@ -1,1 +1,1 @@
-"""How processes start: compiled kernels, forks, and the word that one is ready."""
+"""The start of processes: compiled kernels, forks, and the word that one is ready."""

@@ -28,7 +28,7 @@ LOOK_S = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Compiled:
-    """How far compiling is.
+    """The progress of compiling.
 
     Attributes:
         kernels: Compiled so far.

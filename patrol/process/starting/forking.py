@@ -9,7 +9,7 @@ process begins where the server stands, and shares the server's memory as long a
   what it is to be. So no memory that a process inherits ever held what belongs to another.
 - It is not their parent. It forks twice, and the process in between ends at once, which leaves the new process to the
   one that asked for it, since that takes in orphans meanwhile. So that one alone signals it and learns how it ended,
-  and the end of the server is nobody else's end.
+  and the end of the server ends no other process.
 
 For one process, with the answer of 4 bytes of process id and one of `_MADE`:
 
@@ -18,7 +18,7 @@ For one process, with the answer of 4 bytes of process id and one of `_MADE`:
     launcher <-- socket: _MADE ---------------------- server
     launcher -- socket: Orders and the output ------> the new process
 
-Linux only: elsewhere nobody can be chosen to take in orphans, and libraries do not stand a fork.
+Linux only: elsewhere no process can take in orphans, and libraries do not stand a fork.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _adopting = threading.Lock()
 
 @dataclass(frozen=True, slots=True)
 class Orders:
-    """What a new process is to be.
+    """The command line and environment of a new process.
 
     Attributes:
         command: Its command line, as it would be started by itself.
@@ -66,14 +66,14 @@ def count_threads() -> int:
 
 
 def serve_forks(descriptor: int) -> tuple[Orders, int] | None:
-    """Fork whenever somebody asks for it; called in a process of one thread.
+    """Fork for each request; called in a process of one thread.
 
     Args:
-        descriptor: Of the socket on which the requests arrive. The server ends when nobody holds the other end.
+        descriptor: Of the socket on which the requests arrive. The server ends when no process holds the other end.
 
     Returns:
         In each new process, which leads a session of its own, its orders and the descriptor of its output; None in the
-        server when nobody can ask any more, and in a new process that gets no orders.
+        server when no process can ask any more, and in a new process that gets no orders.
 
     Raises:
         OSError: The system has no room for another process.

@@ -1,4 +1,4 @@
-"""How a child process reports that it is ready, or why it could not start: one JSON line on a pipe of its own.
+"""A child process's report that it is ready, or why it could not start: one JSON line on its own pipe.
 
 The parent passes the writing end of a `StartPipe` to the child as a file descriptor (the option ``--ready FD``). The
 child writes one line with `report_start`. A pipe that ends without a line belongs to a child that
@@ -29,7 +29,7 @@ class StartFailure(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class StartReport:
-    """What a child process reports once, when it has started or given up.
+    """The one report of a child process, when it has started or given up.
 
     Attributes:
         address: Where it listens; empty where it could not start.
@@ -43,7 +43,7 @@ class StartReport:
 
     @property
     def ready(self) -> bool:
-        """Whether the process can be used."""
+        """True if the process can be used."""
         return self.failure is None
 
 

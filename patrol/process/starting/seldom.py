@@ -14,14 +14,14 @@ if TYPE_CHECKING:
 
 
 def _follows_forces(scenario: Scenario) -> bool:
-    """Whether robots sum forces, or may: a policy of another kind can build on anything."""
+    """Return True if robots sum forces, or may: a policy of another kind can build on anything."""
     from patrol.scenario.policies import COMMITTED  # here, as processes that compile need no scenario
 
     return scenario.patrol.policy != COMMITTED
 
 
 def _dilates(scenario: Scenario) -> bool:
-    """Whether beliefs spread staleness (`agent.belief.believed.BelievedFog`); an open field has no posts."""
+    """Return True if beliefs spread staleness (`agent.belief.believed.BelievedFog`); an open field has no posts."""
     return _follows_forces(scenario) or scenario.terrain.builtin == "open"
 
 
