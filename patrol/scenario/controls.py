@@ -1,10 +1,10 @@
-"""What an operator may ask of a running fleet, and what becomes of its scenario by that.
+"""An operator's controls of a running fleet, and the changes that they make to its scenario.
 
     {"do": "pause"}  {"do": "go"}  {"do": "step", "ticks": 1}       hold the ticks, let them go on, do a few of them
     {"do": "pace", "factor": 2.0}                                   of real time; null: as fast as it goes
     {"do": "fault", "fault": {...}, "instead": "op1"}               an entry as in a scenario's faults
     {"do": "heal", "id": "op1"}                                     a fault that lasts ends now
-    {"do": "intruder", "place": [x, y], "for": 30.0}                somebody stands there from now on
+    {"do": "intruder", "place": [x, y], "for": 30.0}                an intruder stands there from now on
     {"do": "heal", "id": "intruder1"}                               the scenario's first intruder leaves now
 
 Times in a fault count from now: without `at` it begins with the next tick. `instead` names a fault that ends at the
@@ -39,7 +39,7 @@ OPERATOR = "operator"
 
 MOST_FAULTS = MOST_INTRUDERS = 400
 """Faults, and intruders, of a scenario beyond which operators change no more: each change checks all of them again, and
-so does everybody who reads the run afterwards."""
+so does every later reader of the run."""
 
 _INTRUDER = "intruder"
 
@@ -113,7 +113,7 @@ class AddIntruder(Section):
 
 Control = Pause | Go | Step | Pace | AddFault | Heal | AddIntruder
 CONTROLS = ("pause", "go", "step", "pace", "fault", "heal", "intruder")
-"""What a control may do."""
+"""Values of `do` in a control."""
 
 EXAMPLES = {
     "step": {"ticks": "10"},
@@ -122,7 +122,7 @@ EXAMPLES = {
     "heal": {"id": "op1, the id in the answer to a fault or an intruder"},
     "intruder": {"place": "[12, 30]", "for": "60"},
 }
-"""For each control that has values: its fields, the needed one first, with an example each."""
+"""Fields of each control that has values, the needed one first, with an example each."""
 
 _CONTROL: TypeAdapter[Control] = TypeAdapter(Annotated[Control, Discriminator("do")])
 
@@ -365,7 +365,7 @@ def _without_intruder(scenario: Scenario, k: int, place: int) -> Scenario:
 
 
 def _is_over(scenario: Scenario, k: int, name: str) -> bool:
-    """Whether a lasting fault has ended before tick k or does so anyway."""
+    """Return True if a lasting fault has ended before tick k or does so anyway."""
     _, fault = _find(scenario, name)
     return isinstance(fault, Lasting) and _has_ended(fault, scenario.step, k)
 

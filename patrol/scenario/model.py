@@ -68,7 +68,7 @@ class Scenario(Section):
         return self.radio.share(len(self.roster), self.step)
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """As of any model; a copy makes its own roster and lengths."""
+        """Copy like any model; a copy makes its own roster and lengths."""
         copied = super().model_copy(update=update, deep=deep)
         for derived in ("roster", "lengths"):
             copied.__dict__.pop(derived, None)
@@ -81,7 +81,7 @@ class Scenario(Section):
 
     @property
     def ticks(self) -> int:
-        """How many steps the run takes."""
+        """Number of steps of the run."""
         return round(self.duration / self.step)
 
     @property
@@ -93,7 +93,7 @@ class Scenario(Section):
 
     @property
     def base(self) -> Path:
-        """What relative paths are relative to: the current folder. A scenario read from a file has absolute ones."""
+        """The folder of relative paths: the current one. A scenario read from a file has absolute ones."""
         return Path()
 
     @model_validator(mode="after")

@@ -17,7 +17,7 @@ from patrol.scenario.faults.nemesis_spec import room_for
 from patrol.scenario.model import Scenario
 
 SHORTEST, LONGEST = 0.3, 2.0
-"""How long a fault lasts, in intervals."""
+"""Shortest and longest time of a fault, in intervals."""
 
 
 def written_out(scenario: Scenario) -> Scenario:

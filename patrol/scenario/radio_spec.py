@@ -1,6 +1,6 @@
 """The scenario's section about the radio: how positions travel, what reaches whom, and how much the fleet may send.
 
-    radio: {trail: 4}                                             every frame reaches everybody
+    radio: {trail: 4}                                             every frame reaches all robots
     radio: {model: path-loss, options: {wall: 10, redraw: 60}}    distance, walls and interference
     radio: {model: ./mine.py:Mine, options: {reach: 40}}          a model of one's own, which checks its options
 
@@ -41,7 +41,7 @@ from patrol.values.types import (
 )
 
 IDEAL: Final = "ideal"
-"""The default model: every frame reaches everybody."""
+"""The default model: every frame reaches all robots."""
 
 PATH_LOSS: Final = "path-loss"
 """The model of distance, walls and interference."""
@@ -58,13 +58,13 @@ RadioModelText = Annotated[
 ]
 
 _BUCKET_S = 1.0
-"""How much of its share a robot may save up, s; or a tick, or the longest frame and a contact's, if these are more."""
+"""Most of its share that a robot may save up, s; or a tick, or the longest frame and a contact's, if these are more."""
 
 _ALL_ROUND = 360.0
 
 
 class BudgetSpec(Section):
-    """What the whole fleet may send; each robot of the roster has an equal share."""
+    """The budget of the whole fleet; each robot of the roster has an equal share."""
 
     bits_per_s: Positive = Field(description="bit/s on the air of all robots together, overhead included")
     overhead: Overhead = Field(0, description="bytes that the radio adds to each frame")
@@ -72,7 +72,7 @@ class BudgetSpec(Section):
 
 
 class AdaptiveSpec(Section):
-    """When a robot has something to say: its last frame predicts it wrongly, or is old."""
+    """The conditions for sending a frame: the last one predicts the robot wrongly, or is old."""
 
     error: NotNegative = Field(2.0, description="m, by which the others' prediction of a robot may be off")
     silence: Positive = Field(4.0, description="s, after which a robot sends anyway")
@@ -98,7 +98,7 @@ RADIO_MODEL = f"{' | '.join(MODELS)} | package.module:Class | ./file.py:Class be
 
 
 class RadioSpec(Section):
-    """How positions travel, what the radio adds to them, and when a silent robot's claim ends."""
+    """The radio: how positions travel, what it adds to them, and when a silent robot's claim ends."""
 
     via: Literal["ether", "direct"] = Field(
         "ether",
@@ -137,7 +137,7 @@ class RadioSpec(Section):
 
     @property
     def spares_frames(self) -> bool:
-        """Whether there are ticks in which a living robot sends nothing."""
+        """True if there are ticks in which a living robot sends nothing."""
         return self.budget is not None or self.adaptive is not None
 
     @property

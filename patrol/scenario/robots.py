@@ -37,7 +37,7 @@ class RobotSpec:
 
     @property
     def limits(self) -> Limits:
-        """What bounds the body's commands."""
+        """The bounds of the body's commands."""
         return Limits(self.speed, self.radius, self.turning_radius)
 
 

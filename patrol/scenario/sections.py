@@ -37,7 +37,7 @@ DEFAULT_RADIUS = 1.0
 
 
 class TerrainSpec(Section):
-    """Where the robots patrol: a built-in terrain by name, or a map_server YAML file."""
+    """The terrain of the patrol: a built-in one by name, or a map_server YAML file."""
 
     builtin: Builtin | None = Field(None, description="a built-in terrain, instead of a map")
     map: PathText | None = Field(None, description="map_server YAML file, relative to this file")
@@ -86,7 +86,7 @@ class RobotGroup(Body):
 
     @property
     def whole(self) -> int:
-        """How many there are with the spare ones, which come last."""
+        """Number of robots with the spare ones, which come last."""
         return self.count + (self.spare or 0)
 
 
@@ -120,7 +120,7 @@ BUILT_IN_SENSORS = (SECTOR, DISC)
 
 
 class SensorSpec(Section):
-    """What a robot sees.
+    """A robot's sensor.
 
     sensor: {range: 8, angle: 90}                                       a sector
     sensor: {kind: ./mine.py:Mine, range: 8, options: {across: 3}}      a sensor of one's own
@@ -170,7 +170,7 @@ class SensorSpec(Section):
 
 
 class IntruderSpec(Section):
-    """Somebody who stands on the terrain for a while, is seen by sensors, and blocks nobody."""
+    """An intruder: it stands on the terrain for a while, is seen by sensors, and blocks no robot."""
 
     model_config = ConfigDict(serialize_by_alias=True)
 
@@ -179,7 +179,7 @@ class IntruderSpec(Section):
     stay: Positive | None = Field(None, alias="for", description="s, how long it stays; null: to the end")
 
     def is_there(self, time_s: float) -> bool:
-        """Whether it is on the terrain.
+        """Return True if it is on the terrain.
 
         Args:
             time_s: s.

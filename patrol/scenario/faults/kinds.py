@@ -33,13 +33,13 @@ from patrol.values.types import (
 
 KIND = "kind of fault"
 STRANGER = "stranger"
-"""Who forges messages when it is no robot of the fleet."""
+"""The forger of messages when it is no robot of the fleet."""
 
 # --- how long a frame takes ------------------------------------------------------------------------------------------
 
 
 class Wait(Section):
-    """How long frames are delayed: one of four distributions; what is below zero counts as zero."""
+    """The delay of frames: one of four distributions; drawn times below zero count as zero."""
 
     constant: NotNegative | None = Field(None, description="s")
     uniform: Annotated[tuple[NotNegative, NotNegative], expecting("[least, most] in s")] | None = Field(
@@ -52,7 +52,7 @@ class Wait(Section):
 
     @property
     def shape(self) -> str:
-        """Which of the four it is."""
+        """The name of the one that is given."""
         return next(name for name in type(self).model_fields if getattr(self, name) is not None)
 
     @property
@@ -81,7 +81,7 @@ ActsOn = Literal["processes", "frames", "senses"]
 
 
 class Fault(Section):
-    """What all faults have.
+    """The base of all faults.
 
     A subclass whose `kind` is a literal is a kind of fault: the class alone puts it into `KINDS`, the schema and
     the error messages. A nemesis draws it once `patrol.scenario.faults.nemesis_draws` says how.
@@ -262,7 +262,7 @@ class Bandwidth(OnRobots, OnFrames):
 
 
 class Forgery(Section):
-    """What a forged message says, beyond freeze and random."""
+    """Content of a forged message, beyond freeze and random."""
 
     offset: Corner | None = Field(None, description="m, [dx, dy] added to the true position")
     replay: Positive | None = Field(None, description="s, age of the victim's frame that is sent again")
@@ -284,7 +284,7 @@ Payload = Annotated[
 
 
 class Spoof(OnFrames):
-    """Somebody sends positions in others' names."""
+    """A robot or a stranger sends positions in others' names."""
 
     kind: Literal["spoof"] = Field(description=KIND)
     by: RobotName = Field(STRANGER, description="stranger (has no key) or a robot's name (has the fleet's key)")

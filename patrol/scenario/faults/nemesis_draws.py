@@ -1,4 +1,4 @@
-"""What a nemesis draws for each kind of fault, and what heals it.
+"""The draws of a nemesis for each kind of fault, and what heals it.
 
 A kind without an entry in `DRAWN` is never drawn, and a scenario whose nemesis lists it is refused.
 """
@@ -14,24 +14,24 @@ from patrol.scenario.faults.roster import tick_of
 
 
 class When:
-    """From when to when a fault lasts, in ticks."""
+    """Beginning and end of a fault, in ticks."""
 
     def __init__(self, step: float, begin: int, end: int) -> None:
         self.step, self.begin, self.end = step, begin, end
 
     @property
     def at(self) -> dict[str, float]:
-        """When it begins, as a fault says it."""
+        """The beginning, as fields of a fault."""
         return {"at": self._time(self.begin)}
 
     @property
     def healed(self) -> dict[str, float]:
-        """When what heals it happens."""
+        """The beginning of the fault that heals it, as fields."""
         return {"at": self._time(self.end)}
 
     @property
     def lasting(self) -> dict[str, float]:
-        """When it begins, and how long it lasts."""
+        """Beginning and length, as fields of a fault."""
         return {**self.at, "for": round((self.end - self.begin) * self.step, 6)}
 
     def _time(self, k: int) -> float:
@@ -41,7 +41,7 @@ class When:
 
 
 class RobotsHit:
-    """Which robots suffer a process fault, and when."""
+    """The robots that suffer process faults, with their times."""
 
     def __init__(self, names: Sequence[str], spared: set[str]) -> None:
         self.names = list(names)
@@ -187,7 +187,7 @@ def _bandwidth(draws: Draws, robots: RobotsHit, when: When) -> Found:
 def _spoof(draws: Draws, robots: RobotsHit, when: When) -> Found:
     by = draws.choice(STRANGER, draws.choice(*robots.names))
     if by == robots.names[0] and len(robots.names) == 1:
-        by = STRANGER  # nobody else's name is there to forge
+        by = STRANGER  # there is no other name to forge
     others = [name for name in robots.names if name != by]
     offset = [draws.between(-20.0, 20.0), draws.between(-20.0, 20.0)]
     payload: Any = draws.choice(
@@ -236,4 +236,4 @@ DRAWN: Mapping[str, Callable[[Draws, RobotsHit, When], Found]] = {
     "drift": _drift,
     "clock": _clock,
 }
-"""How each kind is drawn. Another kind or another order changes the faults of every nemesis of `kinds: all`."""
+"""Draws of each kind. Another kind or another order changes the faults of every nemesis of `kinds: all`."""

@@ -35,7 +35,7 @@ def check_faults(
 ) -> None:
     """Raise for the first fault that the roster or the duration rules out.
 
-    Such a fault names no robot of the roster, wants too many or none, cuts nobody off, forges in nobody else's name, or
+    Such a fault names no robot of the roster, wants too many or none, cuts no robot off, forges in no other name, or
     comes after the last tick.
 
     Args:
@@ -78,7 +78,7 @@ def _check_partition(fault: Partition, names: Sequence[str], fleet: int, where: 
 
 
 def _check_links(fault: OnLinks, names: Sequence[str], spares: frozenset[int], seed: int, place: int) -> None:
-    """Among several robots there is a link: nobody is left alone with itself by what is drawn."""
+    """Raise if the draws leave no link, with one robot as both sender and receiver."""
     numbers = {name: number for number, name in enumerate(names, start=1)}
     sources = meant(fault.sources, numbers, spares, (seed, place, Target.FROM))
     if (

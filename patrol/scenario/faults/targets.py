@@ -24,7 +24,7 @@ WORDS = ("one", "minority", "half", "all")
 
 
 class Target(IntEnum):
-    """Which of a fault's targets a draw is for."""
+    """The one of a fault's targets that a draw is for."""
 
     WHO = 0
     FROM = 1
@@ -34,7 +34,7 @@ class Target(IntEnum):
 
 
 Drawing = tuple[int, int, Target]
-"""What a target is drawn from: the scenario's seed, the fault's place among all faults, and the field."""
+"""Arguments of a target's draw: the scenario's seed, the fault's place among all faults, and the field."""
 
 
 class Some(Section):
@@ -61,7 +61,7 @@ Who = Annotated[
 
 
 def check_who(who: str | tuple[str, ...] | Some, names: Sequence[str], fleet: int, where: str) -> None:
-    """Raise when a target cannot be among some robots, or is nobody.
+    """Raise when a target cannot be among some robots, or holds none.
 
     Args:
         who: The target.
@@ -140,7 +140,7 @@ def in_drawn_order(numbers: Iterable[int], drawing: Drawing) -> list[int]:
 
 
 def size_of(who: str | Some, robots: int) -> int:
-    """How many robots a target by size means.
+    """Return the number of robots that a target by size means.
 
     Args:
         who: The target.

@@ -1,4 +1,4 @@
-"""What is wrong with a scenario, in one line that a person can act on."""
+"""The errors of a scenario, in one line that a person can act on."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def _describe(
 
 
 def _location(problem: ErrorDetails) -> list[int | str]:
-    """Where the problem is, without the names of kinds (``=kill``), which stand for no key; a key may look like one."""
+    """Locate a problem, without the names of kinds (``=kill``), which stand for no key; a key may look like one."""
     location = problem["loc"]
     keys = [part for part in location if not str(part).startswith("=")]
     if problem["type"] in ("extra_forbidden", "invalid_key") and keys[-1:] != [location[-1]]:
@@ -147,7 +147,7 @@ def _called(field: str, aliases: Mapping[str, str]) -> str:
 
 
 def _is_overridden(field: str, overridden: Collection[str]) -> bool:
-    """Whether an override gave the field, what it lies in or something in it; robots.speed gave robots.0.speed too."""
+    """Return True if an override gave the field, or a part of it or around it; robots.speed gave robots.0.speed too."""
     everywhere = ".".join(part for part in field.split(".") if not part.isdecimal())
     return any(
         spelled == name or spelled.startswith(f"{name}.") or name.startswith(f"{spelled}.")

@@ -220,7 +220,7 @@ def scenario_hash(scenario: Scenario) -> str:
 
 
 def same_but_for_files(one: Scenario, other: Scenario) -> bool:
-    """Whether two scenarios mean the same, as far as it can be told without opening what they name.
+    """Return True if two scenarios mean the same, as far as it can be told without opening what they name.
 
     Args:
         one: Resolved; it may be a stranger's.
@@ -240,7 +240,7 @@ def same_but_for_files(one: Scenario, other: Scenario) -> bool:
 
 
 def _meaning(scenario: Scenario) -> dict[str, Any]:
-    """What a scenario means, with the files that it names: no names, a key by its presence alone, robots one by one."""
+    """Give a scenario's meaning, with that of its files: no names, a key by its presence alone, robots one by one."""
     meaning = scenario.model_dump(mode="json", exclude={"name", "robots", "nemesis"})
     meaning["radio"]["key"] = scenario.radio.key is not None
     if scenario.sensor.kind in BUILT_IN_SENSORS:  # their other settings say it all
@@ -327,7 +327,7 @@ def _line_of_field(text: str, location: Sequence[int | str]) -> int | None:
 
 
 def _read_mapping(path: Path) -> tuple[dict[str, Any], str]:
-    """What a file says, and its text."""
+    """Read a file's mapping, and its text."""
     text = read_text(path)
     raw = parse_yaml(text, str(path))
     if raw is None:
@@ -411,7 +411,7 @@ def _with_lengths(scenario: Scenario) -> Scenario:
 
 
 def _common_lengths(scenario: Scenario, names: Iterable[str], section: object) -> dict[str, Any]:
-    """What each ``auto`` of a section comes to, where it is the same for all robots; m."""
+    """Resolve each ``auto`` of a section that is the same for all robots; m."""
     auto = [name for name in names if getattr(section, name, None) == AUTO]
     by_name = {name: {getattr(lengths, name) for lengths in scenario.lengths.values()} for name in auto}
     return {name: lengths.pop() for name, lengths in by_name.items() if len(lengths) == 1}
