@@ -1,4 +1,4 @@
-"""Records of a journal from bytes that anybody may have written.
+"""Records of a journal from bytes of unknown origin.
 
 What each may hold is declared with it (`patrol.journal.records`). A record costs memory before it is checked: a byte
 can become a container of 88 bytes. So its size is limited by the number of robots, and its containers and links are
@@ -29,7 +29,7 @@ _KINDS: Mapping[str, type[Record]] = {"header": Header, "tick": TickRecord, "eve
 
 
 def longest_record(robots: int) -> int:
-    """Bytes of the longest record of a fleet: 30 times what a tick of it takes in which everybody hears everybody.
+    """Return the bytes of a fleet's longest record: 30 times a record of a tick in which all robots hear each other.
 
     Args:
         robots: How many there are.

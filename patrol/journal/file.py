@@ -102,7 +102,7 @@ class JournalWriter:
 
 
 class _Rest(NamedTuple):
-    """What takes a pass over the whole file to find out."""
+    """Facts that take a pass over the whole file."""
 
     events: tuple[Event, ...]
     end: End | None
@@ -145,7 +145,7 @@ class Journal:
 
     @property
     def truncated(self) -> bool:
-        """Whether the file goes on after its last whole record."""
+        """True if the file goes on after its last whole record."""
         return self._rest.truncated
 
     @cached_property

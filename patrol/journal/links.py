@@ -25,7 +25,7 @@ class _Rows(Sequence[Row], Generic[Row]):
     __slots__ = ("_sequence", "destination", "source")
 
     def __init__(self, source: Column, destination: Column, sequence: Column | None) -> None:
-        """Take the columns, which nobody changes any more.
+        """Take the columns, which must not change any more.
 
         Args:
             source: int64 (n,), the frames' sources.
@@ -84,7 +84,7 @@ class _Rows(Sequence[Row], Generic[Row]):
         raise NotImplementedError
 
     def _equals(self, other: Any) -> bool:
-        """Whether rows of the same kind that are as many are the same."""
+        """Return True if rows of the same kind that are as many are the same."""
         return (
             _same(self.sequence, other.sequence)
             and _same(self.source, other.source)
@@ -109,7 +109,7 @@ class Links(_Rows[tuple[int, int, int]]):
 
 
 class Pairs(NamedTuple):
-    """Some frames on their way, each with each of its receivers, by frame and receiver; nobody writes to it.
+    """Some frames on their way, each with each of its receivers, by frame and receiver; read-only.
 
     Attributes:
         frame: int64 (n,), each link's place among the frames.
@@ -127,7 +127,7 @@ class Pairs(NamedTuple):
 
 
 def pairs_of(frame: Column, source: Column, destination: Column) -> Pairs:
-    """The same from its first three columns, which nobody changes any more."""
+    """Make `Pairs` of its first three columns, which must not change any more."""
     order = source << 16 | destination
     pairs = Pairs(frame, source, destination, destination << 16 | source, bool((order[1:] > order[:-1]).all()))
     for column in pairs[:4]:
@@ -139,7 +139,7 @@ class WholeLinks(Links):
     """The links of frames of which none is missing from its pairs.
 
     The pairs are those of many ticks. So a tick has one sequence for each frame, and one for each link only where
-    somebody reads that column.
+    that column is read.
 
     Attributes:
         pairs: Of the frames.
@@ -196,7 +196,7 @@ class Drops(_Rows[tuple[int, int, int, str]]):
 
 
 class ToOthers(NamedTuple):
-    """Some frames on their way to all receivers but their own senders; nobody writes to it.
+    """Some frames on their way to all receivers but their own senders; read-only.
 
     Attributes:
         pairs: Each frame with each of its receivers.

@@ -1,7 +1,7 @@
-"""What a run leaves behind, tick by tick: the records of the journal.
+"""The records of the journal, tick by tick.
 
-The annotations are what a record may hold when it is read (`patrol.journal.decode`), so that whoever reads a journal
-need not check types, ranges and finiteness.
+The annotations are what a record may hold when it is read (`patrol.journal.decode`), so that readers of
+a journal need not check types, ranges and finiteness.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _SHORTEST_S = 1e-6
 """No run takes less wall time, s."""
 
 FORGED = 0
-"""The source of forged frames in a journal, whoever they claim to be from."""
+"""The source of forged frames in a journal, whatever sender they name."""
 
 DEAD_END = "dead-end"
 """The state of a mind that is getting out of a dead end."""
@@ -243,7 +243,7 @@ class Event:
 @with_config(_NO_OTHERS)
 @dataclass(frozen=True, slots=True)
 class RobotFacts:
-    """What a reader of the journal needs to know of a robot.
+    """A robot's settings that a reader of the journal needs.
 
     Attributes:
         number: Of the robot.
@@ -295,7 +295,7 @@ class Header:
         terrain: The grid.
         patrolled_area_m2: Area that counts for the fog.
         bound_s: The lower bound of MFoW, s.
-        started: Wall time as ISO 8601 text, or None where nobody read a clock.
+        started: Wall time as ISO 8601 text, or None where no clock was read.
     """
 
     software: _Short
@@ -311,7 +311,7 @@ class Header:
 @with_config(_OTHERS)
 @dataclass(frozen=True, slots=True)
 class _Said:
-    """What a robot with a direct radio says of its traffic."""
+    """The traffic that a robot with a direct radio reports."""
 
     heard: _Counts
     sent: _Count
