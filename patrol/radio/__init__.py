@@ -1,1 +1,1 @@
-"""What robots tell each other: the position message, and what a receiver believes of it."""
+"""Messages between robots: the position message, and the rules by which a receiver believes it."""

@@ -1,4 +1,4 @@
-"""What one robot may send where the fleet's radio has a budget: it earns bits tick by tick, and each frame takes some.
+"""One robot's allowance where the fleet's radio has a budget: it earns bits tick by tick, and each frame takes some.
 
 A robot begins with nothing. So by any tick it has sent no more than its share of the time until then, and no process
 that takes its place can make it more.
@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 BITS = 8
-"""In a byte."""
+"""Bits in a byte."""
 
 _ROUNDING = 1e-6
 
@@ -52,7 +52,7 @@ class Share:
 
 
 class Allowance:
-    """What a robot has earned of its share and not used."""
+    """The bits of its share that a robot has earned and not used."""
 
     def __init__(self, share: Share) -> None:
         """Begin with nothing.
@@ -75,7 +75,7 @@ class Allowance:
         self._k = k
 
     def suffices(self, lengths: Iterable[int]) -> bool:
-        """Whether all of some frames may be sent, or there is no use in waiting.
+        """Return True if all of some frames may be sent, or there is no use in waiting.
 
         Args:
             lengths: Their bytes.

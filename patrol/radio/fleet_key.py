@@ -37,7 +37,7 @@ def fleet_key(file: str | Path | None) -> bytes | None:
 
 
 def new_key(path: Path) -> None:
-    """Write a new random key, as text, to a file that nobody else can read.
+    """Write a new random key, as text, to a file that no other user can read.
 
     Args:
         path: The new file.

@@ -1,4 +1,4 @@
-"""What all robots of a fleet hear in one tick: the frames once, and who hears which."""
+"""The frames that all robots of a fleet hear in one tick, held once, and which robot hears which."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Heard(Mapping[int, list[bytes]]):
 
 
 def heard_by(receivers: Sequence[int], heard: Mapping[int, Sequence[bytes]]) -> Mapping[int, Sequence[bytes]]:
-    """What some receivers hear.
+    """Give the frames that some receivers hear.
 
     Args:
         receivers: Their numbers, ascending.

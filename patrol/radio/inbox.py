@@ -20,7 +20,7 @@ Theory of operation
     on the terrain, and its sequence must be one that some robot of the roster would send about now, going on from that
     robot's last accepted frame.
 
-    Here each frame is decoded once, however many hear it, and refused for all where it cannot be true whoever hears it.
+    Here each frame is decoded once, however many hear it, and refused for all where it cannot be true for any listener.
     The rest is judged by a kernel (`patrol.radio.kernels.hear`), which has the whole rule for what depends on what a
     listener has heard before.
 """
@@ -76,7 +76,7 @@ _CODES = {
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """What all listeners of a fleet judge frames by.
+    """The settings by which all listeners of a fleet judge frames.
 
     Attributes:
         roster: The numbers of all robots.
@@ -101,7 +101,7 @@ class Rules:
 
 @dataclass(frozen=True, slots=True)
 class Intake:
-    """What listeners have made of the frames of one tick.
+    """The judgement of listeners on the frames of one tick.
 
     Attributes:
         tick: The tick.
@@ -138,7 +138,7 @@ class Intake:
 
 
 class Inboxes:
-    """What listeners have heard of a fleet's robots: a row for each listener, a column for each robot.
+    """Memory of listeners about a fleet's robots: a row for each listener, a column for each robot.
 
     In a process there is one row; in a fleet of one process there is one for each robot:
 
@@ -173,11 +173,11 @@ class Inboxes:
         self._refused[row] = 0
 
     def counts(self, number: int) -> dict[RejectReason, int]:
-        """How many frames a listener has refused so far, by reason."""
+        """Count the frames that a listener has refused so far, by reason."""
         return {reason: self._refused.item(self._row[number], _CODES[reason]) for reason in RejectReason}
 
     def rejected(self, number: int) -> int:
-        """How many frames a listener has refused so far."""
+        """Count the frames that a listener has refused so far."""
         return int(self._refused[self._row[number]].sum())
 
     def peers(self, number: int, since: int = 0) -> Peers:
@@ -220,7 +220,7 @@ class Inboxes:
                     yield row, place, then - back * self.rules.trail_every, Pose(x, y, position.pose.heading)
 
     def _read(self, frame: bytes, tick: int) -> tuple[Position | None, tuple[int, ...]]:
-        """What a frame says, and that as the kernel takes it: with the reason where nobody accepts it."""
+        """Decode a frame, and give it as the kernel takes it: with the reason where no listener accepts it."""
         try:
             position = decode(frame, self.rules.key)
         except Rejected as rejected:

@@ -101,7 +101,7 @@ class WireField:
 
 @dataclass(frozen=True, slots=True)
 class Position:
-    """Where a robot says it is, in the units and the order of the wire.
+    """A robot's place as it reports it, in the units and the order of the wire.
 
     Attributes:
         robot: The sender, or `CONTACT` for a *contact* (an intruder's position reported by a robot).
@@ -330,7 +330,7 @@ def _trail(flat: object) -> tuple[tuple[int, int], ...]:
 
 
 def _wrong(name: str, value: object) -> str:
-    """What is wrong with a number of a position; nothing where it fits."""
+    """Say what is wrong with a number of a position; return an empty text where it fits."""
     field = FIELDS[name]
     if type(value) is not int:
         return f"{name} is not an integer"

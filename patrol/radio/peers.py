@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from patrol.pose import Pose
 
 SPAN = 64
-"""How many of a sender's last sequences a listener remembers, the newest included (as RFC 4303, 3.4.3, for IPsec)."""
+"""Number of a sender's last sequences that a listener remembers, with the newest (as RFC 4303, 3.4.3, for IPsec)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class Peer:
 
 
 def places_of(peers: Mapping[int, Peer]) -> NDArray[np.float64]:
-    """Where some robots are, by number.
+    """Give the places of some robots, by number.
 
     Args:
         peers: a mapping that has them as columns, `places`, or any other.

@@ -1,4 +1,4 @@
-"""Where a robot is some ticks after its last frame, as everybody predicts it who has that frame: its sender too.
+"""A robot's place some ticks after its last frame, as all robots with that frame predict it: its sender too.
 
 A frame with a trail shows how far its sender has come per tick, and the prediction goes on like that in a straight
 line, to the first wall; a frame without one leaves its sender where it was. After as many ticks as a robot may be
@@ -54,7 +54,7 @@ class Predictor:
         return Pose(here.x + share * (there.x - here.x), here.y + share * (there.y - here.y), here.heading)
 
     def error(self, last: Position, now: Position) -> float:
-        """By how much a prediction is off.
+        """Return the error of a prediction.
 
         Args:
             last: What the sender's last frame says.

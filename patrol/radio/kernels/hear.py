@@ -31,11 +31,11 @@ CELL = np.dtype(
     ],
     align=True,
 )
-"""What a listener knows of a sender."""
+"""A listener's knowledge of a sender."""
 
 FRAME = np.dtype(
     [
-        ("kind", np.int64),  # POSITION, REPORT, or why nobody accepts it
+        ("kind", np.int64),  # POSITION, REPORT, or why no listener accepts it
         ("sender", np.int64),  # its column; NO_SENDER for contacts and what cannot be decoded
         ("sequence", np.int64),
         ("x", np.int32),  # cm
@@ -47,7 +47,7 @@ FRAME = np.dtype(
     ],
     align=True,
 )
-"""What a frame says."""
+"""The content of a frame."""
 
 NOTHING = -1
 """The sequence of a sender that was not heard."""
@@ -60,7 +60,7 @@ POSITION, REPORT = 0, 1
 """Kinds of frames that may be accepted; the others are reasons."""
 
 ACCEPTED, OWN, UNKNOWN, OLD, AHEAD, TOO_FAST = 1, 2, 3, 4, 5, 6
-"""What becomes of a frame, where 0 is that it was not heard: all from `OWN` on are reasons for refusing it."""
+"""Judgements of a frame, where 0 is that it was not heard: all from `OWN` on are reasons for refusing it."""
 
 THEN = 128
 """Mark of a frame's looks: they are not of the tick in which it came."""
@@ -76,7 +76,7 @@ _FAR_AHEAD = 64
 run a sequence may be, in steps. Covers stalls of the network."""
 
 _SLACK = 4.0
-"""By how many steps a contact's sequence may differ from what some robot would send now."""
+"""Steps by which a contact's sequence may differ from what some robot would send now."""
 
 _CELL, _FRAME = from_dtype(CELL), from_dtype(FRAME)
 _CELLS = types.Array(_CELL, 2, "C")
@@ -98,7 +98,7 @@ _NONE = np.uint64(0)
 
 @njit(_B(_F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
 def _beyond(x, y, from_x, from_y, reach):
-    """Whether a place (cm) is farther from another than m."""
+    """Return True if a place (cm) is farther from another than m."""
     across, up = x - from_x, y - from_y
     return math.sqrt(across * across + up * up) / 100.0 > reach
 
@@ -203,7 +203,7 @@ def hear(cells, refused, rows, own, frames, reaches, tick, step, speed, knows_ti
         step: s per tick.
         speed: Of the fastest robot, m/s.
         knows_ticks: Whether the listeners' ticks are the fleet's. Otherwise frames that are too old or too far ahead
-            are accepted too, once enough of them agree with each other: a forged one then shuts nobody out.
+            are accepted too, once enough of them agree with each other: a forged one then shuts no robot out.
         every: Ticks between the places of a trail.
         span: How many sequences are remembered, at most 64.
         fate: uint8 (m, f), zeros; set to `ACCEPTED` or a reason where a frame is heard.
