@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from patrol.scenario.sections import SensorSpec
 
 VERSION = 1
-"""Of the search: a change of `patrol.ground.tour` that gives other tours adds 1."""
+"""Version of the search: a change of `patrol.ground.tour` that gives other tours adds 1."""
 
 NO_BOUND = "discs of the sensor's range around the robots have a larger area than the ground"
 """Why the lower bound of MFoW (`worldsim.output.record.lower_bound`) is 0 where it is."""
@@ -164,13 +164,13 @@ def _keep(file: Path, length_m: float | None) -> None:
 
 def _cache() -> Path:
     own = os.environ.get("XDG_CACHE_HOME")
-    with suppress(RuntimeError):  # nobody's home
+    with suppress(RuntimeError):  # the user has no home folder
         return (Path(own) if own else Path("~/.cache").expanduser()) / "fogwatch" / "tours"
     return Path(os.devnull)
 
 
 def _identity(sensor: SensorSpec) -> tuple[str, ...] | None:
-    """What tells a sensor of one's own from others of its range; None if its code may change under its name."""
+    """Tell a sensor of one's own from others of its range; return None if its code may change under its name."""
     if sensor.kind in BUILT_IN_SENSORS:
         return ()
     if sensor.kind_sha256 is None:

@@ -1,4 +1,4 @@
-"""What each robot can reach and see by itself, where the terrain falls into parts that no robot can change between."""
+"""The ground that each robot can reach and see by itself, in a terrain of parts without a way between them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class OwnGround:
-    """What a robot can reach and see by itself, from the part of the terrain that it starts in.
+    """The ground that a robot can reach and see by itself, in the part of the terrain that it starts in.
 
     Attributes:
         reach: bool (height, width), read-only, the connected part of the reachable ground.
@@ -29,7 +29,7 @@ class OwnGround:
 
 
 def own_grounds(prepared: Prepared) -> dict[int, OwnGround]:
-    """What each robot can reach and see by itself.
+    """Find the ground that each robot can reach and see by itself.
 
     Args:
         prepared: The scenario, its terrain and the bodies' static fields.

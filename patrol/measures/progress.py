@@ -39,7 +39,7 @@ class Trap:
             of the circle had been seen during the stay.
         point: A point that it could go and see, the stalest outside of the circle when the trap was found; x and y of
             its centre, m.
-        unseen_since: The tick in which anybody last saw that point; -1 when nobody had seen it.
+        unseen_since: The tick in which a robot last saw that point; -1 when none had seen it.
         until: The tick in which the robot was found to have left the circle, or all points outside to have been seen;
             None while it is trapped.
         all_seen: Whether it was over because all points outside had been seen, and not because the robot left.
@@ -59,7 +59,7 @@ class Trap:
         return math.dist((self.stay.x, self.stay.y), self.point)
 
     def told(self, step: float, before: str = "") -> str:
-        """What the terminal and the page say after "r1 trapped" and after "r1 no longer trapped".
+        """Give the text that terminal and page show after "r1 trapped" and after "r1 no longer trapped".
 
         Args:
             step: Length of a tick, s.
@@ -135,7 +135,7 @@ class Traps:
         return news
 
     def needs_fog(self, k: int) -> bool:
-        """Whether `tick` may ask for the fog of a tick.
+        """Return True if `tick` may ask for the fog of a tick.
 
         Args:
             k: The tick, the next to be taken in.
@@ -143,7 +143,7 @@ class Traps:
         return k % self._every == 0 and bool(self._to_look_at(k))
 
     def _to_look_at(self, k: int) -> dict[int, tuple[Stay, int]]:
-        """By number, the robots that are trapped or may be: their stays, and from when on these count."""
+        """Find the robots that are trapped or may be, by number: their stays, and the ticks from which these count."""
         found = {}
         for number, stay in self.stays.long(k).items():
             since = self._all_seen.get((number, stay.since), stay.since)
@@ -158,10 +158,10 @@ class Traps:
 
 
 def judged_places(record: TickRecord) -> tuple[dict[int, Place], list[int]]:
-    """The places of the robots in a tick, and who is free to stay there.
+    """Give the places of the robots in a tick, and the robots that are free to stay there.
 
     A robot that does not take part is free (paused, dead, lost, absent, left), and so is one that surrounds an
-    intruder. A robot that nobody hears, or whose senses are wrong, is not: it patrols, and it should get on.
+    intruder. A robot that no other hears, or whose senses are wrong, is not: it patrols, and it should get on.
 
     Args:
         record: Of the tick.
@@ -177,7 +177,7 @@ def judged_places(record: TickRecord) -> tuple[dict[int, Place], list[int]]:
 def stalest_outside(
     stay: Stay, terrain: Terrain, ground: BoolGrid, last_seen: NDArray[np.int32]
 ) -> tuple[int, int] | None:
-    """The stalest point outside of a stay's circle that nobody has seen since the stay began.
+    """Find the stalest point outside of a stay's circle that no robot has seen since the stay began.
 
     Args:
         stay: The stay.

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from patrol.scenario import RobotSpec
 
 TRAPPED_S = 180.0
-"""How long a robot stays before it counts as trapped, s."""
+"""Time that a robot stays before it counts as trapped, s."""
 
 ROAMING = 4.0
 """Radius of the circle of a stay, in radii and strides of the body."""
@@ -96,11 +96,11 @@ class _Box:
         return 0.5 * (self.left + self.right), 0.5 * (self.bottom + self.top)
 
     def within(self, radius: float) -> bool:
-        """Whether a circle around the centre holds the whole box."""
+        """Return True if a circle around the centre holds the whole box."""
         return math.hypot(0.5 * (self.right - self.left), 0.5 * (self.top - self.bottom)) <= radius
 
     def fits(self, radius: float, places: Iterable[Place]) -> bool:
-        """Whether a circle around the centre holds the positions, which are those of this box."""
+        """Return True if a circle around the centre holds the positions, which are those of this box."""
         if self.within(radius):
             return True
         if max(self.right - self.left, self.top - self.bottom) > 2.0 * radius:
