@@ -1,4 +1,4 @@
-"""What passes between a robot's body and its mind in each tick: what it senses, and what it replies.
+"""The exchange between a robot's body and its mind in each tick: the body's senses, and the mind's reply.
 
 The same two values serve the world, the messages between processes, fleets in one process and robots of one's own.
 """
@@ -15,7 +15,7 @@ FIRST_INCARNATION = 1
 
 @dataclass(frozen=True, slots=True)
 class Sensed:
-    """What a robot senses at the beginning of a tick.
+    """A robot's senses at the beginning of a tick.
 
     Attributes:
         k: The fleet's tick. Receivers judge a position's tick by their own, so all robots must count alike.
@@ -34,7 +34,7 @@ class Sensed:
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """What a mind makes of a tick: the command, and diagnostics that change nothing.
+    """A mind's answer to a tick: the command, and diagnostics that change nothing.
 
     Attributes:
         command: What the body is to do for the next step.

@@ -48,7 +48,7 @@ _UNFINISHED = ".making-"
 
 _packages: set[str] = set()
 _folders: dict[str, Path] = {}
-"""Where numba finds the files of the modules that are being imported, by module name."""
+"""Folders of numba's files for the modules that are being imported, by module name."""
 
 
 def keep_compiled(package: str) -> None:

@@ -127,7 +127,7 @@ class CheckedSensor:
         self._beyond = offsets[:, None] ** 2 + offsets[None, :] ** 2 > setup.radius**2 + 1e-9
 
     def visible(self, pose: Pose) -> View:
-        """The points seen from a pose, checked.
+        """Return the points seen from a pose, checked.
 
         Args:
             pose: As of any sensor.
@@ -145,7 +145,7 @@ class CheckedSensor:
         return View(int(view.row0), int(view.col0), np.array(view.mask, order="C"), quality)
 
     def _problems(self, view: object, pose: Pose) -> Iterator[str]:
-        """What is wrong with a view, and what it should be; what comes after the first was not looked at."""
+        """Give the problems of a view, each with its remedy; those after the first may be wrong."""
         setup, side = self._setup, 2 * self._setup.reach + 1
         if not isinstance(view, View):
             yield f"{type(view).__name__}; return patrol.ground.footprint.View"
@@ -228,7 +228,7 @@ def _check_allowed(named: NamedClass) -> None:
 
 
 def _is_own_file(path: Path) -> bool:
-    """Whether a file is there and this user has made it."""
+    """Return True if a file is there and this user has made it."""
     try:
         return path.stat().st_uid == os.geteuid()
     except OSError:

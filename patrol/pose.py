@@ -42,7 +42,7 @@ class Pose:
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What bounds a body's commands; each model uses what applies to it.
+    """The bounds of a body's commands; each model uses those that apply to it.
 
     Attributes:
         speed: Top speed, m/s.
@@ -75,11 +75,11 @@ class Velocity:
 
     @property
     def speed_mps(self) -> float:
-        """How fast the body drives, m/s."""
+        """The body's speed, m/s."""
         return math.hypot(self.vx, self.vy)
 
     def is_within(self, limits: Limits) -> bool:
-        """Whether a body obeys the command unchanged; a scaled command may exceed the speed by rounding.
+        """Return True if a body obeys the command unchanged; a scaled command may exceed the speed by rounding.
 
         Args:
             limits: Of the body; only the speed applies.
@@ -123,11 +123,11 @@ class Drive:
 
     @property
     def speed_mps(self) -> float:
-        """How fast the body drives along its path, m/s."""
+        """The body's speed along its path, m/s."""
         return abs(self.speed)
 
     def is_within(self, limits: Limits) -> bool:
-        """Whether a body obeys the command unchanged.
+        """Return True if a body obeys the command unchanged.
 
         Args:
             limits: Of the body: its top speed, forward and in reverse, and its turning radius.
@@ -169,11 +169,11 @@ class Twist:
 
     @property
     def speed_mps(self) -> float:
-        """How fast the body's centre drives along its path, m/s."""
+        """The speed of the body's centre along its path, m/s."""
         return abs(self.speed)
 
     def is_within(self, limits: Limits) -> bool:
-        """Whether a body obeys the command unchanged; a scaled command may exceed the speed by rounding.
+        """Return True if a body obeys the command unchanged; a scaled command may exceed the speed by rounding.
 
         Args:
             limits: Of the body: the top speed of each wheel, and the radius.
@@ -218,7 +218,7 @@ def command_of(model: str, first: float, second: float) -> Command:
 
 
 def is_halt(command: Command) -> bool:
-    """Whether a body that obeys this command neither drives nor turns."""
+    """Return True if a body that obeys this command neither drives nor turns."""
     return command.speed_mps == 0.0 and not (isinstance(command, Twist) and command.turn_rate != 0.0)
 
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from patrol.scenario import IntruderSpec, Scenario
 
 TICKS_APART = 4
-"""By how many ticks the robots of a fleet may be apart where the world waits for none of them."""
+"""Most ticks between two robots of a fleet where the world waits for none of them."""
 
 FACTS = "prepared.json"
 GROUND = ("passable", "keep_out", "free", "blocked")
@@ -143,7 +143,7 @@ def prepare(scenario: Scenario, terrain: Terrain | None = None) -> Prepared:
         BadInput: For an unusable map, for intruders and critical areas that are not on passable ground, for starts that
             do not fit, for bodies too wide for the terrain and for regions that do not make a split.
     """
-    from patrol.ground.maps import load_terrain  # here: whoever loads what others have prepared needs neither
+    from patrol.ground.maps import load_terrain  # here: loading a prepared scenario needs neither
     from patrol.starts import place_starts
 
     if terrain is None:

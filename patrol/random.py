@@ -24,7 +24,7 @@ _GOLDEN = 0x9E3779B97F4A7C15
 
 
 class Purpose(IntEnum):
-    """What a draw is for: the value after the seed, so that draws for different things never share arguments."""
+    """The purpose of a draw: the value after the seed, so that draws for different things never share arguments."""
 
     START = 1
     RANDOM_MOVE = 2

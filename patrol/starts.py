@@ -1,4 +1,4 @@
-"""Where the robots of a scenario start: at given places, or at random ones in a part of the ground worth patrolling.
+"""The starts of a scenario's robots: at given places, or at random ones in a part of the ground worth patrolling.
 
 Random starts all lie in one part of the free space, the largest. Free space outside a building is no place to patrol
 although it is often the largest, so a part that the map's border bounds gives way to an enclosed one, unless that is
@@ -46,7 +46,7 @@ def place_starts(terrain: Terrain, roster: Sequence[RobotSpec], seed: int) -> li
     headings too, from one part of the widest body's C-space, with two points to spare between bodies: the part that
     holds the first explicit start, or else the preferred one. A draw depends on the seed and the robot's number. Spare
     robots are placed last, so that the others start where they would without spare ones that are no wider. A spare
-    robot for which there is no room left gets a drawn place all the same, because it waits until nobody stands there.
+    robot for which there is no room left gets a drawn place all the same, because it waits until no robot stands there.
 
     Args:
         terrain: The ground.

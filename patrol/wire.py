@@ -1,4 +1,4 @@
-"""Messages and records from bytes that anybody may have written, checked against one declaration each.
+"""Messages and records from bytes of unknown origin, checked against one declaration each.
 
 A message is a dataclass. Its fields' annotations hold their types and limits, from which pydantic makes what checks
 them. A plain dataclass is a map by field names; readers skip fields that they do not know. One that derives from `Row`
@@ -53,13 +53,13 @@ Flag = Annotated[bool, Field(strict=True)]
 Bytes = Annotated[bytes, Field(strict=True)]
 Text = Annotated[str, Field(strict=True)]
 PRINTABLE = AfterValidator(_check_printable)
-"""For a text that is shown. It and `NO_WHOLE` come last: limits behind them are checked in Python and not in Rust."""
+"""Check of a text that is shown. It and `NO_WHOLE` come last: limits behind them are checked in Python, not in Rust."""
 NO_WHOLE = GetPydanticSchema(lambda kind, of: schemas.chain_schema([schemas.is_instance_schema(float), of(kind)]))
-"""For a float in whose place no whole number may stand."""
+"""Check of a float in whose place no whole number may stand."""
 Real = Annotated[float, Field(strict=True), NO_WHOLE]
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False), NO_WHOLE]
 FAIL_FAST = Field(fail_fast=True)
-"""For each array: the first wrong value ends the reading, or millions of them would make millions of errors."""
+"""Setting of each array: the first wrong value ends the reading, or millions of them would make millions of errors."""
 _adapters: dict[Any, TypeAdapter[Any]] = {}
 
 

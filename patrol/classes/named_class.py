@@ -76,7 +76,7 @@ class NamedClass:
 
     @property
     def field(self) -> str:
-        """Where it stands, for errors: ``patrol.policy = ./mine.py:Mine``."""
+        """The field with its value, for errors: ``patrol.policy = ./mine.py:Mine``."""
         return f"{self.sort.field} = {self.name}"
 
 
@@ -185,7 +185,7 @@ def absent_class(named: NamedClass, name: str, classes: list[str]) -> BadInput:
 
 
 def _load(named: NamedClass) -> Any:
-    """What the name stands for."""
+    """Import whatever the name stands for, of any type."""
     place, colon, name = named.sort.built_in.get(named.name, named.name).rpartition(":")
     if not colon:
         return _load_entry_point(named)

@@ -1,9 +1,9 @@
 """Opening files that others may have written: regular files only, and never more bytes than their kind may have.
 
-A path that a user gives, or that a file names, can lead to anything. Opening a named pipe waits until somebody writes
-to it, opening some devices does something, others have no end, and a file may be larger than the memory. So every file
-that is not this program's own is opened here, and a test finds code that opens files elsewhere. A file is looked at
-before it is opened, and opened only if it is a regular one within the limit of its kind.
+A path that a user gives, or that a file names, can lead to anything. Opening a named pipe waits for a process that
+writes to it, opening some devices does something, others have no end, and a file may be larger than the memory. So
+every file that is not this program's own is opened here, and a test finds code that opens files elsewhere. A file is
+looked at before it is opened, and opened only if it is a regular one within the limit of its kind.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def open_untrusted(path: Path, kind: Kind) -> BinaryIO:
             why in a few words.
     """
     try:
-        place = os.open(path, os.O_PATH | os.O_CLOEXEC)  # finds the file and does not open it: nobody notices
+        place = os.open(path, os.O_PATH | os.O_CLOEXEC)  # finds the file without opening it
     except ValueError:
         raise FileRefused(errno.EINVAL, "has a null character in its name", str(path)) from None
     try:
@@ -134,7 +134,7 @@ def _too_large(path: Path, kind: Kind) -> FileRefused:
 
 
 def leads_out(folder: Path, path: Path) -> bool:
-    """Whether a path leads out of a folder, by its names or by a link.
+    """Return True if a path leads out of a folder, by its names or by a link.
 
     Args:
         folder: The folder.

@@ -25,7 +25,7 @@ REDUCTIONS: Mapping[str, Callable[[Sequence[Any]], Number]] = {
     "once": lambda values: values[0],
     "count": lambda values: len(values[0]),
 }
-"""How the values of all robots become one number; "once" and "count" are for what a run has once."""
+"""Ways to make one number of all robots' values; "once" and "count" are for what a run has once."""
 
 
 @dataclass(frozen=True, slots=True)

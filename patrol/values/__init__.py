@@ -1,1 +1,1 @@
-"""What the sections of a scenario are made of: strict mappings, and the types of their values."""
+"""The parts of a scenario's sections: strict mappings, and the types of their values."""

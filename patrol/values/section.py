@@ -1,4 +1,4 @@
-"""What every mapping of the scenario file is."""
+"""The base of every mapping of the scenario file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a value in a scenario may be, and what is said when it is something else.
+"""Types of the values in a scenario, and the errors for anything else.
 
 Numbers are strict and bounded: no boolean or text is taken for one, and neither NaN nor infinity passes.
 """
@@ -166,7 +166,7 @@ Pace = Annotated[
 
 
 def _shape(value: Any) -> str:
-    """Which of a field's alternatives a value is meant to be."""
+    """Tell which of a field's alternatives a value is meant to be."""
     if isinstance(value, list | tuple):
         return "=list"
     return "=mapping" if isinstance(value, Mapping | BaseModel) else "=single"
