@@ -105,7 +105,7 @@ class FleetKeys:
 
 
 def fleet_keys(fleet: str, option: str = "--fleet") -> FleetKeys:
-    """The keys of a fleet.
+    """Make the keys of a fleet.
 
     Args:
         fleet: Its name.
@@ -123,7 +123,7 @@ def fleet_keys(fleet: str, option: str = "--fleet") -> FleetKeys:
 
 
 def callers_of(keys: FleetKeys, numbers: Mapping[str, int]) -> dict[int, str]:
-    """The keys under which robots send positions, by their numbers.
+    """Return the keys under which robots send positions, by their numbers.
 
     Args:
         keys: Of their fleet.
@@ -133,7 +133,7 @@ def callers_of(keys: FleetKeys, numbers: Mapping[str, int]) -> dict[int, str]:
 
 
 def robot_of(key: str) -> str:
-    """The robot's name in a key of `tick`, `reply`, `alive`, `telemetry` or `position`; empty for another key.
+    """Return the robot's name in a key of `tick`, `reply`, `alive`, `telemetry` or `position`; empty for another key.
 
     Args:
         key: Any key.

@@ -85,7 +85,7 @@ class Link:
         return len(self._session.info.transports())
 
     def post(self, key: str, *, waits: bool = True, together: bool = False) -> Post:
-        """A publisher for ticks and answers: sends at once, ahead of all else.
+        """Make a publisher for ticks and answers: sends at once, ahead of all else.
 
         Args:
             key: To publish under.
@@ -106,7 +106,7 @@ class Link:
         return publisher.put
 
     def broadcast(self, key: str) -> Post:
-        """A publisher for a direct radio: sends at once, to all others; a message is lost rather than late.
+        """Make a publisher for a direct radio: sends at once, to all others; a message is lost rather than late.
 
         Positions of many robots that wait on their way travel together, as those of `post` may: otherwise a router
         dropped, on a busy machine, what came after the 16th of those who send at the same time.
@@ -126,7 +126,7 @@ class Link:
         return publisher.put
 
     def publisher(self, key: str) -> Post:
-        """A publisher for observers: drops a message where a queue is full, so that it never holds up a tick.
+        """Make a publisher for observers: drops a message where a queue is full, so that it never holds up a tick.
 
         Args:
             key: To publish under.
@@ -203,7 +203,7 @@ class Link:
         self._declared.append(self._session.declare_queryable(key, handler))
 
     def ask(self, key: str, payload: bytes, wait_s: float) -> bytes | None:
-        """The first answer to a query.
+        """Await the first answer to a query.
 
         Args:
             key: To query.
@@ -217,13 +217,13 @@ class Link:
         return next((reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None), None)
 
     def answers(self, key: str, payload: bytes, longest: int, wait_s: float) -> Iterator[bytes]:
-        """All answers to a query (`patrol.net.queries.all_answers`)."""
+        """Give all answers to a query (`patrol.net.queries.all_answers`)."""
         return all_answers(self._session, key, payload, longest, wait_s)
 
     def answers_of(
         self, keys: Sequence[str], payload: bytes, longest: int, wait_s: float
     ) -> Iterator[tuple[str, bytes]]:
-        """All answers to a query under several keys at once (`patrol.net.queries.answers_of`)."""
+        """Give all answers to a query under several keys at once (`patrol.net.queries.answers_of`)."""
         return answers_of(self._session, keys, payload, longest, wait_s)
 
     def echo(self, key: str) -> Callable[[], bool]:
@@ -239,7 +239,7 @@ class Link:
         return lambda: back() and self.connected  # it comes back as well when the link is cut
 
     def pulse(self, key: str) -> Callable[[], bool]:
-        """The same for a router itself: whether its own tables answer.
+        """Ask the router's own tables for a liveliness token; they answer also when the link is cut.
 
         Args:
             key: Of a token.
@@ -336,7 +336,7 @@ def open_session(
     waiting: Callable[[float], None],
     stopped: Callable[[], bool],
 ) -> zenoh.Session:
-    """A session with a router, for those who need more of Zenoh than a `Link`.
+    """Open a session with a router, for uses of Zenoh that a `Link` does not offer.
 
     Args:
         settings: Of Zenoh, by dotted name (`client_settings`).

@@ -55,7 +55,7 @@ class Payload(Protocol):
         ...
 
     def to_bytes(self) -> bytes:
-        """The bytes."""
+        """Return the bytes."""
         ...
 
 
@@ -166,7 +166,7 @@ class Air(Protocol):
     """A carrier of positions: a link to Zenoh, a multicast group or a serial line."""
 
     def broadcast(self, key: str) -> Post:
-        """A publisher for a direct radio: sends at once, to all others; a message is lost rather than late.
+        """Make a publisher for a direct radio: sends at once, to all others; a message is lost rather than late.
 
         Args:
             key: To publish under.

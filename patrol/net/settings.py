@@ -50,7 +50,7 @@ _QUIET: dict[str, object] = {
 
 
 def client_settings(router: str, lease_s: float, credentials: Credentials | None = None) -> dict[str, object]:
-    """Settings of a client of one router, which waits for it and reconnects to it.
+    """Return the settings of a client of one router, which waits for it and reconnects to it.
 
     Args:
         router: Its locator.
@@ -73,7 +73,7 @@ def client_settings(router: str, lease_s: float, credentials: Credentials | None
 def router_settings(
     listen: str, security: RouterSecurity | None = None, others: Sequence[str] = ()
 ) -> dict[str, object]:
-    """Settings of a router that listens at one locator.
+    """Return the settings of a router that listens at one locator.
 
     Args:
         listen: The locator.

@@ -6,7 +6,7 @@ import re
 
 
 def system_error(error: Exception) -> int | None:
-    """The number of the system's error behind one of Zenoh's, which says it in its text alone; None without one.
+    """Return the number of the system's error in the text of a Zenoh error; None without one.
 
     Args:
         error: Of Zenoh.

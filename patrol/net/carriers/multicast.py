@@ -39,7 +39,7 @@ class Datagram:
         return len(self.data)
 
     def to_bytes(self) -> bytes:
-        """The bytes."""
+        """Return the bytes."""
         return self.data
 
 

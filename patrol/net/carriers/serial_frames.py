@@ -26,7 +26,7 @@ _LONGEST_RUN = 254
 
 
 def packet(frame: bytes) -> bytes:
-    """The bytes on the line for a frame.
+    """Pack a frame as bytes for the line.
 
     Args:
         frame: At most `MAX_FRAME` bytes.
@@ -76,7 +76,7 @@ class Unpacker:
 
 
 def _frame_in(stuffed: bytes) -> bytes | None:
-    """The frame in a packet without its end; None where it has arrived wrong."""
+    """Unpack the frame in a packet without its end; None where it has arrived wrong."""
     body = _unstuffed(stuffed)
     if body is None or len(body) <= _CRC_BYTES:
         return None
@@ -89,7 +89,7 @@ def _checksum(frame: bytes) -> bytes:
 
 
 def _stuffed(body: bytes) -> bytes:
-    """The same without zero bytes: before each run of others stands its length plus one."""
+    """Remove zero bytes: before each run of others stands its length plus one."""
     runs = body.split(END)
     assert all(len(run) < _LONGEST_RUN for run in runs)
     return b"".join(bytes((len(run) + 1,)) + run for run in runs)

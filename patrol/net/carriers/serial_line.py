@@ -139,7 +139,7 @@ class SerialLine:
                 self._deliver(frame)
 
     def _read(self) -> bytes:
-        """The bytes that come next; none when the line has gone down, or it is time to leave."""
+        """Read the bytes that come next; none when the line has gone down, or it is time to leave."""
         fd = self._fd
         assert fd is not None
         select.select([fd, self._wakes], [], [])
@@ -203,13 +203,13 @@ def open_serial(locator: str, callers: Mapping[int, str]) -> SerialLine:
 
 
 def _speed(baud: str | None) -> int | None:
-    """The number by which `termios` knows a speed; None for one that it does not have."""
+    """Return the number by which `termios` knows a speed; None for one that it does not have."""
     speed: int | None = getattr(termios, f"B{int(baud or DEFAULT_BAUD)}", None)
     return speed or None
 
 
 def _opened(device: str, speed: int) -> int:
-    """A line that passes all bytes as they are, eight bits each, for this process alone."""
+    """Open a line that passes all bytes as they are, eight bits each, for this process alone."""
     fd = os.open(device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     try:
         fcntl.ioctl(fd, termios.TIOCEXCL)
@@ -227,6 +227,6 @@ def _opened(device: str, speed: int) -> int:
 
 
 def _waiting(fd: int) -> int:
-    """Bytes that the line has taken and not sent yet."""
+    """Count the bytes that the line has taken and not sent yet."""
     waiting: int = struct.unpack("i", fcntl.ioctl(fd, termios.TIOCOUTQ, struct.pack("i", 0)))[0]
     return waiting

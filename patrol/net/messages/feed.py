@@ -145,7 +145,7 @@ class SoFar:
 
 
 def batch_bytes(batch: Batch) -> bytes:
-    """A batch as it is sent.
+    """Pack a batch.
 
     Args:
         batch: To send.
@@ -155,7 +155,7 @@ def batch_bytes(batch: Batch) -> bytes:
 
 
 def longest_record(robots: int) -> int:
-    """Bytes of the longest record that a viewer unpacks; objects take many times the bytes that they are packed in.
+    """Return the bytes of the longest record that a viewer unpacks; objects take many times their packed bytes.
 
     Args:
         robots: In the roster. Each has a row, frames, and links to all others.
@@ -187,7 +187,7 @@ class _Answer:
 
 
 def so_far_bytes(so_far: SoFar) -> bytes:
-    """An answer as it is sent; takes a while for a large terrain.
+    """Pack an answer; takes a while for a large terrain.
 
     Args:
         so_far: To send.
@@ -212,7 +212,7 @@ def so_far_bytes(so_far: SoFar) -> bytes:
 def read_so_far(
     payload: bytes, known: SoFar | None = None, fits: Callable[[bytes, int, int], bool] = lambda *_: True
 ) -> SoFar:
-    """The answer in a payload. Nothing is decompressed before its size is known and allowed.
+    """Read the answer in a payload. Nothing is decompressed before its size is known and allowed.
 
     Args:
         payload: Any bytes.
@@ -306,7 +306,7 @@ def _inflated(packed: bytes, size: int) -> bytes:
 
 
 def thinned(values: Sequence[float], every: int) -> NDArray[np.float32]:
-    """Every n-th of the values, as a copy: the values may grow while these are still read.
+    """Copy every n-th of the values, which may grow while the copy is still read.
 
     Args:
         values: The series.

@@ -267,7 +267,7 @@ def max_to_robot(robots: int) -> int:
 
 
 def encode(message: ToRobot | ToWorld) -> bytes:
-    """A message as bytes, a reason cut short where it is too long. It is the receiver who checks all other limits.
+    """Pack a message, a reason cut short where it is too long. Receivers check all other limits.
 
     Raises:
         ValueError: A phase A says what was sensed at another tick.
@@ -283,7 +283,7 @@ def encode(message: ToRobot | ToWorld) -> bytes:
 
 
 def decode_to_robot(payload: bytes) -> ToRobot:
-    """A message from the world.
+    """Decode a message from the world.
 
     Raises:
         Malformed: The bytes are not a message to a robot. No other exception is raised, whatever the bytes.
@@ -293,7 +293,7 @@ def decode_to_robot(payload: bytes) -> ToRobot:
 
 
 def decode_to_world(payload: bytes) -> ToWorld:
-    """A message from a robot.
+    """Decode a message from a robot.
 
     Raises:
         Malformed: The bytes are not a message to the world. No other exception is raised, whatever the bytes.

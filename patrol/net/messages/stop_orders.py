@@ -66,7 +66,7 @@ def outcome_of(answer: bytes) -> Outcome:
 
 
 def robots_there(link: Link, keys: FleetKeys) -> list[str]:
-    """The robots that are at the fleet's router, or were until a moment ago.
+    """List the robots that are at the fleet's router, or were until a moment ago.
 
     Args:
         link: To the fleet's router.

@@ -198,7 +198,7 @@ class Watcher:
         self._shown: deque[tuple[float, int]] = deque([(now(), 0)])
 
     def take(self, record: TickRecord, stalest: Callable[[], tuple[float, float]] | None = None) -> Metrics | None:
-        """The next tick is done.
+        """Take in the next tick.
 
         Args:
             record: Of the tick.
@@ -231,7 +231,7 @@ class Watcher:
         )
 
     def notice(self, event: Event) -> Notice:
-        """An event of the journal as observers receive it.
+        """Make an event of the journal as observers receive it.
 
         Args:
             event: Of the journal.
@@ -240,7 +240,7 @@ class Watcher:
         return Notice(event.k, event.kind, name, described(event)[:MAX_TEXT])
 
     def _rate(self, now: float, done: int) -> float:
-        """Ticks per wall second over the last `_RATE_S`."""
+        """Return the ticks per wall second over the last `_RATE_S`."""
         while len(self._shown) > 1 and self._shown[1][0] <= now - _RATE_S:
             self._shown.popleft()
         since, before = self._shown[0]
@@ -249,7 +249,7 @@ class Watcher:
 
 
 def longest_metrics(robots: int) -> int:
-    """Bytes of the longest metrics that a reader looks at: many more would be made of a stranger's small objects.
+    """Return the bytes of the longest metrics that are read: a stranger's small objects could become many more.
 
     Args:
         robots: In the roster.
@@ -258,7 +258,7 @@ def longest_metrics(robots: int) -> int:
 
 
 def pack_view(view: Metrics | Notice | Telemetry) -> bytes:
-    """A view as bytes.
+    """Pack a view.
 
     Args:
         view: To send.
@@ -268,7 +268,7 @@ def pack_view(view: Metrics | Notice | Telemetry) -> bytes:
 
 
 def read_traffic(payload: bytes) -> Traffic:
-    """The traffic in a robot's telemetry.
+    """Read the traffic in a robot's telemetry.
 
     Args:
         payload: Any bytes.

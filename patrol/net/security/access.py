@@ -153,7 +153,7 @@ def _read(path: Path, option: str, role: Role) -> Access | Credentials:
 
 
 def _of_a_run(says: Mapping[str, Any], file: Path, option: str, role: Role) -> Credentials:
-    """A role's credentials in a run of this machine, whose file says where they are."""
+    """Find a role's credentials in a run of this machine, whose file says where they are."""
     name = says["private"]
     if not isinstance(name, str) or not _PRIVATE.fullmatch(name):
         raise BadInput(f"{option}: {file}: private = {name!r}: expected 16 to 64 hex digits, the name of a folder")
@@ -169,7 +169,7 @@ def _of_a_run(says: Mapping[str, Any], file: Path, option: str, role: Role) -> C
 
 
 def private_roots() -> list[Path]:
-    """The folders in which launchers of this user make private folders, the first choice first."""
+    """List the folders in which launchers of this user make private folders, the first choice first."""
     user = os.getuid()
     runtime = os.environ.get("XDG_RUNTIME_DIR") or f"/run/user/{user}"
     roots = [Path(runtime) / "fogwatch", Path(tempfile.gettempdir()) / f"fogwatch-{user}"]

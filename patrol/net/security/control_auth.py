@@ -190,7 +190,7 @@ class Asks(Protocol):
     """A link that sends a question to all that may answer it (`patrol.net.link.Link`)."""
 
     def answers(self, key: str, payload: bytes, longest: int, wait_s: float) -> Iterable[bytes]:
-        """All answers, as they come.
+        """Give all answers, as they come.
 
         Args:
             key: To ask under.
@@ -290,7 +290,7 @@ class ControlClient:
 
 
 def _answer(said: bytes) -> Answer | None:
-    """A world's answer, its text safe for a terminal; None for anything else."""
+    """Read a world's answer, its text safe for a terminal; None for anything else."""
     try:
         says = json.loads(said)
     except (ValueError, RecursionError):

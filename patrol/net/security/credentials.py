@@ -98,7 +98,7 @@ class Credentials:
 
 
 def as_json(credentials: Credentials) -> str:
-    """The text of a credentials file.
+    """Return the text of a credentials file.
 
     Args:
         credentials: What it holds.
@@ -261,7 +261,7 @@ def read_router(path: Path, option: str) -> RouterSecurity:
 
 
 def router_json(keys: FleetKeys, listen: str, members: Mapping[str, Role]) -> str:
-    """The text of a router's file.
+    """Return the text of a router's file.
 
     Args:
         keys: The fleet's keys.
@@ -304,7 +304,7 @@ def _exposed(file: Path, mode: int) -> bool:
 
 
 def read_object(file: Path, option: str, *, secret: bool = False) -> dict[str, Any]:
-    """The JSON object in a file.
+    """Read the JSON object in a file.
 
     Args:
         file: The file.

@@ -68,7 +68,7 @@ WORLD_ROLE, VIEWER, OPERATOR = Role(Kind.WORLD), Role(Kind.VIEWER), Role(Kind.OP
 
 
 def robot_role(name: str) -> Role:
-    """The role of a robot.
+    """Return the role of a robot.
 
     Args:
         name: Its name.
@@ -85,7 +85,7 @@ def robot_role(name: str) -> Role:
 
 
 def role_of(user: str, where: str) -> Role:
-    """The role that is known by a name.
+    """Find the role that is known by a name.
 
     Args:
         user: The name, as `Role.user` makes it.
@@ -103,7 +103,7 @@ def role_of(user: str, where: str) -> Role:
 
 
 def roles_of(robots: Sequence[str]) -> tuple[Role, ...]:
-    """The roles of a fleet: its robots', and one of each other kind.
+    """List the roles of a fleet: its robots', and one of each other kind.
 
     Args:
         robots: The names of all robots that may ever join.
@@ -180,7 +180,7 @@ def rights_of(role: Role, keys: FleetKeys) -> Rights:
 
 
 def router_name(fleet: str) -> str:
-    """The common name of the certificate of a fleet's routers; no member has it.
+    """Return the common name of the certificate of a fleet's routers; no member has it.
 
     Args:
         fleet: The fleet's name.
@@ -189,7 +189,7 @@ def router_name(fleet: str) -> str:
 
 
 def access_control(keys: FleetKeys, members: Mapping[str, Role], known_by: str) -> dict[str, Any]:
-    """A router's access rules, as Zenoh's configuration takes them (`access_control`).
+    """Write a router's access rules, as Zenoh's configuration takes them (`access_control`).
 
     Args:
         keys: The fleet's keys.
@@ -222,7 +222,7 @@ def access_control(keys: FleetKeys, members: Mapping[str, Role], known_by: str) 
 
 
 def _everything(name: str, keys: FleetKeys) -> dict[str, Any]:
-    """The rule of one who may send and be sent whatever belongs to the fleet."""
+    """Write the rule for a member that may send and receive all that belongs to the fleet."""
     return {
         "id": name,
         "permission": "allow",
@@ -242,7 +242,7 @@ def _everything(name: str, keys: FleetKeys) -> dict[str, Any]:
 
 
 def rules_of(name: str, rights: Rights, anything: tuple[str, ...]) -> list[dict[str, Any]]:
-    """The rules of one member. Ingress is what it sends to the router, egress what the router sends to it.
+    """Write the rules of one member. Ingress is what it sends to the router, egress what the router sends to it.
 
     Args:
         name: What its rules are called after.

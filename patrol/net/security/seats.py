@@ -19,7 +19,7 @@ _LARGEST = 2**63 - 1
 
 
 def seat_of(token: str, fleet: str, robot: str, incarnation: int) -> int:
-    """The instance of a process that a launcher starts.
+    """Return the instance of a process that a launcher starts.
 
     Args:
         token: The fleet's token.
@@ -36,7 +36,7 @@ def seat_of(token: str, fleet: str, robot: str, incarnation: int) -> int:
 
 
 def own_instance(environment: Mapping[str, str]) -> int:
-    """The instance of this process: the one that its launcher gave it, or a random one.
+    """Return the instance of this process: the one that its launcher gave it, or a random one.
 
     Args:
         environment: Of this process.

@@ -43,7 +43,7 @@ class TickChain:
             self._links[PROOF * place : PROOF * (place + 1)] = link
 
     def proof(self, begun: int) -> bytes:
-        """The proof that so many ticks have begun.
+        """Return the proof that so many ticks have begun.
 
         Args:
             begun: Number of ticks.

@@ -33,7 +33,7 @@ _LENGTHS = [bytes((length,)) for length in range(MAX_DIGESTS * DIGEST + 1)]
 
 
 def digest_of(payload: bytes) -> bytes:
-    """The digest of a message.
+    """Return the digest of a message.
 
     Args:
         payload: The message as it was sent.
@@ -128,7 +128,7 @@ class Span:
         return self.phases[0] == self.phases[1] and self.replies[0] == self.replies[1]
 
     def then(self, other: Span) -> Span:
-        """This span and the one that follows as one."""
+        """Join this span and the one that follows."""
         return Span(
             min(self.first, other.first),
             max(self.last, other.last),
@@ -245,7 +245,7 @@ class WorldTranscript:
 
 
 def as_notes(transcripts: Mapping[tuple[int, int], WorldTranscript]) -> list[dict[str, object]]:
-    """Transcripts as notes at a journal's end.
+    """Make notes of transcripts for a journal's end.
 
     Args:
         transcripts: By robot number and incarnation.
