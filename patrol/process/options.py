@@ -56,7 +56,7 @@ class ProcessParser(argparse.ArgumentParser):
         add_supervision(self)
 
     def list_options(self) -> str:
-        """The options with their explanations, as the help has them, without the rest of the help."""
+        """List the options with their explanations, as the help has them, without the rest of the help."""
         formatter = self._get_formatter()
         for group in self._action_groups:
             formatter.start_section(group.title)
@@ -153,7 +153,7 @@ def meeting(credentials: Path | None, router: str | None, fleet: str | None, *ki
 
 
 def robot_named(name: str | None, credentials: Credentials | None) -> str:
-    """The robot that a process is.
+    """Return the robot that a process is.
 
     Args:
         name: As an option says it, or None.

@@ -53,7 +53,7 @@ class HealthReading:
 
 
 def health_line(now: HealthReading, before: HealthReading | None) -> str:
-    """A health line for people.
+    """Write a health line for people.
 
     Args:
         now: The newest figures.
@@ -65,7 +65,7 @@ def health_line(now: HealthReading, before: HealthReading | None) -> str:
 
 
 def _ticks(now: HealthReading, before: HealthReading | None) -> list[str]:
-    """The newest tick and how many come a second; where ticks are still to come, that none has."""
+    """Write the newest tick and the ticks per second; before the first tick, that there is none."""
     if TICK not in now.figures:
         return ["no tick yet"] if QUEUE in now.figures else []
     tick = _sum(now.figures[TICK])
@@ -106,7 +106,7 @@ _TOLD: Mapping[Figure, Callable[[Value], str]] = {
 
 
 def facts_of(figures: Figures) -> dict[str, object]:
-    """All figures, for a JSON line, by the names that the metrics have.
+    """Return all figures, for a JSON line, by the names that the metrics have.
 
     Args:
         figures: The figures.
@@ -115,7 +115,7 @@ def facts_of(figures: Figures) -> dict[str, object]:
 
 
 def _as_fact(value: Value) -> object:
-    """A number or numbers as JSON has them: it has none that is not finite."""
+    """Convert a number or numbers to JSON, which has only finite ones."""
     if isinstance(value, Mapping):
         return {label: _as_fact(number) for label, number in value.items()}
     return value if math.isfinite(value) else None

@@ -111,7 +111,7 @@ class Log:
 
 
 def described(error: BaseException) -> str:
-    """An exception's type and message.
+    """Describe an exception by its type and message.
 
     Args:
         error: The exception.

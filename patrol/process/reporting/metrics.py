@@ -43,7 +43,7 @@ _READ_BYTES = 1024
 
 
 def render(figures: Mapping[Figure, Value], labels: Mapping[str, str]) -> bytes:
-    """The figures in Prometheus' text format, version 0.0.4.
+    """Write the figures in Prometheus' text format, version 0.0.4.
 
     Args:
         figures: By figure.

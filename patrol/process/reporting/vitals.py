@@ -127,7 +127,7 @@ class Vitals:
         self.probe(DROPPED, lambda: dict(mailbox.refused))
 
     def read(self) -> dict[Figure, Value]:
-        """All figures that are known now."""
+        """Read all figures that are known now."""
         found: dict[Figure, Value] = {}
         beat = self._beat
         if beat is not None:
@@ -153,7 +153,7 @@ class Vitals:
 
 
 def version() -> str:
-    """The installed version of fogwatch; "unknown" where it runs from a folder of sources."""
+    """Return the installed version of fogwatch; "unknown" where it runs from a folder of sources."""
     try:
         return metadata.version("fogwatch")
     except metadata.PackageNotFoundError:

@@ -83,7 +83,7 @@ class StartPipe:
             self.child_end = -1
 
     def report(self, timeout_s: float = 0.0) -> StartReport | None:
-        """The child's report, as soon as there is one.
+        """Return the child's report, as soon as there is one.
 
         Args:
             timeout_s: How long to wait for something to arrive, in s of wall time.

@@ -48,7 +48,7 @@ SELDOM: Mapping[str, Callable[[Scenario], bool]] = {
 
 
 def seldom_kernels(scenario: Scenario) -> list[str]:
-    """The modules of `SELDOM` that a run needs.
+    """Return the modules of `SELDOM` that a run needs.
 
     Args:
         scenario: Its scenario.

@@ -61,7 +61,7 @@ def warm(
 
 
 def kernel_files(package: str) -> dict[str, Path]:
-    """A package's kernel modules: every module in a folder called kernels.
+    """List a package's kernel modules: every module in a folder called kernels.
 
     Args:
         package: Its name.
@@ -90,7 +90,7 @@ def progress_line(compiled: Compiled) -> str:
 
 
 def _lines(say: Callable[[str], None]) -> Callable[[Compiled], None]:
-    """A display that says how far compiling is every `LINE_S`."""
+    """Make a display that says how far compiling is every `LINE_S`."""
     due = time.monotonic() + LINE_S
 
     def show(compiled: Compiled) -> None:
