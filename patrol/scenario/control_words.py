@@ -10,7 +10,7 @@ from patrol.scenario.controls import OPERATOR, AddFault, AddIntruder, Heal, Pace
 
 
 def worded(event: Event) -> Event:
-    """An event with its detail for people.
+    """Word an event's detail for people.
 
     Args:
         event: Of the journal.
@@ -19,7 +19,7 @@ def worded(event: Event) -> Event:
 
 
 def described(event: Event) -> str:
-    """An event's detail for people.
+    """Describe an event's detail for people.
 
     Args:
         event: Of the journal.

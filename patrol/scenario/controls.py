@@ -141,7 +141,7 @@ class Answer:
 
 
 def read_control(says: object) -> Control:
-    """The control in a mapping.
+    """Read the control in a mapping.
 
     Args:
         says: Anything.
@@ -175,7 +175,7 @@ def read_control(says: object) -> Control:
 
 
 def amended(scenario: Scenario, k: int, control: Control) -> tuple[Scenario, str]:
-    """The scenario once a control has been obeyed before a tick.
+    """Return the scenario once a control has been obeyed before a tick.
 
     Args:
         scenario: So far.
@@ -208,7 +208,7 @@ def amended(scenario: Scenario, k: int, control: Control) -> tuple[Scenario, str
 
 
 def operated(scenario: Scenario, events: Iterable[Event]) -> Scenario:
-    """The scenario that has happened: with what operators have added to it.
+    """Return the scenario that has happened: with what operators have added to it.
 
     Args:
         scenario: As it was loaded.
@@ -221,7 +221,7 @@ def operated(scenario: Scenario, events: Iterable[Event]) -> Scenario:
 
 
 def control_in(event: Event) -> Control:
-    """The control in an event of kind `OPERATOR`.
+    """Read the control in an event of kind `OPERATOR`.
 
     Args:
         event: Of a journal that others may have written.
@@ -237,7 +237,7 @@ def control_in(event: Event) -> Control:
 
 
 def in_force(scenario: Scenario, k: int, first: int = 0) -> tuple[Mapping[str, Any], ...]:
-    """The lasting faults of radio and senses that are active in a tick and change something.
+    """List the lasting faults of radio and senses that are active in a tick and change something.
 
     Args:
         scenario: With its operators' faults.
@@ -259,7 +259,7 @@ def in_force(scenario: Scenario, k: int, first: int = 0) -> tuple[Mapping[str, A
 
 
 def as_detail(control: Control) -> str:
-    """A control as the detail of an event.
+    """Write a control as the detail of an event.
 
     Args:
         control: The operator's.
@@ -271,7 +271,7 @@ def as_detail(control: Control) -> str:
 
 
 def intruder_name(place: int) -> str:
-    """The name by which an intruder is healed.
+    """Return the name by which an intruder is healed.
 
     Args:
         place: Its place in the scenario's list, from 0.
@@ -283,7 +283,7 @@ def intruder_name(place: int) -> str:
 
 
 def intruders_there(scenario: Scenario, k: int) -> tuple[tuple[float, float, str], ...]:
-    """The intruders on the terrain in a tick, as x and y in m and name.
+    """List the intruders on the terrain in a tick, as x and y in m and name.
 
     Args:
         scenario: With its operators' intruders.
@@ -318,7 +318,7 @@ def _with_fault(scenario: Scenario, k: int, control: AddFault) -> tuple[Scenario
 
 
 def _healed(scenario: Scenario, k: int, name: str) -> Scenario:
-    """The scenario in which a lasting fault ends before tick k; of one that begins then only its place remains."""
+    """End a lasting fault before tick k; of one that begins then only its place remains."""
     if len(scenario.faults) > MOST_FAULTS:
         raise BadInput(f"control: id = {name}: this run has more than {MOST_FAULTS} faults, and none can be ended")
     if (number := _intruder_of(scenario, name)) is not None:
@@ -340,7 +340,7 @@ def _healed(scenario: Scenario, k: int, name: str) -> Scenario:
 
 
 def _intruder_of(scenario: Scenario, name: str) -> int | None:
-    """The place of the intruder of a name in the scenario's list; None for the name of a fault, or of nothing."""
+    """Find the place of the intruder of a name in the scenario's list; None for the name of a fault, or of nothing."""
     number = name.removeprefix(_INTRUDER)
     if number == name or not number.isdecimal() or any(fault.id == name for fault in scenario.faults):
         return None
@@ -349,7 +349,7 @@ def _intruder_of(scenario: Scenario, name: str) -> int | None:
 
 
 def _without_intruder(scenario: Scenario, k: int, place: int) -> Scenario:
-    """The scenario in which an intruder leaves before tick k."""
+    """Let an intruder leave before tick k."""
     intruder, step = scenario.intruders[place], scenario.step
     where = f"control: id = {intruder_name(place)}"
     if not intruder.is_there(k * step):
@@ -389,7 +389,7 @@ def _fresh(taken: Iterable[str | None]) -> str:
 
 
 def _time_of(k: int, step: float) -> float:
-    """The time of a tick in s, rounded for people where that is the same tick."""
+    """Return the time of a tick in s, rounded for people where that is the same tick."""
     exact = k * step
     for time_s in (round(exact, 9), exact):
         if time_s <= exact and tick_of(time_s, step) == k:
@@ -404,5 +404,5 @@ def _mapping(scenario: Scenario) -> dict[str, Any]:
 
 
 def _loaded(mapping: Mapping[str, Any], place: int) -> Scenario:
-    """The scenario in a mapping, whose entry of `faults` at a place is the one that an operator asks for."""
+    """Load the scenario in a mapping, whose entry of `faults` at a place is the one that an operator asks for."""
     return load_scenario(mapping, called="control", aliases={f"faults.{place}": "fault"})

@@ -122,7 +122,7 @@ def check_refinement(patrol: PatrolSpec, roster: Sequence[RobotSpec], lengths: M
 
 
 def _lengths(patrol: PatrolSpec, radius: float, stride: float, point: float, ring: float) -> BodyLengths:
-    """The lengths for a radius, a stride, a point and an automatic `surround_distance`, all in m."""
+    """Compute the lengths for a radius, a stride, a point and an automatic `surround_distance`, all in m."""
     goal = _stated(patrol.goal_distance, max(_rounded(max(2.5 * stride, 5.5 * radius)), point))
     return BodyLengths(
         goal_distance=goal,
@@ -137,7 +137,7 @@ def _lengths(patrol: PatrolSpec, radius: float, stride: float, point: float, rin
 
 
 def _ring(roster: Sequence[RobotSpec], sensor_range: float) -> float:
-    """The automatic `surround_distance` of a team, m."""
+    """Return the automatic `surround_distance` of a team, m."""
     radii = [spec.radius for spec in roster]
     widest = max(radii)
     side_by_side = len(radii) * (2.0 * widest + STANDING_GAP) / TAU
@@ -149,5 +149,5 @@ def _stated(value: float | Auto, automatic: float) -> float:
 
 
 def _rounded(length: float) -> float:
-    """A length in whole millimetres, and within what a scenario may state."""
+    """Round a length to whole millimetres, and to what a scenario may state."""
     return min(max(round(length, 3), MILLIMETRE), LARGEST)

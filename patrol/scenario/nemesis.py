@@ -21,7 +21,7 @@ SHORTEST, LONGEST = 0.3, 2.0
 
 
 def written_out(scenario: Scenario) -> Scenario:
-    """The same scenario with concrete faults in the place of its nemesis, after those that it has.
+    """Replace a scenario's nemesis by concrete faults, after those that it has.
 
     Args:
         scenario: With or without a nemesis.
@@ -33,7 +33,7 @@ def written_out(scenario: Scenario) -> Scenario:
 
 
 def drawn_faults(scenario: Scenario) -> list[dict[str, Any]]:
-    """The concrete faults of a scenario's nemesis, by the intervals they begin in.
+    """Draw the concrete faults of a scenario's nemesis, by the intervals they begin in.
 
     They depend on the nemesis, the roster, the seed, the step and the duration, and on spare robots that the scenario's
     own faults let join or leave.
@@ -65,7 +65,7 @@ def drawn_faults(scenario: Scenario) -> list[dict[str, Any]]:
 
 
 def _coming_and_going(scenario: Scenario) -> set[str]:
-    """Robots that the scenario's own faults may let join or leave."""
+    """Find the robots that the scenario's own faults may let join or leave."""
     names = {robot.name for robot in scenario.roster}
     found: set[str] = set()
     for fault in scenario.faults:
@@ -76,7 +76,7 @@ def _coming_and_going(scenario: Scenario) -> set[str]:
 
 
 def _numbered(faults: list[dict[str, Any]], number: int, taken: set[str | None]) -> list[dict[str, Any]]:
-    """A fault and what heals it, with ids that no other fault has."""
+    """Give a fault and what heals it ids that no other fault has."""
     name = f"n{number}"
     while taken.intersection((name, f"{name}-heals")):
         name = f"{name}x"

@@ -42,7 +42,7 @@ class RobotSpec:
 
 
 def roster_of(robots: RobotGroup | tuple[RobotEntry, ...]) -> list[RobotSpec]:
-    """The robots of a scenario in the order of their numbers, 1..N.
+    """List the robots of a scenario in the order of their numbers, 1..N.
 
     Args:
         robots: The scenario's section `robots`.

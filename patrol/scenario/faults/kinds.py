@@ -324,7 +324,7 @@ class Clock(OnSenses):
 
 
 def nothing(name: str, at: float, step: float, who: str) -> dict[str, Any]:
-    """An entry that changes nothing (a clock that is not wrong), for a place in the list that others' draws depend on.
+    """Make an entry that changes nothing (a clock that is not wrong), for a place that others' draws depend on.
 
     Args:
         name: The entry's id.
@@ -336,7 +336,7 @@ def nothing(name: str, at: float, step: float, who: str) -> dict[str, Any]:
 
 
 def kinds_acting_on(what: ActsOn) -> tuple[str, ...]:
-    """The kinds of faults that act on processes, on frames or on senses.
+    """List the kinds of faults that act on processes, on frames or on senses.
 
     Args:
         what: As `Fault.acts_on` has it.

@@ -35,7 +35,7 @@ class When:
         return {**self.at, "for": round((self.end - self.begin) * self.step, 6)}
 
     def _time(self, k: int) -> float:
-        """A tick's time in s, with few digits where they say the same."""
+        """Return a tick's time in s, with few digits where they say the same."""
         time_s = round(k * self.step, 6)
         return time_s if tick_of(time_s, self.step) == k else k * self.step
 
@@ -49,12 +49,12 @@ class RobotsHit:
         self._busy: list[tuple[str, int, int]] = []
 
     def free(self, begin: int, end: int) -> list[str]:
-        """Those who suffer none from one tick to another, both included."""
+        """List the robots that suffer no fault from one tick to another, both included."""
         busy = {name for name, first, last in self._busy if first <= end and begin <= last}
         return [name for name in self.names if name not in busy and name not in self._spared]
 
     def take(self, draws: Draws, begin: int, end: int, leave: int = 1) -> list[str]:
-        """Some who shall suffer one from one tick to another; none when none can.
+        """Draw robots for a fault from one tick to another; none when none can suffer one.
 
         leave: how many of those that are free then are left alone.
         """
@@ -111,7 +111,7 @@ def _pause(draws: Draws, robots: RobotsHit, when: When) -> Found:
 
 
 def _resume(draws: Draws, robots: RobotsHit, when: When) -> Found:
-    """A pause without an end, which a resume ends."""
+    """Draw a pause without an end, which a resume ends."""
     who = robots.take(draws, when.begin, when.end)
     return [{**when.at, "kind": "pause", "who": who}, {"kind": "resume", **when.healed, "who": who}] if who else []
 
@@ -132,7 +132,7 @@ def _links(draws: Draws, robots: RobotsHit) -> dict[str, Any]:
 
 
 def _wait(draws: Draws, when: When) -> dict[str, Any]:
-    """Delays of some steps."""
+    """Draw delays of some steps."""
     long = 6.0 * when.step
     shape = draws.choice("constant", "uniform", "normal", "exponential")
     first, second = sorted((draws.between(0.0, long), draws.between(0.0, long)))

@@ -43,7 +43,7 @@ class NemesisSpec(Section):
 
 
 def room_for(spec: NemesisSpec, step: float, ticks: int) -> tuple[int, float]:
-    """The part of a run that is left for a nemesis's faults.
+    """Find the part of a run that is left for a nemesis's faults.
 
     Args:
         spec: Of the nemesis.

@@ -11,7 +11,7 @@ from patrol.values.section import wrong
 
 
 def tick_of(at: float, step: float) -> int:
-    """The first tick that is not before a time.
+    """Return the first tick that is not before a time.
 
     Args:
         at: s.
@@ -21,7 +21,7 @@ def tick_of(at: float, step: float) -> int:
 
 
 def ticks_of(lasts: float, step: float) -> int:
-    """A duration in ticks, half a tick rounded up; at least one.
+    """Convert a duration to ticks, half a tick rounded up; at least one.
 
     Args:
         lasts: s.

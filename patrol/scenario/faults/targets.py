@@ -107,7 +107,7 @@ def check_name(name: str, names: Sequence[str], where: str) -> None:
 def meant(
     who: str | tuple[str, ...] | Some, numbers: Mapping[str, int], spares: frozenset[int], drawing: Drawing
 ) -> tuple[int, ...]:
-    """The robots that a target means.
+    """Find the robots that a target means.
 
     Args:
         who: The target, which `check_who` has checked.
@@ -129,7 +129,7 @@ def meant(
 
 
 def in_drawn_order(numbers: Iterable[int], drawing: Drawing) -> list[int]:
-    """Robots in an order drawn for one field of one fault.
+    """Sort robots into an order drawn for one field of one fault.
 
     Args:
         numbers: Of the robots.

@@ -54,7 +54,7 @@ def keep_scenario(scenario: Scenario, folder: Path) -> Path:
 
 
 def _with_own_class(section: AnySection, named: str, folder: Path) -> AnySection:
-    """The section with the file of the class that it names copied into `folder`, relative to the scenario's file."""
+    """Copy the file of the class that a section names into `folder`; name it relative to the scenario's file."""
     field = named.rpartition(".")[2]
     text = getattr(section, field)
     source = class_file(text)
@@ -68,7 +68,7 @@ def _with_own_class(section: AnySection, named: str, folder: Path) -> AnySection
 
 
 def _with_own_map(scenario: Scenario, folder: Path) -> Scenario:
-    """The scenario with its map copied into `folder`, named relative to the scenario's file."""
+    """Copy a scenario's map into `folder`; name it relative to the scenario's file."""
     if scenario.terrain.map is None:
         return scenario
     source = read_map_file(scenario.base / scenario.terrain.map)

@@ -37,7 +37,7 @@ add_core_rules(_Dumper)
 
 
 def dump_section(section: Section, indent: int = 0, notes: Mapping[str, str] = _NO_NOTES, inside: str = "") -> str:
-    """A section as YAML, one field a line, with each field's description beside it; what is None is a comment.
+    """Write a section as YAML, one field a line, each with its description; None values are comments.
 
     Args:
         section: Of a scenario.
@@ -90,7 +90,7 @@ def _beside(text: str, note: str) -> str:
 
 
 def _flow(value: Any) -> str:
-    """A value on one line; characters that a terminal might act on, such as bidirectional marks, as escapes."""
+    """Write a value on one line, with escapes for characters that a terminal might act on, as bidirectional marks."""
     text = _dump(value, allow_unicode=True)
     return text if text.isprintable() else _dump(value, allow_unicode=False)
 
@@ -112,7 +112,7 @@ def _plain(value: Any) -> Any:
 
 
 def _listed(names: list[str]) -> str:
-    """Names as text: ``a, b and c``, or the first few and how many more there are."""
+    """Join names to ``a, b and c``, or to the first few and how many more there are."""
     if len(names) > _MOST_NAMES:
         names = [*names[:_MOST_NAMES], f"{len(names) - _MOST_NAMES} more"]
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

@@ -61,7 +61,7 @@ def one_line(
     line_of: LineOf,
     aliases: Mapping[str, str],
 ) -> str:
-    """The first problem as ``source: line 3: field = value: problem``, unknown keys first, and how many more there are.
+    """Write the first problem as ``source: line 3: field = value: problem``, unknown keys first, and count the others.
 
     Args:
         error: What pydantic found.
@@ -157,7 +157,7 @@ def _is_overridden(field: str, overridden: Collection[str]) -> bool:
 
 
 def _known_at(location: Sequence[int | str]) -> tuple[type[Section], str]:
-    """The innermost section on the way to a location, and the description of the field that leads to the location."""
+    """Find the innermost section on the way to a location, and the description of the field that leads there."""
     section: type[Section] = Scenario
     note = ""
     top = ""
@@ -183,7 +183,7 @@ def _known_at(location: Sequence[int | str]) -> tuple[type[Section], str]:
 
 
 def _alternative(top: str, tag: str, section: type[Section]) -> type[Section]:
-    """The section behind one of a field's alternatives."""
+    """Return the section behind one of a field's alternatives."""
     if top == "robots" and tag in ("=mapping", "=list"):
         return RobotGroup if tag == "=mapping" else RobotEntry
     if top == "faults" and section is Fault:
@@ -200,7 +200,7 @@ def _unknown_key(key: str, section: type[Section]) -> str:
 
 
 def _nearest_key(key: str, section: type[Section]) -> str:
-    """The known key that is nearest, of this section or with the section that it belongs under; or this section's."""
+    """Find the nearest known key, of this section or with the section that it belongs under; or this section's."""
     everywhere: list[tuple[str, type[Section]]] = [
         ("robots", RobotGroup),
         *_SECTIONS.items(),
@@ -224,5 +224,5 @@ def _keys(section: type[Section]) -> list[str]:
 
 
 def _fields(section: type[Section]) -> dict[str, FieldInfo]:
-    """A section's fields by the names that a file uses."""
+    """Return a section's fields by the names that a file uses."""
     return {field.alias or name: field for name, field in section.model_fields.items()}

@@ -62,7 +62,7 @@ def load_scenario(
     aliases: Mapping[str, str] | None = None,
     opens_classes: bool = True,
 ) -> Scenario:
-    """The scenario in a YAML file, or in a mapping of the same shape.
+    """Load the scenario in a YAML file, or in a mapping of the same shape.
 
     Args:
         source: The file, or the mapping.
@@ -92,7 +92,7 @@ def load_scenario(
 
 
 def open_scenario(what: str, overrides: Overrides | None = None) -> Scenario:
-    """The scenario that a command-line argument names.
+    """Open the scenario that a command-line argument names.
 
     Args:
         what: a scenario file, a map's YAML file or a built-in terrain.
@@ -136,7 +136,7 @@ def check_map(scenario: Scenario, source: str) -> None:
 
 
 def with_spares(scenario: Scenario, spare: int) -> Scenario:
-    """The same scenario with spare robots, which are not there until they join.
+    """Add spare robots to a scenario, which are not there until they join.
 
     Args:
         scenario: Without them.
@@ -151,7 +151,7 @@ def with_spares(scenario: Scenario, spare: int) -> Scenario:
 
 
 def parse_overrides(settings: Sequence[str]) -> dict[str, object]:
-    """Overrides for `load_scenario` from command-line texts.
+    """Parse command-line texts into overrides for `load_scenario`.
 
     Args:
         settings: ``FIELD=VALUE``; the later of two for one field wins.
@@ -174,7 +174,7 @@ def parse_overrides(settings: Sequence[str]) -> dict[str, object]:
 
 
 def as_mapping(scenario: Scenario) -> dict[str, Any]:
-    """The scenario as plain lists, texts and numbers; `load_scenario` gives an equal scenario back.
+    """Write a scenario as plain lists, texts and numbers; `load_scenario` gives an equal scenario back.
 
     Args:
         scenario: Resolved.
@@ -183,7 +183,7 @@ def as_mapping(scenario: Scenario) -> dict[str, Any]:
 
 
 def dump_scenario(scenario: Scenario) -> str:
-    """The resolved scenario as commented YAML; loading it gives an equal scenario back.
+    """Write a resolved scenario as commented YAML; loading it gives an equal scenario back.
 
     Where robots differ in a length that follows the body, the field stays ``auto`` and its comment says what it comes
     to for each robot.
@@ -195,7 +195,7 @@ def dump_scenario(scenario: Scenario) -> str:
 
 
 def scenario_schema() -> dict[str, Any]:
-    """The JSON schema of a scenario file."""
+    """Return the JSON schema of a scenario file."""
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Scenario.model_json_schema()}
 
 
@@ -321,7 +321,7 @@ def _resolve(
 
 
 def _line_of_field(text: str, location: Sequence[int | str]) -> int | None:
-    """The line of a field, or of what it lies in; files of 0.2 have a policy's settings in the section `patrol`."""
+    """Find the line of a field, or of the one around it; in 0.2, a policy's settings stand in the section `patrol`."""
     places = [location, [*location[:1], *location[2:]]] if location[1:2] == ["options"] else [location]
     return max((line for place in places if (line := line_of(text, place)) is not None), default=None)
 
@@ -391,7 +391,7 @@ def _set(node: Any, parts: list[str], value: object, field: str) -> None:
 
 
 def _with_digests(scenario: Scenario) -> Scenario:
-    """The scenario with the SHA-256 of the files of classes of one's own, where it does not say them yet."""
+    """Add the SHA-256 of the files of classes of one's own, where the scenario does not have them yet."""
     digests: dict[str, Any] = {}
     for name, field in _OWN_CLASSES:
         section = getattr(scenario, name)
@@ -402,7 +402,7 @@ def _with_digests(scenario: Scenario) -> Scenario:
 
 
 def _with_lengths(scenario: Scenario) -> Scenario:
-    """The scenario with a number for each length that follows the body and is the same for all robots."""
+    """Write out each length that follows the body and is the same for all robots."""
     patrol = scenario.patrol
     common = _common_lengths(scenario, FIELDS, patrol)
     if isinstance(patrol.options, PatrolOptions):

@@ -100,7 +100,7 @@ def translate_patrol(patrol: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _with_effect(stated: Mapping[str, Any], policy: object) -> dict[str, Any]:
-    """The settings of a section of 0.2 that its policy uses."""
+    """Return the settings of a section of 0.2 that its policy uses."""
     if policy == PAPER:
         return {**_DEFAULTS_0_2, **stated}
     if policy != COMMITTED:
