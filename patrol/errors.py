@@ -55,7 +55,7 @@ def did_you_mean(word: str, known: Sequence[str]) -> str:
 
 
 def quoted(value: Any) -> str:
-    """A value as a scenario file would spell it, cut to a readable length.
+    """Spell a value as a scenario file would, cut to a readable length.
 
     Args:
         value: Anything that a file or a message may hold.
@@ -74,7 +74,7 @@ def quoted(value: Any) -> str:
 
 
 def in_flow(value: object) -> str:
-    """A value on one line as YAML has it, for people.
+    """Spell a value on one line as YAML does, for people.
 
     Args:
         value: Made of mappings, lists, texts and numbers.

@@ -229,7 +229,7 @@ class _KernelLocator:
 
     @classmethod
     def from_function(cls, function: FunctionType, _source: str) -> _KernelLocator | None:
-        """The locator of a kernel that is being imported; None for functions of others."""
+        """Return the locator of a kernel that is being imported; None for functions of others."""
         folder = _folders.get(function.__module__)
         return None if folder is None else cls(folder, function.__code__.co_firstlineno)
 
@@ -237,7 +237,7 @@ class _KernelLocator:
         """Do nothing: the folder is there."""
 
     def get_cache_path(self) -> str:
-        """The folder."""
+        """Return the folder."""
         return str(self._folder)
 
     def get_source_stamp(self) -> str:
@@ -245,7 +245,7 @@ class _KernelLocator:
         return ""
 
     def get_disambiguator(self) -> str:
-        """The line at which the kernel begins."""
+        """Return the line at which the kernel begins."""
         return str(self._line)
 
 
@@ -273,7 +273,7 @@ def _platform() -> tuple[str, ...]:
 
 
 def _settings() -> tuple[object, ...]:
-    """Numba's settings: variables of the environment, and a file in the current folder."""
+    """Return numba's settings: variables of the environment, and a file in the current folder."""
     given = [item for item in os.environ.items() if item[0].startswith("NUMBA_") and item[0] not in WITHOUT_EFFECT]
     try:
         file = Path(".numba_config.yaml").read_bytes()

@@ -50,7 +50,7 @@ class SensorFailed(BadInput):
 
 
 def sensor_named(spec: SensorSpec) -> NamedClass:
-    """The sensor as a scenario names it; nothing of it is imported.
+    """Return a scenario's sensor by name; nothing of it is imported.
 
     Args:
         spec: The scenario's section.
@@ -236,7 +236,7 @@ def _is_own_file(path: Path) -> bool:
 
 
 def _record(named: NamedClass) -> str:
-    """The name of the file that records that a user runs a sensor."""
+    """Return the name of the file that records that a user runs a sensor."""
     path = class_file(named.name)
     return _text_digest(named.name) if path is None else check_digest(path, named)
 
@@ -246,7 +246,7 @@ def _text_digest(text: str) -> str:
 
 
 def _folder() -> Path | None:
-    """The user's records; None without a home."""
+    """Return the folder of the user's records; None without a home."""
     own = os.environ.get("XDG_CACHE_HOME")
     with suppress(RuntimeError):
         return (Path(own) if own else Path("~/.cache").expanduser()) / "fogwatch" / "sensors"

@@ -78,7 +78,7 @@ def script() -> str:
 
 
 def rgb(colour: str) -> tuple[int, int, int]:
-    """A colour as three numbers from 0 to 255.
+    """Convert a colour to three numbers from 0 to 255.
 
     Args:
         colour: The colour, #rrggbb.

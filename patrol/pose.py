@@ -20,7 +20,7 @@ ROUNDED = 1.0 + 1e-12
 
 
 def wrap(angle: float) -> float:
-    """The same angle in (-pi, pi], rad."""
+    """Return the same angle in (-pi, pi], rad."""
     turned = math.remainder(angle, TAU)
     return math.pi if turned == -math.pi else turned
 
@@ -87,7 +87,7 @@ class Velocity:
         return self.speed_mps <= limits.speed * ROUNDED
 
     def limited(self, limits: Limits) -> Velocity:
-        """The nearest command that the body can obey.
+        """Return the nearest command that the body can obey.
 
         Args:
             limits: Of the body; only the speed applies.
@@ -135,7 +135,7 @@ class Drive:
         return abs(self.speed) <= limits.speed and abs(self.curvature) <= 1.0 / limits.turning_radius
 
     def limited(self, limits: Limits) -> Drive:
-        """The nearest command that the body can obey.
+        """Return the nearest command that the body can obey.
 
         Args:
             limits: Of the body: its top speed, forward and in reverse, and its turning radius.
@@ -181,7 +181,7 @@ class Twist:
         return abs(self.speed) + abs(self.turn_rate) * limits.radius <= limits.speed * ROUNDED
 
     def limited(self, limits: Limits) -> Twist:
-        """The nearest command that the body can obey.
+        """Return the nearest command that the body can obey.
 
         Args:
             limits: Of the body: the top speed of each wheel, and the radius.
@@ -213,7 +213,7 @@ _ON_THE_WIRE: tuple[type[Command], ...] = (Velocity, Drive, Twist)
 
 
 def command_of(model: str, first: float, second: float) -> Command:
-    """The command of a model from its two `numbers`."""
+    """Make the command of a model from its two `numbers`."""
     return COMMANDS[model](first, second)
 
 
@@ -223,18 +223,18 @@ def is_halt(command: Command) -> bool:
 
 
 def halted(model: str) -> Command:
-    """The command that stops a body of this model."""
+    """Return the command that stops a body of this model."""
     return command_of(model, 0.0, 0.0)
 
 
 def pack_command(command: Command) -> tuple[int, float, float]:
-    """A command as its type and its two `numbers`, for a message."""
+    """Pack a command as its type and its two `numbers`, for a message."""
     first, second = command.numbers
     return _ON_THE_WIRE.index(type(command)), float(first), float(second)
 
 
 def unpack_command(kind: int, first: float, second: float) -> Command:
-    """The command that `pack_command` packed; its numbers may be infinite or NaN, which the receiver refuses.
+    """Unpack a command from `pack_command`; its numbers may be infinite or NaN, which the receiver refuses.
 
     Args:
         kind: Index of the command's type.

@@ -56,7 +56,7 @@ class Prepared:
     regions: Mapping[int, RegionSplit] | None = None
 
     def regions_of(self, number: int) -> RegionSplit | None:
-        """The split for a robot's body, or None where paths do not lead through regions.
+        """Return the split for a robot's body, or None where paths do not lead through regions.
 
         Args:
             number: Of the robot.
@@ -166,7 +166,7 @@ def prepare(scenario: Scenario, terrain: Terrain | None = None) -> Prepared:
 
 
 def sensor_footprint(scenario: Scenario, terrain: Terrain) -> Footprint:
-    """The footprint of a scenario's sensor.
+    """Make the footprint of a scenario's sensor.
 
     Args:
         scenario: Its `sensor` section is used.
@@ -186,7 +186,7 @@ def inboxes_of(
     *,
     knows_ticks: bool = True,
 ) -> Inboxes:
-    """The inboxes of some of a scenario's robots.
+    """Make the inboxes of some of a scenario's robots.
 
     Args:
         scenario: The fleet's.
@@ -232,7 +232,7 @@ def _check_critical_areas(scenario: Scenario, terrain: Terrain) -> None:
 
 
 def _split(scenario: Scenario, terrain: Terrain, by_radius: Mapping[float, StaticFields]) -> dict[float, RegionSplit]:
-    """The regions, those given or automatic ones, and their connections for each radius."""
+    """Make the regions, those given or automatic ones, and their connections for each radius."""
     from patrol.regions.split import regions_by_hand, split_regions  # here: most robots need none
 
     everywhere = np.logical_or.reduce([fields.reach for fields in by_radius.values()])
@@ -242,7 +242,7 @@ def _split(scenario: Scenario, terrain: Terrain, by_radius: Mapping[float, Stati
 
 
 def _load_regions(scenario: Scenario, folder: Path, places: Mapping[int, str]) -> dict[int, RegionSplit] | None:
-    """The saved splits by robot number; places: each robot's folder."""
+    """Load the saved splits by robot number; places: each robot's folder."""
     if scenario.patrol.paths != "regions":
         return None
     from patrol.regions.split import RegionSplit

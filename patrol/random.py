@@ -43,7 +43,7 @@ class Purpose(IntEnum):
 
 
 def mix(*values: SupportsIndex) -> int:
-    """A well mixed 64-bit integer.
+    """Mix values into a 64-bit integer.
 
     Args:
         values: One or more integers, any sign and size, taken modulo 2^64.
@@ -60,7 +60,7 @@ def mix(*values: SupportsIndex) -> int:
 
 
 def draw(*values: SupportsIndex) -> float:
-    """A float in [0, 1), uniform over the multiples of 2^-53.
+    """Draw a float in [0, 1), uniform over the multiples of 2^-53.
 
     Args:
         values: One or more integers; by convention the first is the scenario's seed and the second a `Purpose`.
@@ -69,7 +69,7 @@ def draw(*values: SupportsIndex) -> float:
 
 
 def gauss(*values: SupportsIndex) -> float:
-    """A draw from the standard normal distribution (Box and Muller).
+    """Draw from the standard normal distribution (Box and Muller).
 
     Args:
         values: As in `draw`.
@@ -91,12 +91,12 @@ class Draws:
         self._count = 0
 
     def share(self) -> float:
-        """A float in [0, 1)."""
+        """Draw a float in [0, 1)."""
         self._count += 1
         return draw(*self._what, self._count)
 
     def between(self, least: float, most: float) -> float:
-        """A float, to three significant digits.
+        """Draw a float, to three significant digits.
 
         Args:
             least: Lower bound.
@@ -105,7 +105,7 @@ class Draws:
         return float(f"{least + (most - least) * self.share():.3g}")
 
     def whole(self, least: int, most: int) -> int:
-        """An integer.
+        """Draw an integer.
 
         Args:
             least: Lower bound, included.
@@ -122,7 +122,7 @@ class Draws:
         return what[self.whole(0, len(what) - 1)]
 
     def shuffled(self, what: Sequence[T]) -> list[T]:
-        """All values, in a drawn order.
+        """Return all values in a drawn order.
 
         Args:
             what: The values.
@@ -130,7 +130,7 @@ class Draws:
         return [what[place] for _, place in sorted((self.share(), place) for place in range(len(what)))]
 
     def some(self, names: Sequence[str], most: int) -> list[str]:
-        """Some of the names, sorted.
+        """Draw some of the names, sorted.
 
         Args:
             names: To choose from.

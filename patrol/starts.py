@@ -40,7 +40,7 @@ SPACING = 2.0
 
 
 def place_starts(terrain: Terrain, roster: Sequence[RobotSpec], seed: int) -> list[Pose]:
-    """Starts for the robots in roster order.
+    """Choose the starts of the robots, in roster order.
 
     Explicit starts are checked: the body on the terrain, clear of walls and of the other bodies. The others are drawn,
     headings too, from one part of the widest body's C-space, with two points to spare between bodies: the part that
@@ -82,7 +82,7 @@ def place_starts(terrain: Terrain, roster: Sequence[RobotSpec], seed: int) -> li
 
 
 def starting_part(terrain: Terrain, radius: float, first: Pose | None = None) -> BoolGrid:
-    """The part of a body's C-space that random starts are drawn from.
+    """Find the part of a body's C-space that random starts are drawn from.
 
     Args:
         terrain: The ground.
@@ -106,7 +106,7 @@ def starting_part(terrain: Terrain, radius: float, first: Pose | None = None) ->
 
 
 def preferred_part(terrain: Terrain, labels: NDArray[np.int32], count: int, radius: float) -> int:
-    """The part where robots start unless the scenario says otherwise.
+    """Find the part where robots start unless the scenario says otherwise.
 
     Args:
         terrain: The ground.
@@ -197,7 +197,7 @@ def _check_not_shut_in(terrain: Terrain, radius: float, part: BoolGrid) -> None:
 def _place(
     terrain: Terrain, spec: RobotSpec, seed: int, places: NDArray[np.int64], placed: Sequence[tuple[Pose, float]]
 ) -> Pose | None:
-    """A random start that keeps clear of the bodies placed so far, or None when no place is left."""
+    """Draw a random start that keeps clear of the bodies placed so far, or None when no place is left."""
     heading = wrap(TAU * draw(seed, Purpose.START, spec.number, 0))
     for attempt in range(1, DRAWS + 1):
         index = places[int(draw(seed, Purpose.START, spec.number, attempt) * places.size)]

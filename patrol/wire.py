@@ -70,7 +70,7 @@ class Row:
 
     @classmethod
     def columns(cls) -> Mapping[str, Any]:
-        """The names and annotated types of its values."""
+        """Return the names and annotated types of its values."""
         kind: Any = cls
         return _hints(kind)
 
@@ -87,7 +87,7 @@ class Row:
         return cls(*values)
 
     def to_values(self) -> tuple[Any, ...]:
-        """The values to send."""
+        """Return the values to send."""
         kind: Any = type(self)
         values: tuple[Any, ...] = _values_of(kind)(self)
         return values
@@ -126,7 +126,7 @@ def unpack(
     object_hook: Callable[[dict[Any, Any]], object] | None = None,
     list_hook: Callable[[list[Any]], object] | None = None,
 ) -> Any:
-    """The values in a payload, of which small ones take many times the bytes that they are packed in.
+    """Unpack the values in a payload; small ones take many times the bytes that they are packed in.
 
     Args:
         payload: Any bytes, not more than may be turned into objects.
@@ -154,7 +154,7 @@ def unpack(
 
 
 def check(kind: type[T], value: object) -> T:
-    """A message of values.
+    """Make a message of values, if they fit its declaration.
 
     Args:
         kind: Its class.
@@ -174,7 +174,7 @@ def check(kind: type[T], value: object) -> T:
 
 
 def read(kind: type[T], payload: bytes) -> T:
-    """The message in a payload.
+    """Read the message in a payload.
 
     Args:
         kind: Its class.
@@ -187,7 +187,7 @@ def read(kind: type[T], payload: bytes) -> T:
 
 
 def read_sparingly(kind: type[T], payload: bytes) -> T:
-    """The message in a long payload, which makes no more objects than the message's declaration allows.
+    """Read the message in a long payload, making no more objects than the message's declaration allows.
 
     A payload of 33 MB can hold 33 million empty maps, which take 2 GB as Python objects. Fields that are not known may
     hold single values only.
@@ -214,7 +214,7 @@ class _Sparing:
         self._unpacker.feed(payload)
 
     def take(self, schema: Any) -> Any:
-        """The value that is next, in the shape that its schema has."""
+        """Take the value that is next, in the shape that its schema has."""
         schema = _shape(schema)
         if schema["type"] == "dataclass-args":
             known = {field["name"]: field["schema"] for field in schema["fields"]}
@@ -238,7 +238,7 @@ class _Sparing:
             raise Malformed("more than is expected")
 
     def _value(self) -> Any:
-        """The number, text, bytes, truth value or None that is next."""
+        """Take the number, text, bytes, truth value or None that is next."""
         at = self._unpacker.tell()
         if at >= len(self._payload) or self._payload[at] in _HOLDS:
             raise Malformed("not a single value")
@@ -284,7 +284,7 @@ def _shape(schema: Any) -> Any:
 
 
 def _why(error: ValidationError, schema: Any) -> str:
-    """The first error in one line, without the value, which may be long."""
+    """Give the first error in one line, without the value, which may be long."""
     first = error.errors(include_url=False, include_context=False, include_input=False)[0]
     place = []
     for part in first["loc"]:

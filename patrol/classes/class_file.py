@@ -13,13 +13,13 @@ from patrol.values.section import absolute
 
 
 def class_file(text: str) -> Path | None:
-    """The file in ``./file.py:Class``; None for a class that comes from an installed package."""
+    """Return the file in ``./file.py:Class``; None for a class that comes from an installed package."""
     place, colon, _ = text.rpartition(":")
     return Path(place) if colon and (place.endswith(".py") or "/" in place) else None
 
 
 def beside(text: str, info: ValidationInfo) -> str:
-    """The name of a class with its file's path resolved against the scenario's folder; any other as it is.
+    """Resolve the file's path in a class's name against the scenario's folder; other names stay as they are.
 
     Args:
         text: The name, as the scenario has it.
@@ -43,7 +43,7 @@ def file_digest(path: Path, field: str) -> str:
 
 
 def class_source(path: Path, field: str) -> bytes:
-    """The content of a class's file.
+    """Return the content of a class's file.
 
     Args:
         path: The file.

@@ -170,17 +170,17 @@ def check_digest(path: Path, named: NamedClass) -> str:
 
 
 def no_class(named: NamedClass) -> BadInput:
-    """The error for a name that stands for something else."""
+    """Make the error for a name that stands for something else."""
     return BadInput(f"{named.field}: is not a class with a method {named.sort.call}; name one that has it")
 
 
 def absent_module(named: NamedClass, what: str) -> BadInput:
-    """The error for a module that is not installed, or imports one that is not."""
+    """Make the error for a module that is not installed, or imports one that is not."""
     return BadInput(f"{named.field}: {what}; install it, or give ./file.py:Class beside the scenario")
 
 
 def absent_class(named: NamedClass, name: str, classes: list[str]) -> BadInput:
-    """The error for a class that a module does not hold; it offers those that it holds."""
+    """Make the error for a class that a module does not hold; it offers those that it holds."""
     return BadInput(f"{named.field}: has no {name}; {_offer(name, classes)}")
 
 
@@ -214,7 +214,7 @@ def _load_entry_point(named: NamedClass) -> Any:
 
 
 def _module_of(path: Path, named: NamedClass) -> Any:
-    """A file as a module; loaded once in a process, as long as its bytes stay the same."""
+    """Load a file as a module, once in a process as long as its bytes stay the same."""
     name = f"fogwatch_{named.sort.noun}_{check_digest(path, named)[:16]}"
     if name in sys.modules:
         return sys.modules[name]

@@ -112,7 +112,7 @@ def check_regular(descriptor: int, path: Path, kind: Kind) -> None:
 
 
 def read_untrusted(path: Path, kind: Kind) -> bytes:
-    """The bytes of a file.
+    """Read the bytes of a file.
 
     Args:
         path: The file.

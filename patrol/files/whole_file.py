@@ -9,7 +9,7 @@ from pathlib import Path
 
 @contextmanager
 def replacing(file: Path) -> Iterator[Path]:
-    """A file beside another one, which takes the other's place in the end; after an error nothing of it stays.
+    """Write a file beside another one, then replace that; after an error nothing of the new file stays.
 
     Args:
         file: The other file, which may be there already.

@@ -91,7 +91,7 @@ class _Loader(yaml.SafeLoader):
 
 
 def _problem(what: str, where: Any) -> yaml.MarkedYAMLError:
-    """An error at the beginning of a node or an event."""
+    """Make an error at the beginning of a node or an event."""
     return yaml.constructor.ConstructorError(None, None, what, where.start_mark)
 
 
@@ -133,7 +133,7 @@ _Loader.add_constructor(f"{_TAG}int", _int)
 
 
 def read_text(path: Path, kind: Kind = SCENARIO) -> str:
-    """The text of a file in UTF-8, or else in Latin-1, as old maps' comments are.
+    """Read the text of a file in UTF-8, or else in Latin-1, as old maps' comments are.
 
     Args:
         path: The file.
@@ -164,7 +164,7 @@ def _decode(content: bytes) -> str:
 
 
 def parse_yaml(text: str, source: str) -> Any:
-    """The one document in a YAML text.
+    """Parse the one document in a YAML text.
 
     Args:
         text: The YAML.
@@ -195,7 +195,7 @@ def parse_yaml(text: str, source: str) -> Any:
 
 
 def line_of(text: str, location: Sequence[int | str]) -> int | None:
-    """The line of a YAML text on which an entry stands.
+    """Find the line of a YAML text on which an entry stands.
 
     Args:
         text: YAML that can be parsed.

@@ -47,7 +47,7 @@ def is_tick(payload: bytes) -> bool:
 
 
 def decode(payload: bytes, robots: int) -> Record:
-    """The record in a payload.
+    """Decode the record in a payload.
 
     Args:
         payload: Any bytes.
@@ -79,7 +79,7 @@ def _count_links(tick: Mapping[str, Any], most: int) -> None:
 
 
 def _one_map(value: dict[str, Any]) -> dict[str, Any]:
-    """A mapping in a tick, which has no other inside."""
+    """Read a mapping in a tick, which has no other inside."""
     if "robots" not in value:
         raise Malformed("a mapping inside of a tick")
     return value

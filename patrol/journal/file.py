@@ -190,7 +190,7 @@ class GrowingJournal(Journal):
         self._end: End | None = None
 
     def read_on(self) -> Iterator[Record]:
-        """The whole records, the header included, that follow those read before.
+        """Read the whole records, the header included, that follow those read before.
 
         Raises:
             BadInput: As from `Journal`.
@@ -269,7 +269,7 @@ class _Records:
 
 
 def pack(record: Record) -> bytes:
-    """A record as a journal holds it.
+    """Pack a record as a journal holds it.
 
     Args:
         record: Any record.
@@ -279,7 +279,7 @@ def pack(record: Record) -> bytes:
 
 
 def unpack(payload: bytes) -> Record:
-    """The record that was packed.
+    """Unpack a record that was packed.
 
     Args:
         payload: From `pack`.
@@ -323,7 +323,7 @@ def _plain_tick(record: TickRecord) -> dict[str, Any]:
 
 
 def _grouped_links(links: Links | Drops) -> list[tuple[int, int, str, list[int]]]:
-    """The same as `_grouped` of columns."""
+    """Group columns as `_grouped` groups rows."""
     if not len(links):
         return []
     differs = (links.source[1:] != links.source[:-1]) | (links.sequence[1:] != links.sequence[:-1])

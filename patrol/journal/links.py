@@ -80,7 +80,7 @@ class _Rows(Sequence[Row], Generic[Row]):
         return cast("Iterator[Row]", zip(*columns, strict=True))
 
     def _laid(self) -> Column:
-        """The sequences, where they were not given."""
+        """Return the sequences, where they were not given."""
         raise NotImplementedError
 
     def _equals(self, other: Any) -> bool:
@@ -209,7 +209,7 @@ class ToOthers(NamedTuple):
 
 @lru_cache(maxsize=2)
 def to_others(sources: tuple[int, ...], receivers: tuple[int, ...]) -> ToOthers:
-    """The links of some frames, worked out once for as long as the same robots send and hear.
+    """Find the links of some frames, once for as long as the same robots send and hear.
 
     Args:
         sources: Of the frames, in their order.
@@ -242,7 +242,7 @@ def places_of(links: Links | Drops) -> NDArray[np.uint64] | None:
 
 
 def joined(first: Links, second: Links | Drops) -> Links:
-    """The links of both, one after the other."""
+    """Join the links of both, one after the other."""
     if not len(second):
         return first
     pairs = (
@@ -254,7 +254,7 @@ def joined(first: Links, second: Links | Drops) -> Links:
 
 
 def links_of(rows: Iterable[tuple[int, int, int]]) -> Links:
-    """Rows of (source, destination, sequence) as columns; rows that are columns already stay what they are."""
+    """Make columns of rows of (source, destination, sequence); rows that are columns already stay as they are."""
     if isinstance(rows, Links):
         return rows
     columns = _columns(tuple(rows), 3)
@@ -262,7 +262,7 @@ def links_of(rows: Iterable[tuple[int, int, int]]) -> Links:
 
 
 def drops_of(rows: Iterable[tuple[int, int, int, str]]) -> Drops:
-    """The same of rows of (source, destination, sequence, cause)."""
+    """Make columns of rows of (source, destination, sequence, cause), likewise."""
     if isinstance(rows, Drops):
         return rows
     given = tuple(rows)

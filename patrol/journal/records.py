@@ -48,7 +48,7 @@ SURROUNDING = "surrounding"
 
 
 def frame_sequence(k: int, place: int) -> int:
-    """The number that distinguishes a frame from all others of its sender; 32 bits for frames that robots send.
+    """Return the number that distinguishes a frame from all others of its sender; 32 bits for frames that robots send.
 
     A robot that reports no contacts has its ticks as sequence. Forged frames are counted through a tick, however many
     there are.
@@ -61,7 +61,7 @@ def frame_sequence(k: int, place: int) -> int:
 
 
 def sent_at(sequence: int) -> int:
-    """The tick in which a frame was sent.
+    """Return the tick in which a frame was sent.
 
     Args:
         sequence: From `frame_sequence`.
@@ -81,7 +81,7 @@ class Status(IntEnum):
 
 
 def standing_after(kind: str) -> Status | None:
-    """The status in which an event leaves its robot.
+    """Return the status in which an event leaves its robot.
 
     Args:
         kind: Of the event.
@@ -93,7 +93,7 @@ def standing_after(kind: str) -> Status | None:
 
 
 def _links(groups: Any) -> tuple[tuple[int, int, int, str], ...]:
-    """The links that the writer had grouped by destination, one by one."""
+    """Return the links that the writer had grouped by destination, one by one."""
     _check_groups(groups)
     return tuple([(source, to, sequence, why) for source, sequence, why, tos in groups for to in tos])
 

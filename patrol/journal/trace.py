@@ -54,12 +54,12 @@ class TraceHash:
         self._hash.update(_LAST.pack(len(links), record.mfow))
 
     def hexdigest(self) -> str:
-        """The hash of the ticks so far, 64 hex digits."""
+        """Return the hash of the ticks so far, 64 hex digits."""
         return self._hash.hexdigest()
 
 
 def _packed(links: Links) -> bytes:
-    """The deliveries of a tick, sorted."""
+    """Return the deliveries of a tick, sorted."""
     if isinstance(links, WholeLinks) and links.pairs.rises and not (links.of_frames > MAX_SHORT).any():
         return (links.pairs.robots | (links.of_frames << 32)[links.pairs.frame]).astype("<i8", copy=False).tobytes()
     source, destination, sequence = links.source, links.destination, links.sequence
@@ -78,7 +78,7 @@ def _packed(links: Links) -> bytes:
 
 
 def trace_hash(ticks: Iterable[TickRecord], spares: Collection[int] = ()) -> str:
-    """The trace hash of a whole run.
+    """Compute the trace hash of a whole run.
 
     Args:
         ticks: In order.

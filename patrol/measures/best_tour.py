@@ -71,7 +71,7 @@ class BestTour:
         return None if not lengths or None in lengths else sum(length for length in lengths if length is not None)
 
     def bound_s(self, shares: Mapping[int, float]) -> float | None:
-        """The MFoW that robots keep who follow the tours at equal distances and at the speed of the slowest.
+        """Return the MFoW that robots keep by following the tours at equal distances and the slowest's speed.
 
         Args:
             shares: By robot number, for how much of the time it takes part, 0 to 1; robots that are missing do not.
@@ -135,7 +135,7 @@ def best_tour(prepared: Prepared) -> BestTour:
 def _length(
     terrain: Terrain, own: OwnGround, ground: BoolGrid, proxy: Any, footprint: Footprint, identity: tuple[str, ...]
 ) -> float | None:
-    """The length of a tour, m: known to this process, from the cache, or found now."""
+    """Find the length of a tour, m: known to this process, in the cache, or by a search."""
     digest = _digest(terrain, own.reach, ground, footprint, identity)
     if digest not in _known:
         file = _cache() / f"{digest}.json"

@@ -56,7 +56,7 @@ def own_grounds(prepared: Prepared) -> dict[int, OwnGround]:
 
 
 def _seen_from(fields: StaticFields, part: BoolGrid) -> BoolGrid:
-    """The patrolled points in a part of the reachable ground, and those whose nearest seeing point lies in it."""
+    """Find the patrolled points in a part of the reachable ground, and those whose nearest seeing point lies in it."""
     hidden = fields.proxy >= 0
     seen = np.array(part)
     seen[hidden] = part.reshape(-1)[fields.proxy[hidden]]

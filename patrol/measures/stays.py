@@ -29,7 +29,7 @@ Place = tuple[float, float]
 
 
 def roaming_radius(spec: RobotSpec, step: float) -> float:
-    """The radius of the circle that a robot leaves unless it stays: four times its radius and its stride together.
+    """Return the radius of the circle that a robot leaves unless it stays: 4 times its radius and its stride together.
 
     Args:
         spec: The robot.
@@ -42,7 +42,7 @@ def roaming_radius(spec: RobotSpec, step: float) -> float:
 
 
 def ticks_of(seconds: float, step: float) -> int:
-    """The smallest number of ticks that last a time.
+    """Return the smallest number of ticks that last a time.
 
     Args:
         seconds: The time, s.
@@ -206,7 +206,7 @@ class Stays:
             track.add(k, x, y)
 
     def stay(self, number: int) -> Stay | None:
-        """The present stay of a robot, however short.
+        """Return the present stay of a robot, however short.
 
         Args:
             number: Of the robot.
@@ -218,7 +218,7 @@ class Stays:
         return None if track is None else track.stay
 
     def since(self, number: int) -> int | None:
-        """The tick in which the present stay of a robot began, which costs less than `stay`.
+        """Return the tick in which the present stay of a robot began, which costs less than `stay`.
 
         Args:
             number: Of the robot.
@@ -230,7 +230,7 @@ class Stays:
         return None if track is None else track.since
 
     def long(self, k: int) -> dict[int, Stay]:
-        """The stays that have lasted `TRAPPED_S`.
+        """Return the stays that have lasted `TRAPPED_S`.
 
         Args:
             k: The tick.

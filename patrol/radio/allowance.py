@@ -33,7 +33,7 @@ class Share:
     frame: int
 
     def cost(self, length: int) -> int:
-        """Bits on the air.
+        """Return the bits on the air.
 
         Args:
             length: Bytes of a frame.

@@ -13,7 +13,7 @@ LONGEST = 64
 
 
 def fleet_key(file: str | Path | None) -> bytes | None:
-    """The key in a file, which is the file's bytes less white space at either end.
+    """Read the key in a file, which is the file's bytes less white space at either end.
 
     Args:
         file: As the scenario's ``radio.key`` names it, or None without a key.

@@ -123,12 +123,12 @@ class Intake:
     past: list[tuple[int, int, int, Pose]]
 
     def positions(self, number: int) -> list[Position]:
-        """The positions and contacts that one listener has accepted, in their order."""
+        """Return the positions and contacts that one listener has accepted, in their order."""
         places = np.flatnonzero(self.accepted[self.listeners.index(number)]).tolist()
         return [said for place in places if (said := self.said[place]) is not None]
 
     def looks(self, number: int) -> list[tuple[int, Pose]]:
-        """The looks that one listener learns of, tick and pose, in their order."""
+        """Return the looks that one listener learns of, tick and pose, in their order."""
         row = self.listeners.index(number)
         plain = np.flatnonzero(self.plain[row]).tolist()
         found = [(place, self.tick, said.pose) for place in plain if (said := self.said[place]) is not None]
@@ -181,7 +181,7 @@ class Inboxes:
         return int(self._refused[self._row[number]].sum())
 
     def peers(self, number: int, since: int = 0) -> Peers:
-        """The robots that a listener has heard at a tick or later."""
+        """Return the robots that a listener has heard at a tick or later."""
         return Peers(self._column, self._cells[self._row[number]], since)
 
     def hear(self, tick: int, heard: Mapping[int, Sequence[bytes]]) -> Intake:
@@ -245,7 +245,7 @@ class Inboxes:
         return RejectReason.AHEAD if ahead is not None and position.sequence > tick + ahead else None
 
     def _with_plausible_trail(self, position: Position) -> Position:
-        """The position with as much of its trail as a robot can have driven."""
+        """Return the position with as much of its trail as a robot can have driven."""
         for place, (dx, dy) in enumerate(position.trail):
             if math.hypot(dx, dy) > self._longest_step_cm:
                 return replace(position, trail=position.trail[:place])
@@ -278,7 +278,7 @@ class Peers(Mapping[int, Peer]):
         return int(np.count_nonzero(self._known))
 
     def said(self, number: int) -> Position:
-        """The newest position of a robot, with the first place of its trail.
+        """Return the newest position of a robot, with the first place of its trail.
 
         Raises:
             KeyError: It was not heard.
@@ -296,15 +296,15 @@ class Peers(Mapping[int, Peer]):
         return found[: places_heard(self._cells, self._since, CM_PER_M, found)]
 
     def lately(self, since: int) -> Peers:
-        """Those that were heard at a tick or later."""
+        """List those that were heard at a tick or later."""
         return Peers(self._column, self._cells, since)
 
     def silent(self, since: int) -> Iterator[int]:
-        """The numbers of those that were not heard at a tick or later, ascending."""
+        """List the numbers of those that were not heard at a tick or later, ascending."""
         return compress(self._column, (self._known & (self._cells["at"] < since)).tolist())
 
     def oldest(self, now: int) -> int:
-        """The earliest tick at which any of them was heard last; now where there are none."""
+        """Return the earliest tick at which any of them was heard last; now where there are none."""
         return int(self._cells["at"][self._known].min(initial=now))
 
     @property
@@ -314,7 +314,7 @@ class Peers(Mapping[int, Peer]):
 
 
 def _as_table(heard: Mapping[int, Sequence[bytes]]) -> tuple[Sequence[bytes], NDArray[np.uint8]]:
-    """All frames, each listener's in their order, and who hears which: uint8 (listeners, frames)."""
+    """Tabulate all frames, each listener's in their order, and which hears which: uint8 (listeners, frames)."""
     if isinstance(heard, Heard):
         return heard.frames, heard.reaches.view(np.uint8)
     ends = np.cumsum([len(frames) for frames in heard.values()], dtype=np.int64)

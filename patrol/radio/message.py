@@ -144,7 +144,7 @@ class Position:
     def of(
         cls, robot: int, sequence: int, time_s: float, pose: Pose, trail: tuple[tuple[int, int], ...] = ()
     ) -> Position:
-        """The position to send for a pose.
+        """Make the position to send for a pose.
 
         Args:
             robot: The sender's number.
@@ -164,7 +164,7 @@ class Position:
 
     @classmethod
     def of_contact(cls, sequence: int, time_s: float, x: float, y: float) -> Position:
-        """The report of an intruder.
+        """Make the report of an intruder.
 
         Args:
             sequence: Of the reporter's position.
@@ -213,12 +213,12 @@ _FIELDS = 1 + len(FIELDS)
 
 
 def _longest(field: WireField) -> int:
-    """The most bytes that a number of a field can have in msgpack."""
+    """Return the most bytes that a number of a field can have in msgpack."""
     return max(len(_packed(number)) for number in (field.least, field.most))
 
 
 def as_received(pose: Pose) -> Pose:
-    """A pose as every receiver of its frame computes with it: rounded to centimetres and milliradians.
+    """Round a pose to centimetres and milliradians, as every receiver of its frame computes with it.
 
     Every footprint is computed from such a pose, so that truth, belief and observers agree to the point.
 
@@ -238,7 +238,7 @@ def as_received(pose: Pose) -> Pose:
 
 
 def longest_frame(trail: int, *, tagged: bool) -> int:
-    """The most bytes that a frame can have.
+    """Return the most bytes that a frame can have.
 
     Args:
         trail: How many past positions it carries.
@@ -249,7 +249,7 @@ def longest_frame(trail: int, *, tagged: bool) -> int:
 
 
 def encode(position: Position, key: bytes | None = None) -> bytes:
-    """The frame for a position: at most 28 bytes bare, at most 63 with trail and tag.
+    """Encode a position as a frame: at most 28 bytes bare, at most 63 with trail and tag.
 
     Args:
         position: To send.
@@ -269,7 +269,7 @@ def encode(position: Position, key: bytes | None = None) -> bytes:
 
 
 def decode(frame: bytes, key: bytes | None = None) -> Position:
-    """The position in a frame.
+    """Decode the position in a frame.
 
     With a key every frame must carry its tag; without one a tag is skipped unchecked.
 
@@ -307,7 +307,7 @@ def _packed(value: object) -> bytes:
 
 
 def _unpack(frame: bytes) -> list[Any]:
-    """The frame's outermost array, its first value an int; `Rejected` otherwise."""
+    """Unpack the frame's outermost array, its first value an int."""
     if len(frame) > MAX_FRAME:
         raise Rejected(RejectReason.MALFORMED, f"{len(frame)} bytes, at most {MAX_FRAME} are allowed")
     try:
@@ -343,7 +343,7 @@ def _check_key(key: bytes | None) -> None:
 
 
 def _rounded(pose: Pose) -> tuple[int, int, int]:
-    """The nearest x and y in cm and heading in mrad, the latter round the circle of 6283.185 mrad."""
+    """Round x and y to cm and the heading to mrad, the latter round the circle of 6283.185 mrad."""
     try:
         mrad = pose.heading % TAU * MRAD_PER_RAD
         return round(pose.x * CM_PER_M), round(pose.y * CM_PER_M), 0 if mrad > _NEARER_TO_ZERO else round(mrad)

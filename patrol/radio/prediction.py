@@ -35,7 +35,7 @@ class Predictor:
         self._horizon = horizon
 
     def pose(self, last: Position, ticks: int) -> Pose:
-        """The pose some ticks after a frame.
+        """Predict the pose some ticks after a frame.
 
         Args:
             last: What the frame says, with as much of its trail as can be true.

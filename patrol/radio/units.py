@@ -13,30 +13,30 @@ MS_PER_S = 1000.0
 
 
 def m_to_cm(length: float) -> float:
-    """A length in m as cm."""
+    """Convert a length in m to cm."""
     return length * CM_PER_M
 
 
 def cm_to_m(length: float) -> float:
-    """A length in cm as m."""
+    """Convert a length in cm to m."""
     return length / CM_PER_M
 
 
 def rad_to_mrad(angle: float) -> float:
-    """An angle in rad as mrad."""
+    """Convert an angle in rad to mrad."""
     return angle * MRAD_PER_RAD
 
 
 def mrad_to_rad(angle: float) -> float:
-    """An angle in mrad as rad."""
+    """Convert an angle in mrad to rad."""
     return angle / MRAD_PER_RAD
 
 
 def s_to_ms(time: float) -> float:
-    """A time in s as ms."""
+    """Convert a time in s to ms."""
     return time * MS_PER_S
 
 
 def ms_to_s(time: float) -> float:
-    """A time in ms as s."""
+    """Convert a time in ms to s."""
     return time / MS_PER_S

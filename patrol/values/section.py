@@ -15,7 +15,7 @@ class Section(BaseModel):
 
 
 def wrong(field: str, problem: str, value: float | None = None) -> PydanticCustomError:
-    """The error of a check over several fields.
+    """Make the error of a check over several fields.
 
     Args:
         field: The field to change, dotted from the model that checks; empty for the model itself.
@@ -27,7 +27,7 @@ def wrong(field: str, problem: str, value: float | None = None) -> PydanticCusto
 
 
 def absolute(value: str | None, info: ValidationInfo) -> str | None:
-    """A path resolved against the folder that the validation's context names; unchanged without one.
+    """Resolve a path against the folder that the validation's context names; without one it stays the same.
 
     Args:
         value: a path, or None.

@@ -64,7 +64,7 @@ def _unexpected(what: str, bare: bool = False) -> PydanticCustomError:
 
 
 def at_least(count: int, what: str) -> AfterValidator:
-    """A check that a list has enough items.
+    """Make a check that a list has enough items.
 
     It runs after the items' own checks, so that a wrong item is not counted as missing.
 
@@ -82,7 +82,7 @@ def at_least(count: int, what: str) -> AfterValidator:
 
 
 def at_most(count: int, what: str) -> BeforeValidator:
-    """A check that a list does not have too many items, before any of them is looked at.
+    """Make a check that a list does not have too many items, before any of them is looked at.
 
     Args:
         count: The largest number of items.
