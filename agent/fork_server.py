@@ -1,7 +1,7 @@
 """``python -m agent.fork_server``: the agents of one run from one process that has loaded what all of them need.
 
-The launcher starts it (`fogwatch.launch.fork_server`) and asks it for each robot's process. What it may and may not do
-is in `patrol.process.starting.forking`.
+The launcher starts it (`fogwatch.launch.children.fork_server`) and asks it for each robot's process. Its limits are in
+`patrol.process.starting.forking`.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ from typing import Self
 import psutil
 
 from bench.runner import Bench
-from fogwatch.launch.children import Children
+from fogwatch.launch.children.children import Children
 from fogwatch.launch.free_port import free_port
 from patrol.net.keys import fleet_keys
 from patrol.net.link import Link, open_link

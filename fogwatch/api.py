@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fogwatch.launch.clerk_messages import JUDGING
+from fogwatch.launch.children.clerk_messages import JUDGING
+from fogwatch.launch.folder.runfolder import PolicyNotMade, RunFolder, fill, make_folder
 from fogwatch.launch.limits import check_limits
-from fogwatch.launch.live_table import CallbackDisplay, RunDisplay, SilentDisplay
-from fogwatch.launch.runfolder import PolicyNotMade, RunFolder, fill, make_folder
+from fogwatch.launch.terminal.live_table import CallbackDisplay, RunDisplay, SilentDisplay
 from patrol.errors import BadInput
 from patrol.net.messages.telemetry import Metrics
 from patrol.own_sensor import allow_sensor
@@ -31,7 +31,7 @@ from patrol.scenario.policies import BUILT_IN
 from patrol.scenario.radio_spec import MODELS
 
 if TYPE_CHECKING:
-    from fogwatch.launch.clerk_child import ClerkChild
+    from fogwatch.launch.children.clerk_child import ClerkChild
     from fogwatch.launch.launcher import Launch
     from patrol.journal import Event, TickRecord
     from patrol.prepare import Prepared
@@ -280,9 +280,9 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions)
 
 
 def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) -> Result:
-    from fogwatch.launch.clerk_child import ClerkChild
+    from fogwatch.launch.children.clerk_child import ClerkChild
+    from fogwatch.launch.folder.moved_folder import found_again
     from fogwatch.launch.launcher import WORLD, Launch, LaunchFailed
-    from fogwatch.launch.moved_folder import found_again
     from patrol.prepare import prepare
     from worldsim.faults.timeline import Timeline
 
@@ -344,7 +344,7 @@ def _ended_as_processes(
     clerk: ClerkChild,
 ) -> Result:
     """Judge a run whose processes have ended, and write its files."""
-    from fogwatch.launch.derived import load
+    from fogwatch.launch.folder.derived import load
     from fogwatch.launch.launcher import LaunchFailed
     from patrol.journal import read_journal
     from worldsim.output.summary import summarise
@@ -438,7 +438,7 @@ def _result(
     clerk: ClerkChild | None = None,
 ) -> Result:
     """Write the summary and the files that are made from the journal, the report by the clerk where there is one."""
-    from fogwatch.launch.derived import Wanted, write_files
+    from fogwatch.launch.folder.derived import Wanted, write_files
     from patrol.journal import Journal
     from worldsim.run_record import INTERRUPTED
 

@@ -26,8 +26,8 @@ from experiments.chaos import (
     random_scenario,
 )
 from fogwatch.api import PACKAGES, RunOptions, execute
-from fogwatch.launch.live_table import duration_text
-from fogwatch.launch.runfolder import RunFolder
+from fogwatch.launch.folder.runfolder import RunFolder
+from fogwatch.launch.terminal.live_table import duration_text
 from fogwatch.progress import bar_on
 from patrol.errors import BadInput
 from patrol.process.exit_codes import UNKNOWN

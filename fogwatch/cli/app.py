@@ -229,10 +229,10 @@ def run(
     from rich.console import Console
 
     from fogwatch.api import RunOptions, execute
-    from fogwatch.launch.kernel_bar import kernel_bar
     from fogwatch.launch.launcher import LaunchFailed
-    from fogwatch.launch.live_table import make_display
-    from fogwatch.launch.summary_text import print_summary
+    from fogwatch.launch.terminal.kernel_bar import kernel_bar
+    from fogwatch.launch.terminal.live_table import make_display
+    from fogwatch.launch.terminal.summary_text import print_summary
     from patrol.summary.model import Summary
 
     def begin() -> None:

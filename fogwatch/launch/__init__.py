@@ -1,1 +1,1 @@
-"""Running a fleet as processes of this machine, and the run folder."""
+"""Launcher of a fleet as processes of this machine, with a run folder."""

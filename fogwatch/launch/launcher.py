@@ -14,15 +14,15 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
-from fogwatch.launch.child_control import GOODBYE_S, ProcessControlServer
-from fogwatch.launch.children import Child, Children
-from fogwatch.launch.clerk_child import ClerkChild
-from fogwatch.launch.fork_server import FORK_SERVER, OF_MINDS, ForkServer
+from fogwatch.launch.children.child_control import GOODBYE_S, ProcessControlServer
+from fogwatch.launch.children.children import Child, Children
+from fogwatch.launch.children.clerk_child import ClerkChild
+from fogwatch.launch.children.fork_server import FORK_SERVER, OF_MINDS, ForkServer
+from fogwatch.launch.children.page_child import PAGE, PageChild
+from fogwatch.launch.folder.runfolder import PolicyNotMade, RunFolder
 from fogwatch.launch.free_port import free_port
-from fogwatch.launch.live_table import RunDisplay
-from fogwatch.launch.page_child import PAGE, PageChild
 from fogwatch.launch.private import Secrets
-from fogwatch.launch.runfolder import PolicyNotMade, RunFolder
+from fogwatch.launch.terminal.live_table import RunDisplay
 from patrol.errors import BadInput
 from patrol.exchange import FIRST_INCARNATION
 from patrol.net.keys import fleet_keys

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import fogwatch
-from fogwatch.launch import runfolder
+from fogwatch.launch.folder import runfolder
 from patrol.errors import BadInput
 from patrol.journal import read_journal
 from patrol.net.messages.telemetry import Metrics

@@ -3,8 +3,8 @@
 The world decides when which robot is killed, paused and so on, and what becomes of its body. What happens to its
 process is done by process control. In a fleet in one process robots' minds are dropped and made again
 (`experiments.inprocess`). Of a fleet of processes only the launcher, their parent, can do it
-(`fogwatch.launch.child_control`): the world asks it, one JSON line for each request and answer, over a socket of their
-own, so that nothing depends on the router.
+(`fogwatch.launch.children.child_control`): the world asks it, one JSON line for each request and answer, over a socket
+of their own, so that nothing depends on the router.
 """
 
 from __future__ import annotations

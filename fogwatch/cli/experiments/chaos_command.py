@@ -43,8 +43,8 @@ def chaos(
     if seed + runs - 1 > MAX_SEED:
         raise BadInput(f"--seed {seed}: the last seed would be above 2^63 - 1; give a smaller one")
     from fogwatch.chaos_session import ChaosSession
-    from fogwatch.launch.runfolder import RUNS as FOLDER
-    from fogwatch.launch.runfolder import untaken
+    from fogwatch.launch.folder.runfolder import RUNS as FOLDER
+    from fogwatch.launch.folder.runfolder import untaken
 
     heed(None, patience=0)  # any signal raises KeyboardInterrupt
     session = ChaosSession((out or untaken(FOLDER / f"chaos-{seed}")).absolute(), processes, Console())

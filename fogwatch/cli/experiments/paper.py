@@ -31,7 +31,7 @@ from fogwatch.cli.experiments.sweep import (
     with_interval,
     workers_of,
 )
-from fogwatch.launch.live_table import duration_text
+from fogwatch.launch.terminal.live_table import duration_text
 from fogwatch.pictures.paper_tables import table_picture, terrain_picture
 from fogwatch.progress import command_line, print_failures
 from patrol.errors import BadInput

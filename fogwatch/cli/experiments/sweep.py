@@ -17,7 +17,7 @@ from experiments.sweeps.plan import Plan, read_plan
 from experiments.sweeps.pool import LocalWorkers, WorkerPool
 from experiments.sweeps.runner import SweepOutcome, run_sweep
 from experiments.sweeps.stats import Estimate
-from fogwatch.launch.live_table import duration_text
+from fogwatch.launch.terminal.live_table import duration_text
 from fogwatch.progress import SweepProgress, print_failures
 from patrol.errors import BadInput
 from patrol.own_sensor import allow_sensor

@@ -122,7 +122,7 @@ def _print(
 ) -> None:
     from rich.console import Console
 
-    from fogwatch.launch.summary_text import print_verdict
+    from fogwatch.launch.terminal.summary_text import print_verdict
 
     assert summary.verdict is not None
     print_verdict(Console(), summary.verdict)

@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from fogwatch.launch.children import Child, Children
+from fogwatch.launch.children.children import Child, Children
+from fogwatch.launch.folder.runfolder import RunFolder
 from fogwatch.launch.launcher import Launch
-from fogwatch.launch.live_table import SilentDisplay
 from fogwatch.launch.private import Secrets
-from fogwatch.launch.runfolder import RunFolder
+from fogwatch.launch.terminal.live_table import SilentDisplay
 from patrol.net.link import LinkDown
 from patrol.net.security.seats import SEAT
 from patrol.process.starting.readiness import StartPipe

@@ -14,8 +14,8 @@ from pathlib import Path
 
 from experiments.inprocess import run_in_process
 from fogwatch.api import Result, RunOptions, execute
+from fogwatch.launch.folder.runfolder import RunFolder
 from fogwatch.launch.launcher import LaunchFailed
-from fogwatch.launch.runfolder import RunFolder
 from patrol.errors import BadInput
 from patrol.printable import printable
 from tests.hostile.strangers.judge import BEGUN, Seen

@@ -18,7 +18,7 @@ from typing import Self
 from rich.console import Console
 
 from fogwatch.chaos_session import BROKEN
-from fogwatch.launch.live_table import duration_text
+from fogwatch.launch.terminal.live_table import duration_text
 from patrol.errors import BadInput
 from patrol.values.types import MAX_SEED
 from tests.hostile.strangers.judge import BEGUN, Seen, problems

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from fogwatch.launch.live_table import SilentDisplay
+from fogwatch.launch.terminal.live_table import SilentDisplay
 from patrol.net.messages.telemetry import Metrics
 
 HUNG_S = 60.0

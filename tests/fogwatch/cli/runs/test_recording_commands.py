@@ -12,7 +12,7 @@ import pytest
 
 import fogwatch
 from fogwatch.cli.app import main
-from fogwatch.launch.derived import derive
+from fogwatch.launch.folder.derived import derive
 from patrol.journal import read_journal
 from patrol.prepare import prepare
 from patrol.process.lifeline import InterruptedBySignal

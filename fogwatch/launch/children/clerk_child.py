@@ -13,10 +13,10 @@ from collections.abc import Mapping
 from multiprocessing.connection import Connection
 from typing import TypeVar
 
-from fogwatch.launch.children import Children
-from fogwatch.launch.clerk_messages import REPORT, Judged, Progress, ReportAsked, ReportWritten, VerdictAsked
-from fogwatch.launch.live_table import RunDisplay
-from fogwatch.launch.runfolder import RunFolder
+from fogwatch.launch.children.children import Children
+from fogwatch.launch.children.clerk_messages import REPORT, Judged, Progress, ReportAsked, ReportWritten, VerdictAsked
+from fogwatch.launch.folder.runfolder import RunFolder
+from fogwatch.launch.terminal.live_table import RunDisplay
 
 CLERK = "the clerk"
 """A name that no robot can have."""

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from fogwatch.launch.children import TERM_S, Child, Children
+from fogwatch.launch.children.children import TERM_S, Child, Children
 from fogwatch.router import CLOSE_S
 from patrol.process.starting.readiness import StartFailure, StartReport
 

@@ -16,9 +16,9 @@ from patrol.process.starting.warmup import warm
 from patrol.radio.fleet_key import fleet_key
 
 if TYPE_CHECKING:
-    from fogwatch.launch.clerk_child import ClerkChild
-    from fogwatch.launch.live_table import RunDisplay
-    from fogwatch.launch.runfolder import RunFolder
+    from fogwatch.launch.children.clerk_child import ClerkChild
+    from fogwatch.launch.folder.runfolder import RunFolder
+    from fogwatch.launch.terminal.live_table import RunDisplay
     from patrol.ground.fog import Fog
     from patrol.ground.footprint import View
     from patrol.prepare import Prepared

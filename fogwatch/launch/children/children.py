@@ -79,7 +79,7 @@ class Forked:
 
 
 class Forks(Protocol):
-    """What makes children of one module from a process that has loaded it (`fogwatch.launch.fork_server`).
+    """What makes children of one module from a process that has loaded it (`fogwatch.launch.children.fork_server`).
 
     Attributes:
         module: The module.

@@ -7,8 +7,8 @@ import pytest
 from PIL import Image
 
 import fogwatch
-from fogwatch.launch import runfolder
-from fogwatch.launch.runfolder import RunFolder, fill, make_folder
+from fogwatch.launch.folder import runfolder
+from fogwatch.launch.folder.runfolder import RunFolder, fill, make_folder
 from patrol.errors import BadInput
 from patrol.scenario import Scenario, load_scenario, scenario_hash
 

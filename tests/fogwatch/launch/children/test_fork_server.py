@@ -15,8 +15,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from fogwatch.launch.children import Child, Children, Forked
-from fogwatch.launch.fork_server import FORK_SERVER, READY_S, ForkServer
+from fogwatch.launch.children.children import Child, Children, Forked
+from fogwatch.launch.children.fork_server import FORK_SERVER, READY_S, ForkServer
 from patrol.process.exit_codes import INTERRUPTED
 from patrol.process.starting.forking import can_fork
 from patrol.process.starting.readiness import StartFailure, StartPipe, StartReport
@@ -185,13 +185,13 @@ def test_agents_leave_when_their_launcher_has_died_and_so_does_the_server(tmp_pa
     program = (
         "import sys, time\n"
         "from pathlib import Path\n"
-        "from tests.fogwatch.launch.test_fork_server import Office\n"
+        "from tests.fogwatch.launch.children.test_fork_server import Office\n"
         "office = Office(Path(sys.argv[1]))\n"
         "print(office.made('r1').process.pid, office.made('r2').process.pid, office.server_pid, flush=True)\n"
         "time.sleep(3600)\n"
     )
     command = [sys.executable, "-c", program, str(tmp_path)]
-    launcher = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=Path(__file__).parents[3])
+    launcher = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=Path(__file__).parents[4])
     assert launcher.stdout is not None
     pids = [int(word) for word in launcher.stdout.readline().split()]
     assert len(pids) == 3
@@ -225,7 +225,7 @@ def test_a_server_that_loads_dies_with_its_launcher(died_before: bool, tmp_path:
         "time.sleep(3600)\n"
     )
     command = [sys.executable, "-c", launches, loads, str(tmp_path), str(int(died_before))]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=Path(__file__).parents[3]) as launcher:
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=Path(__file__).parents[4]) as launcher:
         assert launcher.stdout is not None
         server = int(launcher.stdout.readline())
         if not died_before:

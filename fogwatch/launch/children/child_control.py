@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from fogwatch.launch.children import Child, Children
+from fogwatch.launch.children.children import Child, Children
 from worldsim.fleet.process_control import ENDED, Request, answer_line
 
 GOODBYE_S = 30.0

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from fogwatch.launch.runfolder import RunFolder
+from fogwatch.launch.folder.runfolder import RunFolder
 
 
 def found_again(folder: RunFolder, handle: int, say: Callable[[str], None]) -> RunFolder:

@@ -13,11 +13,11 @@ from pathlib import Path
 
 import pytest
 
-from fogwatch.launch.child_control import ProcessControlServer
-from fogwatch.launch.children import Child
+from fogwatch.launch.children.child_control import ProcessControlServer
+from fogwatch.launch.children.children import Child
+from fogwatch.launch.folder.runfolder import RunFolder
 from fogwatch.launch.launcher import Launch
-from fogwatch.launch.live_table import SilentDisplay
-from fogwatch.launch.runfolder import RunFolder
+from fogwatch.launch.terminal.live_table import SilentDisplay
 from worldsim.fleet.process_control import ENDED, Request
 
 pytestmark = pytest.mark.processes
@@ -76,7 +76,7 @@ def test_a_process_that_was_let_go_on_during_its_pause_is_seen_to_run(office: Of
 
 
 def test_a_process_that_nobody_stopped_is_seen_to_run(office: Office, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fogwatch.launch.child_control.pause", lambda _child: None)
+    monkeypatch.setattr("fogwatch.launch.children.child_control.pause", lambda _child: None)
     assert office.answer("pause")["state"] in ("R", "S")
 
 

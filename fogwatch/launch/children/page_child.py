@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
-from fogwatch.launch.children import Child, Children
+from fogwatch.launch.children.children import Child, Children
 from monitor.process import KEY
 from patrol.process.exit_codes import INTERRUPTED
 

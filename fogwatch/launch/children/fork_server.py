@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from types import MappingProxyType
 
-from fogwatch.launch.children import Children, Forked
+from fogwatch.launch.children.children import Children, Forked
 from patrol.process.starting.command_line import room_for
 from patrol.process.starting.forking import Orders, ask_for_fork
 

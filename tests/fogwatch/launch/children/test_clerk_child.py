@@ -15,12 +15,12 @@ from pathlib import Path
 import pytest
 
 from fogwatch.clerk import News
-from fogwatch.launch import clerk_child
-from fogwatch.launch.children import Child
-from fogwatch.launch.clerk_child import CLERK, ClerkChild
-from fogwatch.launch.clerk_messages import JUDGING, REPORT, Progress, ReportWritten, VerdictAsked
-from fogwatch.launch.live_table import SilentDisplay
-from fogwatch.launch.runfolder import RunFolder
+from fogwatch.launch.children import clerk_child
+from fogwatch.launch.children.children import Child
+from fogwatch.launch.children.clerk_child import CLERK, ClerkChild
+from fogwatch.launch.children.clerk_messages import JUDGING, REPORT, Progress, ReportWritten, VerdictAsked
+from fogwatch.launch.folder.runfolder import RunFolder
+from fogwatch.launch.terminal.live_table import SilentDisplay
 
 PATIENCE_S = 300.0
 

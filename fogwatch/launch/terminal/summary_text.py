@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from fogwatch.launch.live_table import STATUS_STYLES, duration_text
+from fogwatch.launch.terminal.live_table import STATUS_STYLES, duration_text
 from patrol.journal import Status
 from patrol.measures.best_tour import NO_BOUND
 from patrol.printable import printable

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from fogwatch.launch.live_table import (
+from fogwatch.launch.terminal.live_table import (
     GuardedDisplay,
     LiveTable,
     PlainDisplay,
@@ -18,7 +18,7 @@ from fogwatch.launch.live_table import (
     headline,
     make_display,
 )
-from fogwatch.launch.summary_text import measures, print_summary
+from fogwatch.launch.terminal.summary_text import measures, print_summary
 from patrol.journal import Status
 from patrol.net.messages.telemetry import FREE, TRAPPED, Metrics, Notice, RobotView
 from patrol.summary.model import Summary
@@ -112,7 +112,7 @@ def test_plain_lines_come_now_and_then() -> None:
 def test_plain_lines_say_how_far_the_steps_of_the_end_are(monkeypatch: pytest.MonkeyPatch) -> None:
     """One when a step begins, others now and then, and none for its end."""
     now = [0.0]
-    monkeypatch.setattr("fogwatch.launch.live_table.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("fogwatch.launch.terminal.live_table.time.monotonic", lambda: now[0])
     text = io.StringIO()
     plain = PlainDisplay(Console(file=text, width=80))
     for now[0], step, share in (
