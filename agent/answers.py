@@ -1,4 +1,4 @@
-"""Whether a policy's answer can be used, and what is said of a policy that has failed."""
+"""Checks of a policy's answer, and the account of a policy that has failed."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _MAPPINGS = dict, Mapping
 
 
 def raised_at(cause: BaseException | None) -> str:
-    """The innermost line of code of an error, as `` (file.py:27)``; empty without an error.
+    """Return the innermost line of code of an error, as `` (file.py:27)``; empty without an error.
 
     Args:
         cause: The error.
@@ -38,14 +38,14 @@ def raised_at(cause: BaseException | None) -> str:
 
 
 def policy_failure(k: int, failed: BaseException) -> str:
-    """Why a robot is lost whose policy has failed at tick k: the same words wherever its mind runs."""
+    """Say in one line that a robot's policy has failed at tick k; the same in a process and among other minds."""
     line = " ".join(str(failed).split()) + raised_at(failed.__cause__)
     printable = "".join(letter if letter.isprintable() else "?" for letter in line)
     return f"its policy failed at tick {k}: {printable}"[:MAX_FAILURE]
 
 
 def checked(intent: object) -> Intent:
-    """An intent whose numbers can be used; numpy's become Python's, so that they fare alike wherever a mind runs.
+    """Return an intent with numbers that a body can use; numpy's become Python's, so that all processes compute alike.
 
     Args:
         intent: What a policy has returned.
@@ -70,7 +70,7 @@ def checked(intent: object) -> Intent:
 
 
 def _is_ready(intent: Intent) -> bool:
-    """Whether all numbers are Python's floats in range, alone or in pairs, as nearly always; others are looked at."""
+    """Return True if all numbers are Python's floats in range, alone or in pairs: the usual case, which is cheap."""
     if type(intent) is Bearing:
         several = type(intent.bearings) is tuple and all(map(_is_float, intent.bearings))
         return several and _is_spot(intent.near) and _is_spot(intent.bend) and _is_turn(intent.wander)
@@ -93,10 +93,10 @@ def _is_spot(value: object) -> bool:
 
 
 def _plain_numbers(intent: Intent) -> Intent:
-    """The same with Python's numbers in place of numpy's, and a tuple of bearings in place of any other sequence."""
-    given = {name: getattr(intent, name) for name in intent.__match_args__ if name not in ("state", "figures")}
-    plain = {name: _plain(value) for name, value in given.items()}
-    changed = {name: value for name, value in plain.items() if value is not given[name]}
+    """Replace numpy's numbers by Python's, and any other sequence of bearings by a tuple."""
+    fields = {name: getattr(intent, name) for name in intent.__match_args__ if name not in ("state", "figures")}
+    plain = {name: _plain(value) for name, value in fields.items()}
+    changed = {name: value for name, value in plain.items() if value is not fields[name]}
     return replace(intent, **changed) if changed else intent
 
 
@@ -108,14 +108,14 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Sequence) and not isinstance(value, str):
         # Read once: what is no tuple itself might hold other numbers when the body reads it.
         read = value if type(value) is tuple else tuple(value)
-        return tuple(_plain(one) for one in read) if any(isinstance(one, np.generic) for one in read) else read
+        return tuple(map(_plain, read)) if any(isinstance(item, np.generic) for item in read) else read
     if isinstance(value, Command) and any(isinstance(number, np.generic) for number in value.numbers):
         return type(value)(*(_plain(number) for number in value.numbers))
     return value
 
 
 def _numbers(intent: Intent) -> list[tuple[str, object]]:
-    """Every number of an intent that a body computes with, by name."""
+    """List every number of an intent that a body computes with, by name."""
     match intent:
         case Bearing(bearings, near, bend, wander):
             alone = [] if wander is None else [("wander", wander)]

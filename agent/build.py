@@ -1,4 +1,4 @@
-"""Where a mind is put together: belief, policy and body of one robot, from a prepared scenario.
+"""Assembly of a mind: belief, policy and body of one robot, from a prepared scenario.
 
 Robots' processes, fleets in one process, tests and benchmarks all come here, so that all of them have the same mind.
 """
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Shared:
-    """What the minds of one process share, to save time and memory.
+    """Values that the minds of one process share, to save time and memory.
 
     Attributes:
         footprint: The scenario's sensor on its terrain.
@@ -67,19 +67,19 @@ class Shared:
     grounds: dict[int, Ground] = field(default_factory=dict)
 
     def ground_of(self, terrain: Terrain, fields: StaticFields) -> Ground:
-        """The ground of one kind of body, on which nothing is ever closed."""
+        """Return the ground of one kind of body, on which nothing is ever closed."""
         if id(fields) not in self.grounds:
             self.grounds[id(fields)] = Ground(terrain, fields.reach)
         return self.grounds[id(fields)]
 
     def posts_of(self, fields: StaticFields, straight: bool) -> Posts:
-        """The posts of one kind of body; on straight paths, which know no walls, each point pulls from where it is."""
+        """Return the posts of one kind of body; on straight paths, which know no walls, each point is its own."""
         if id(fields) not in self.posts:
             self.posts[id(fields)] = Posts(np.full_like(fields.proxy, -1) if straight else fields.proxy)
         return self.posts[id(fields)]
 
     def area_of(self, fields: StaticFields, straight: bool, dilatation: int) -> Area:
-        """Where one kind of body sees and stands, for a window of some points in each direction."""
+        """Return the area of one kind of body, for a window of some points in each direction."""
         kind = id(fields), dilatation
         if kind not in self.areas:
             ground = fields.patrolled if straight else fields.reach
@@ -95,11 +95,11 @@ def shared_by(
     believe: bool = False,
     key: bytes | None = None,
 ) -> Shared:
-    """What the minds of a scenario can share.
+    """Make what the minds of a scenario can share.
 
     Args:
         prepared: The scenario.
-        footprint: Its sensor, when somebody else holds one that remembers.
+        footprint: Its sensor, if the caller has one that remembers.
         groups: How many minds may think at the same time, one of each group (`group_of`).
         believe: Whether they share what they believe, where that is the same; then their caller lets `Shared.beliefs`
             hear for all of them, and then each decide.
@@ -116,12 +116,12 @@ def shared_by(
 
 
 def radii_of(scenario: Scenario) -> Mapping[int, float]:
-    """The radii of all robots of a scenario by number, m."""
+    """Return the radii of all robots of a scenario by number, m."""
     return MappingProxyType({spec.number: spec.radius for spec in scenario.roster})
 
 
 def group_of(number: int, groups: int) -> int:
-    """The group of a robot's mind, from 0 on. The minds of one group share working memory.
+    """Return the group of a robot's mind, from 0 on. The minds of one group share working memory.
 
     Args:
         number: The robot's.
@@ -208,7 +208,7 @@ def build_mind(
 
 
 def _rounds(scenario: Scenario, terrain: Terrain, lengths: BodyLengths, kind: PolicyKind) -> int:
-    """By how many points a mind dilates what it believes."""
+    """Return by how many points a mind dilates what it believes."""
     if kind.name == COMMITTED:
         return 0  # it asks for single points only
     # A window of half the terrain's points in every direction already holds all of it.
@@ -216,22 +216,22 @@ def _rounds(scenario: Scenario, terrain: Terrain, lengths: BodyLengths, kind: Po
 
 
 def _policy_of(kind: PolicyKind, setup: PolicySetup) -> Surround:
-    """A policy of a kind, beside the one that surrounds intruders.
+    """Make a policy of a kind, beside the one that surrounds intruders.
 
     Raises:
-        PolicyFailed: It is one of somebody's own, and cannot be made.
+        PolicyFailed: It is not a built-in one, and cannot be made.
     """
     try:
         return Surround(setup, kind.make(setup))
     except (Exception, SystemExit) as error:
         if kind.ours:
             raise
-        what = f"{type(error).__name__}: {error}{raised_at(error)}"
-        raise PolicyFailed(f"policy {kind.name}: cannot be made for {setup.spec.name}: {what}") from error
+        why = f"{type(error).__name__}: {error}{raised_at(error)}"
+        raise PolicyFailed(f"policy {kind.name}: cannot be made for {setup.spec.name}: {why}") from error
 
 
 def _sending(scenario: Scenario, terrain: Terrain) -> Sending:
-    """When the robots of a scenario send, and what."""
+    """Return how the robots of a scenario send."""
     radio, share = scenario.radio, scenario.radio_share
     if radio.adaptive is None:
         return Sending(radio.trail, radio.trail_every, share)
@@ -241,7 +241,7 @@ def _sending(scenario: Scenario, terrain: Terrain) -> Sending:
 
 
 def mind_maker(prepared: Prepared, key: bytes | None, shared: Shared) -> MakeMind:
-    """What makes the minds of a scenario, which share what they can.
+    """Return a function that makes the minds of a scenario, which share what they can.
 
     Args:
         prepared: The scenario.

@@ -1,4 +1,4 @@
-"""The ticks of a fleet as a robot counts them without a world, and how far apart robots count.
+"""The ticks of a fleet as a robot counts them without a world, and the differences between robots' counts.
 
 Tick k begins at ``epoch + k * step`` on a clock that all robots share, such as Unix time. Receivers judge a position's
 tick by their own count. A robot whose count is off rejects the others' positions and is rejected by them; `Skew`
@@ -65,7 +65,7 @@ class KeptClock:
 
 
 class Skew:
-    """How many ticks the counts of other robots are ahead of this robot's own, by the positions they send."""
+    """The lead in ticks of other robots' counts over this robot's own, by the positions that they send."""
 
     def __init__(self, names: Mapping[int, str], tolerated: int = APART) -> None:
         """Judge the robots of a fleet.
@@ -105,18 +105,18 @@ class Skew:
         return {self._names[number]: median_low(leads) for number, leads in full.items()}
 
     def complaint(self) -> str | None:
-        """One line about the robots that count differently; None when there are none."""
-        off = {name: lead for name, lead in self.ticks.items() if abs(lead) > self._tolerated}
-        if not off:
+        """Return one line about the robots that count differently; None when there are none."""
+        leads = {name: lead for name, lead in self.ticks.items() if abs(lead) > self._tolerated}
+        if not leads:
             return None
         counts = ", ".join(
-            f"{name} is {abs(lead)} ticks {'ahead' if lead > 0 else 'behind'}" for name, lead in off.items()
+            f"{name} is {abs(lead)} ticks {'ahead' if lead > 0 else 'behind'}" for name, lead in leads.items()
         )
         return f"ticks differ: {counts}, so positions are refused; set NTP and the same epoch on all robots"
 
 
 def epoch_of(frame: bytes, heard_s: float, step_s: float, key: bytes | None = None) -> float | None:
-    """When tick 0 began, by a position that has just been heard.
+    """Compute when tick 0 began, by a position that has just been heard.
 
     Args:
         frame: As it was received. Without a key it may be forged.

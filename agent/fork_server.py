@@ -26,7 +26,7 @@ NEEDED = (
     "patrol.ground.kernels.room",
     "patrol.net.messages.phases",
 )
-"""What every agent loads and the kernels do not bring along, as far as it needs no Zenoh."""
+"""Modules without Zenoh that every agent loads and the kernels do not bring along."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -47,11 +47,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
     sys.stdout.flush()  # what waits to be written would be written by each agent too
     report_start(options.ready, StartReport())
-    if (made := serve_forks(options.control)) is None:
+    if (forked := serve_forks(options.control)) is None:
         return 0
     from agent.process import main as be_agent
 
-    orders, output = made
+    orders, output = forked
     for stream in (1, 2):
         os.dup2(output, stream)
     os.close(output)
@@ -69,12 +69,12 @@ def _load(kernels: Sequence[str]) -> None:
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m agent.fork_server", description="Used by the launcher only.")
-    for name, says in (
+    for name, text in (
         ("--control", "descriptor on which the launcher asks for processes"),
         ("--ready", "descriptor on which this process reports that it is ready"),
         ("--lifeline", "descriptor that ends with the launcher, and that the agents inherit"),
     ):
-        parser.add_argument(name, type=int, metavar="FD", help=says)
+        parser.add_argument(name, type=int, metavar="FD", help=text)
     parser.add_argument("--kernels", default="", help="kernel modules that this scenario's agents need, with commas")
     parser.add_argument("--room", help="blanks, in the place of which the agents show their command lines")
     return parser.parse_args(arguments)

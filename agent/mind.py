@@ -24,7 +24,7 @@ from patrol.scenario import RobotSpec
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """What a mind knows of its fleet and itself, and what never changes.
+    """Facts that a mind knows of its fleet and itself, and that never change.
 
     Attributes:
         spec: Of the robot.
@@ -64,8 +64,8 @@ class Mind:
         """Put together what `agent.build` has made.
 
         Args:
-            facts: What never changes.
-            belief: What the robot believes of others and of the fog.
+            facts: Of the robot and its fleet.
+            belief: Of the fog and of others.
             fog: The same as a policy sees it.
             ground: Where the body fits now.
             routes: Over that ground.
@@ -85,7 +85,7 @@ class Mind:
         self._sender = Sender(facts.spec.number, facts.sending, facts.key)
 
     def frames(self, sensed: Sensed) -> tuple[bytes, ...]:
-        """All that the robot sends in a tick: its position, and the intruders that it sees itself; perhaps nothing."""
+        """Return what the robot sends in a tick: its position and the intruders that it sees itself, or nothing."""
         return self._sender.frames(sensed)
 
     def step(self, sensed: Sensed, heard: Sequence[bytes]) -> Decision:
@@ -99,13 +99,13 @@ class Mind:
             The command for the next step, and diagnostics.
 
         Raises:
-            PolicyFailed: The policy raised, or returned what is no intent. The mind cannot go on.
+            PolicyFailed: The policy raised, or returned something else than an intent. The mind cannot go on.
         """
         self.belief.hear(sensed.k, as_received(sensed.pose), heard)
         return self.decide(sensed)
 
     def decide(self, sensed: Sensed) -> Decision:
-        """The second half of `step`, once the belief has taken in what was heard.
+        """Decide as the second half of `step`, once the belief has taken in what was heard.
 
         Args:
             sensed: By the robot itself.
@@ -137,7 +137,7 @@ class Mind:
         )
 
     def _look(self, sensed: Sensed) -> View:
-        """See what the robot knows now."""
+        """Make the policy's view of what the robot knows now."""
         facts, k, pose = self.facts, sensed.k, sensed.pose
         reported = as_received(pose)
         for place in sensed.contacts[:MAX_CONTACTS]:
@@ -163,7 +163,7 @@ class Mind:
         )
 
     def _silent(self, k: int, pose: Pose) -> list[Disc]:
-        """Where robots that have fallen silent were last, unless that is where this robot is."""
+        """Return discs where silent robots were last, without those that this robot is in."""
         discs = self.belief.silent(k, self.facts.patience, self.facts.radii, self.facts.margin)
         return [disc for disc in discs if math.hypot(disc[0] - pose.x, disc[1] - pose.y) >= disc[2]]
 

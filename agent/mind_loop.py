@@ -62,11 +62,11 @@ def run_mind(mind: Mind, robot: Robot, radio: Radio, telemetry: Telemetry, limit
 class Both:
     """Telemetry that reports to two receivers."""
 
-    def __init__(self, one: Telemetry, other: Telemetry) -> None:
-        self._both = one, other
+    def __init__(self, first: Telemetry, second: Telemetry) -> None:
+        self._both = first, second
 
     def report(self, sensed: Sensed, decision: Decision, decision_ms: float) -> None:
-        """Report to one, then to the other."""
+        """Report to the first, then to the second."""
         for telemetry in self._both:
             telemetry.report(sensed, decision, decision_ms)
 

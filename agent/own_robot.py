@@ -40,7 +40,7 @@ COMPLAIN_S = 10.0
 """Wall time between two messages about robots that count ticks differently, s."""
 
 LONGEST_WAIT_S = 86_400.0
-"""How far ahead tick 0 may lie, s."""
+"""Longest time until tick 0, s."""
 
 _LISTEN_S = 0.2
 
@@ -118,12 +118,12 @@ def drive(
 
 @dataclass(frozen=True, slots=True)
 class Ticks:
-    """From when on ticks are counted.
+    """The start of counting ticks.
 
     Attributes:
         epoch_s: When tick 0 begins, Unix time in s; None to count on from the first position heard.
         wait_s: How long to wait for the router and for that position, s.
-        alone_s: How long to listen for one before counting from now, s; None if somebody must be heard.
+        alone_s: How long to listen for one before counting from now, s; None if another robot must be heard.
     """
 
     epoch_s: float | None
@@ -164,14 +164,16 @@ def patrol_with(
             f"scenario {scenario.name}: radio.via = ether, which only a world carries; set radio: {{via: direct}}"
         )
     spec = spec_of(scenario, name)
-    met = process.meet(Kind.ROBOT)
-    robot_named(name, met.credentials)
-    keys = met.keys
+    meeting = process.meet(Kind.ROBOT)
+    robot_named(name, meeting.credentials)
+    keys = meeting.keys
     on_air = check_radio(process.options.radio, "radio", scenario.radio.via)
-    # Its counts of frames begin anew, so whoever adds them up must not take it for the process before.
+    # Its counts of frames begin anew, so those who add them up must not take it for the process before.
     incarnation = int(time.time()) % 2**31
     prepared, mind = mind_of(process, scenario, spec, incarnation)
-    link, air = process.open_links(met, on_air, callers_of(keys, {one.name: one.number for one in scenario.roster}))
+    link, air = process.open_links(
+        meeting, on_air, callers_of(keys, {member.name: member.number for member in scenario.roster})
+    )
     if link.sees(keys.alive(name)):
         raise BadInput(f"robot {name}: another process is {name} already; end that one, or choose another robot")
     link.live(keys.alive(name))
@@ -253,7 +255,7 @@ class _Driver:
         keys: FleetKeys,
         ticks: Ticks,
     ) -> str | None:
-        """Patrol until it is time to leave; how the policy has failed, or None. The robot is stopped in any case."""
+        """Patrol until it is time to leave, then stop the robot; return how the policy has failed, or None."""
         from agent.clock import KeptClock, Skew
         from agent.mind_loop import Both, TelemetrySender, TickFigures, run_mind
         from agent.policies.found import policy_of
@@ -265,7 +267,7 @@ class _Driver:
         log, ending = process.log, process.ending
         assert scenario.factor is not None  # a direct radio is refused in lockstep
         step_s = scenario.step / scenario.factor
-        names = {one.name: one.number for one in scenario.roster}
+        names = {member.name: member.number for member in scenario.roster}
         clock = LateClock(process.notifier.alive)
         radio = tune_in(air, keys, name, names, clock)
         epoch_s = ticks.epoch_s
@@ -294,14 +296,14 @@ class _Driver:
         telemetry.traffic = lambda final: radio.traffic(self.incarnation, final=final)
         skew = Skew({number: other for other, number in names.items() if other != name})
         limit_s = None if policy_of(scenario).ours else DECISION_LIMIT_S
-        told: Telemetry = Both(robot, telemetry) if isinstance(robot, Telemetry) else telemetry
+        receivers: Telemetry = Both(robot, telemetry) if isinstance(robot, Telemetry) else telemetry
         if process.supervision.counts:
             radio.show(process.vitals)
-            told = Both(told, TickFigures(self.mind, process.vitals, log))
+            receivers = Both(receivers, TickFigures(self.mind, process.vitals, log))
         log.info(f"patrols with fleet {keys.fleet}")
         failure = None
         try:
-            failure = run_mind(self.mind, robot, _Watched(radio, clock, skew, log.warning), told, limit_s)
+            failure = run_mind(self.mind, robot, _Watched(radio, clock, skew, log.warning), receivers, limit_s)
         finally:
             robot.stop(failure or ending.reason or "the driver ends")
         telemetry.close()
@@ -309,7 +311,7 @@ class _Driver:
 
 
 def _foreseen(mind: Mind, clock: LateClock) -> Callable[[int], Mapping[int, Peer]] | None:
-    """Where a mind takes the other robots to be some ticks from now; None where its fleet does not predict."""
+    """Return a function that predicts where others are in some ticks; None where the fleet does not predict."""
     sending = mind.facts.sending
     if sending.predictor is None or not sending.trail:  # without trails, robots are predicted to stand
         return None
@@ -361,7 +363,7 @@ class _Watched:
         self._radio.send(frames)
 
     def hear(self) -> list[bytes] | None:
-        """The frames that have arrived, after a check of the ticks they count."""
+        """Return the frames that have arrived, after a check of the ticks that they count."""
         heard = self._radio.hear()
         self._skew.hear(self._clock.k, heard or ())
         now = time.monotonic()
@@ -386,7 +388,7 @@ def _check_epoch(epoch_s: float, now_s: float, say: Callable[[str], None]) -> No
 def _listen(
     radio: DirectRadio, step_s: float, key: bytes | None, ticks: Ticks, say: Callable[[str], None], ending: Ending
 ) -> float | None:
-    """When tick 0 began, Unix time in s, by the first position heard; None when it is time to leave."""
+    """Return when tick 0 began, Unix time in s, by the first position heard; None when it is time to leave."""
     from agent.clock import epoch_of
 
     say("listens for a position, to count ticks as the others do")

@@ -4,8 +4,8 @@
     Body        how to get there      obey(intent, view) -> choice
     Robot       a body's hardware     sense() -> sensed, act(command)
     Radio       positions             send(frames), hear() -> frames
-    FleetClock  where ticks come from
-    Telemetry   who looks on          report(...)
+    FleetClock  the fleet's ticks     tick(), decide()
+    Telemetry   viewers               report(...)
 
 A policy answers with an intent and never with how to carry it out: paths, refinement of the goal, steering, getting
 unstuck and giving way are the body's business, so that policies compete on equal terms.
@@ -39,7 +39,7 @@ Figures = Mapping[str, float]
 
 
 class State(StrEnum):
-    """What a robot is doing. A policy may use words of its own besides."""
+    """The state of a robot, as it is reported. A policy may use words of its own besides."""
 
     PATROLLING = "patrolling"
     DEAD_END = "dead-end"
@@ -123,7 +123,7 @@ Intent = Bearing | Place | Stay | Steer
 
 @dataclass(frozen=True, slots=True)
 class PolicySetup:
-    """What a policy is made from: all that never changes while its robot runs.
+    """Values that a policy is made from: all that never changes while its robot runs.
 
     Attributes:
         spec: The robot's number, model, speed (m/s), radius (m) and turning radius (m).
@@ -159,15 +159,15 @@ class PolicySetup:
 
 
 class Policy(Protocol):
-    """What a robot wants next.
+    """The choice of a robot's next intent.
 
     A policy is made anew with each incarnation of its robot, by ``Policy(setup)`` (`PolicySetup`). It may
     keep what state it likes. Its class may have a pydantic model named ``Options``, which `patrol.options` of the
-    scenario is validated by. Whatever it raises, or returns instead of an intent, stops its own robot and no other.
+    scenario is validated by. If it raises, or returns anything but an intent, its own robot stops and no other does.
     """
 
     def decide(self, view: View) -> Intent:
-        """What to want in this tick.
+        """Choose an intent for this tick.
 
         Args:
             view: All that the robot may know now; see `agent.view.View`.
@@ -179,7 +179,7 @@ class Policy(Protocol):
 
 
 class PolicyFailed(Exception):
-    """A policy has raised, taken too long, or returned something that is no intent; one line says which."""
+    """A policy has raised, taken too long, or returned something that is no intent: one line of text."""
 
 
 # --- how a body carries it out ---------------------------------------------------------------------------------------
@@ -187,7 +187,7 @@ class PolicyFailed(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """Where a body heads.
+    """The place that a body heads for.
 
     Attributes:
         goal: x and y in m, before refinement.
@@ -200,7 +200,7 @@ class Goal:
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """What a body makes of an intent.
+    """The body's answer to an intent.
 
     Attributes:
         command: For the next step.
@@ -216,10 +216,10 @@ class Choice:
 
 
 class Body(Protocol):
-    """How a robot of one model moves."""
+    """The way in which a robot of one model moves."""
 
     def obstacles(self, tick: int, pose: Pose, bumped: bool, peers: Mapping[int, Peer]) -> Sequence[Disc]:
-        """What is in this body's way for now, besides walls: the robots that it gives way to.
+        """Return what is in this body's way for now, besides walls: the robots that it gives way to.
 
         Args:
             tick: Now.
@@ -233,7 +233,7 @@ class Body(Protocol):
         ...
 
     def obey(self, intent: Intent, view: View) -> Choice:
-        """The command that carries an intent out best in the next step.
+        """Return the command that carries an intent out best in the next step.
 
         Args:
             intent: Checked (`agent.answers.checked`).
@@ -280,7 +280,7 @@ class Robot(Protocol):
     def sense(self) -> Sensed | None:
         """Wait for the fleet's next tick; None when it is time to leave.
 
-        A robot whose pose stays away for long stops meanwhile: who does not know where it is must not drive.
+        A robot that has had no pose for long stops meanwhile: it must not drive without knowing where it is.
         """
         ...
 
@@ -305,7 +305,7 @@ class Radio(Protocol):
         ...
 
     def hear(self) -> list[bytes] | None:
-        """The frames that have arrived for this tick's decision, by sender and sequence.
+        """Return the frames that have arrived for this tick's decision, by sender and sequence.
 
         None when the tick is over, so that a decision would come too late, or when it is time to leave.
         """
@@ -313,7 +313,7 @@ class Radio(Protocol):
 
 
 class FleetClock(Protocol):
-    """Where the fleet's ticks come from: the world of simulated robots, or a clock of the robot's own."""
+    """The source of the fleet's ticks: the world of simulated robots, or a clock of the robot's own."""
 
     def tick(self) -> int | None:
         """Wait for the next tick, which is never an earlier one; None when it is time to leave."""
@@ -326,10 +326,10 @@ class FleetClock(Protocol):
 
 @runtime_checkable
 class Telemetry(Protocol):
-    """Who looks on. Nothing that it does may change a decision."""
+    """A viewer of decisions. It must not change any of them."""
 
     def report(self, sensed: Sensed, decision: Decision, decision_ms: float) -> None:
-        """A decision has been taken, and is about to be acted on.
+        """Take note of a decision that is about to be acted on.
 
         Args:
             sensed: What the robot sensed in this tick.

@@ -45,12 +45,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         Exit code.
     """
-    told = sys.argv[1:] if arguments is None else arguments
-    if is_for_ros2(told):
+    words = sys.argv[1:] if arguments is None else arguments
+    if is_for_ros2(words):
         from agent.ros2_process import main as drive_ros2
 
-        return drive_ros2(told)
-    options = simulated_parser().parse_args(told)
+        return drive_ros2(words)
+    options = simulated_parser().parse_args(words)
     return run_with(options, options.robot or "agent", _run)
 
 
@@ -62,16 +62,16 @@ def _run(process: ProcessContext) -> int:
     from patrol.scenario import load_scenario
 
     options = process.options
-    met = process.meet(Kind.ROBOT)
+    meeting = process.meet(Kind.ROBOT)
     scenario = load_scenario(options.scenario)
     on_air = check_radio(options.radio, "--radio", scenario.radio.via)
-    spec = spec_of(scenario, robot_named(options.robot, met.credentials), "--robot")
-    process.follow(spec.name, fleet=met.keys.fleet)
+    spec = spec_of(scenario, robot_named(options.robot, meeting.credentials), "--robot")
+    process.follow(spec.name, fleet=meeting.keys.fleet)
     _, mind = mind_of(process, scenario, spec, options.incarnation)
-    return _patrol(mind, scenario, met, on_air, process)
+    return _patrol(mind, scenario, meeting, on_air, process)
 
 
-def _patrol(mind: Mind, scenario: Scenario, met: Meeting, on_air: str | None, process: ProcessContext) -> int:
+def _patrol(mind: Mind, scenario: Scenario, meeting: Meeting, on_air: str | None, process: ProcessContext) -> int:
     """Join the fleet and patrol with it until it is time to leave; return the exit code."""
     from agent.mind_loop import Both, TelemetrySender, TickFigures, run_mind
     from agent.policies.found import policy_of
@@ -83,9 +83,9 @@ def _patrol(mind: Mind, scenario: Scenario, met: Meeting, on_air: str | None, pr
     from patrol.scenario import scenario_hash
 
     options, ending, log = process.options, process.ending, process.log
-    spec, keys = mind.spec, met.keys
-    numbers = {one.name: one.number for one in scenario.roster}
-    link, air = process.open_links(met, on_air, callers_of(keys, numbers))
+    spec, keys = mind.spec, meeting.keys
+    numbers = {member.name: member.number for member in scenario.roster}
+    link, air = process.open_links(meeting, on_air, callers_of(keys, numbers))
     identity = Identity(spec.name, options.incarnation, own_instance(os.environ), scenario_hash(scenario))
 
     def waiting(waited_s: float) -> None:
@@ -95,7 +95,7 @@ def _patrol(mind: Mind, scenario: Scenario, met: Meeting, on_air: str | None, pr
                 "scenario has no such robot, or the robot has not joined yet"
             )
         else:
-            but = f"; it is not there, or {spec.name} was revoked" if met.revocable else ""
+            but = f"; it is not there, or {spec.name} was revoked" if meeting.revocable else ""
             log.info(f"waiting for the world of fleet {keys.fleet} ({waited_s:.0f} s){but}")
 
     blind_s = math.inf if scenario.factor is None else scenario.watchdog / scenario.factor
@@ -108,14 +108,14 @@ def _patrol(mind: Mind, scenario: Scenario, met: Meeting, on_air: str | None, pr
     if scenario.radio.via == "direct":
         radio = direct = tune_in(air, keys, spec.name, numbers, robot)
         telemetry.traffic = lambda final: direct.traffic(options.incarnation, final=final)
-    told: Telemetry = Both(robot, telemetry)
+    receivers: Telemetry = Both(robot, telemetry)
     if process.supervision.counts:
         for part in {robot, radio}:  # of a robot without a direct radio these are one
             part.show(process.vitals)
-        told = Both(told, TickFigures(mind, process.vitals, log))
+        receivers = Both(receivers, TickFigures(mind, process.vitals, log))
     limit_s = None if policy_of(scenario).ours else DECISION_LIMIT_S
     try:
-        failure = run_mind(mind, robot, radio, told, limit_s)
+        failure = run_mind(mind, robot, radio, receivers, limit_s)
     finally:
         telemetry.close()
     if failure is not None:
@@ -125,7 +125,7 @@ def _patrol(mind: Mind, scenario: Scenario, met: Meeting, on_air: str | None, pr
 
 
 def _left(robot: SimRobot, warn: Callable[[str], None], ending: Ending) -> int:
-    """The exit code of a robot that has left its fleet."""
+    """Return the exit code of a robot that has left its fleet."""
     if robot.orderly:
         return 0
     if robot.unlike:
@@ -135,7 +135,7 @@ def _left(robot: SimRobot, warn: Callable[[str], None], ending: Ending) -> int:
 
 
 def simulated_parser() -> ProcessParser:
-    """The parser of the command line of a robot that a world simulates."""
+    """Make the command line's parser for a robot that a world simulates."""
     parser = fleet_parser("agent", "One robot of a simulated fleet, as a process.", HELP, "router and world")
     add = parser.add_argument
     add("--robot", metavar="NAME", help="the robot's name in the scenario (default: the credentials')")

@@ -1,6 +1,6 @@
-"""The fields that a scenario's goals are refined by: computed once by whoever prepares it, and mapped by its robots.
+"""The fields that a scenario's goals are refined by: computed once when it is prepared, and mapped by its robots.
 
-Whoever prepares a scenario loads no mind for it.
+Preparing a scenario loads no mind.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ Psi = Mapping[float, NDArray[np.float32]]
 
 
 def psi_of(scenario: Scenario, terrain: Terrain) -> Psi:
-    """The fields that a scenario's goals are refined by: one for each reach that its robots have.
+    """Compute the fields that a scenario's goals are refined by: one for each reach that its robots have.
 
     Args:
         scenario: The scenario.
         terrain: Its ground.
     """
-    from agent.bodies.refine import psi_field  # here: who only maps them, or has none, needs no bodies for it
+    from agent.bodies.refine import psi_field  # here: to map them, or to have none, needs no bodies
 
     return {reach: psi_field(terrain, reach) for reach in _reaches(scenario)}
 
@@ -45,7 +45,7 @@ def save_psi(prepared: Prepared, folder: Path) -> None:
 
 
 def load_psi(scenario: Scenario, folder: Path) -> Psi:
-    """What `save_psi` wrote for a scenario, memory-mapped and read-only.
+    """Map what `save_psi` wrote for a scenario, read-only.
 
     Args:
         scenario: The one that was prepared.
@@ -58,12 +58,12 @@ def load_psi(scenario: Scenario, folder: Path) -> Psi:
 
 
 def _reaches(scenario: Scenario) -> list[float]:
-    """The reaches of the fields psi that a scenario's robots refine their goals by, m, ascending."""
+    """Return the reaches of the fields psi that a scenario's robots refine their goals by, m, ascending."""
     if scenario.patrol.avoidance != "goal-refinement":
         return []
     return sorted({lengths.refine_reach for lengths in scenario.lengths.values()})
 
 
 def _psi_file(number: int) -> str:
-    """The file of the field with the number-th smallest reach, from 1 on."""
+    """Return the file name of the field with the number-th smallest reach, from 1 on."""
     return f"psi-{number}.npy"

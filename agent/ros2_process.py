@@ -40,21 +40,21 @@ SAY_S = 5.0
 """Time between two lines about what is waited for, s."""
 
 GRAPH_S = 1.0
-"""How long a router may take to say which nodes it knows, s."""
+"""Time for a router to list the nodes that it knows, s."""
 
 LISTEN_S = 2.0
 LISTEN_MORE_S = 1.5
-"""How long the first robot of a roster listens for others before it counts ticks from now, s, and how much longer each
-next one: of robots that start together, all but the first find somebody to count with."""
+"""Time for which the first robot of a roster listens for others before it counts ticks from now, and by how much longer
+each next one does, s: of robots that start together, all but the first hear another robot's count."""
 
 LONGEST_S = 4_000_000.0
-"""What a patrol without a scenario lasts at most, s: 46 days."""
+"""Longest patrol without a scenario, s: 46 days."""
 
 REACTION_S = 0.1
-"""How long a robot takes from the reception of a command until it brakes, s."""
+"""Time from the reception of a command until the robot brakes, s."""
 
 HOLD_STEPS = 1.5
-"""For how many steps a command is obeyed when no other comes."""
+"""Number of steps for which a command is obeyed when no other comes."""
 
 _LOOK_S = 0.05
 _Say = Callable[[str], None]
@@ -147,15 +147,15 @@ def _patrol(process: ProcessContext, scenario: Scenario, hardware: Hardware, sho
 
 
 def _alone(hardware: Hardware, process: ProcessContext) -> Rivals:
-    """Make sure that nobody else drives the robot, from now on. Raises BadInput if somebody does."""
+    """Make sure that no other process drives the robot, from now on. Raises BadInput if one does."""
     from agent.robots.ros2.rivals import Rivals
 
     settings, link = hardware.settings, hardware.link
     usual = None if settings.is_shared else settings.commands
     rivals = Rivals(link, None if usual is None else link.resolve(settings.topic(usual)))
-    if found := rivals.are_there(stopped=process.leaving):
+    if drivers := rivals.are_there(stopped=process.leaving):
         raise BadInput(
-            f"{', '.join(found)}: drives the robot already; end that first, or let a twist_mux choose and give its "
+            f"{', '.join(drivers)}: drives the robot already; end that first, or let a twist_mux choose and give its "
             "input by --topic, or give --shared-commands for a joystick"
         )
     return rivals.watch()
@@ -251,10 +251,10 @@ def _robots_map(link: Ros2Link, settings: DriveSettings, folder: Path, process: 
 def _scenario(
     options: argparse.Namespace, name: str, map_file: Path, pose: Pose, overrides: dict[str, object]
 ) -> Scenario:
-    """A scenario for robots of one kind on a map."""
+    """Make a scenario for robots of one kind on a map."""
     from patrol.scenario import load_scenario
 
-    names = sorted({one.strip() for one in (options.robots or name).split(",")})
+    names = sorted({listed.strip() for listed in (options.robots or name).split(",")})
     if name not in names:
         raise BadInput(f"--robots {options.robots}: does not hold {name}, which this robot is; add it, or give --name")
     body: dict[str, Any] = {
@@ -269,7 +269,7 @@ def _scenario(
         "terrain": {"map": str(map_file.absolute())},
         "duration": LONGEST_S,
         "pace": "realtime",
-        "robots": [{"name": one, **body, **(start if one == name else {})} for one in names],
+        "robots": [{"name": robot, **body, **(start if robot == name else {})} for robot in names],
         "radio": {"via": "direct"},
     }
     return load_scenario(raw, overrides, called="options", aliases={"terrain.map": "--map", "robots": "--robots"})
@@ -285,7 +285,7 @@ def _write(scenario: Scenario, path: Path) -> None:
 
 
 def _choose_router(options: argparse.Namespace, say: _Say) -> None:
-    """Where no option says where the fleet meets, let it meet at the robot's own router."""
+    """Let the fleet meet at the robot's own router, unless an option names another place."""
     if options.credentials is None:
         if options.router is None:
             say(f"meets its fleet at the robot's own router, {options.connect}; give --router if others have another")

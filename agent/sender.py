@@ -1,4 +1,4 @@
-"""What one robot sends in a tick: its position and the intruders that it sees, or nothing where it need not or may not.
+"""The frames of one robot in a tick: its position and the intruders that it sees, or none where they may wait.
 
 Where the fleet saves on its radio (`radio.budget`, `radio.adaptive`), a robot sends when the others' prediction of it
 is off, when what it sees of intruders has changed, or when it has been silent for long enough, as soon as its share of
@@ -25,7 +25,7 @@ Places = tuple[tuple[float, float], ...]
 
 @dataclass(frozen=True, slots=True)
 class Sending:
-    """How the robots of a fleet send.
+    """The rules by which the robots of a fleet send.
 
     Attributes:
         trail: Most past positions sent along.
@@ -66,7 +66,7 @@ class Sender:
         self._turn = 0
 
     def frames(self, sensed: Sensed) -> tuple[bytes, ...]:
-        """What the robot sends in a tick.
+        """Make the frames that the robot sends in a tick.
 
         Args:
             sensed: By the robot.
@@ -88,13 +88,13 @@ class Sender:
         if frames:
             self._last = position
             if seen or self._reported:
-                told = seen[: len(frames) - 1]
-                self._reported = tuple(place for place in seen if place in told or place in self._reported)
-                self._turn += len(told)
+                reported = seen[: len(frames) - 1]
+                self._reported = tuple(place for place in seen if place in reported or place in self._reported)
+                self._turn += len(reported)
         return frames
 
     def _in_turn(self, seen: Places) -> Places:
-        """The same intruders: first those that are not reported yet, and whose turn it is, since not all may fit."""
+        """Sort intruders: first those that are not reported yet, and whose turn it is, since not all may fit."""
         first = self._turn % len(seen) if seen else 0
         return tuple(sorted((*seen[first:], *seen[:first]), key=self._reported.__contains__))
 
@@ -117,7 +117,7 @@ class Sender:
         )
 
     def _fitting(self, position: Position) -> tuple[Position, bytes]:
-        """The position with as much of its trail as is of use and fits into a frame, and the frame."""
+        """Return the position with as much of its trail as is of use and fits into a frame, and the frame."""
         if len(self._track) == 1:  # no trail, as of a fleet that sends none
             return position, encode(position, self._key)
         sending = self._sending
@@ -127,14 +127,14 @@ class Sender:
             # One step shows the others how fast the robot is, even where it reports nothing new.
             steps = steps[: max(1, (position.sequence - self._last.sequence - 1) // sending.trail_every)]
         while True:
-            said = replace(position, trail=steps) if steps else position
-            frame = encode(said, self._key)
+            trailed = replace(position, trail=steps) if steps else position
+            frame = encode(trailed, self._key)
             if not steps or sending.share is None or len(frame) <= sending.share.frame:
-                return said, frame
+                return trailed, frame
             steps = steps[:-1]
 
     def _affordable(self, frames: tuple[bytes, ...]) -> tuple[bytes, ...]:
-        """The frames that may be sent now: all, or as many as can be saved up for; none while it is worth waiting."""
+        """Return the frames that may be sent now: all, or as many as can be saved up for; none while waiting pays."""
         allowance = self._allowance
         if allowance is None:
             return frames

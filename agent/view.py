@@ -1,6 +1,6 @@
-"""What a policy may know in one tick: its robot, the fog that it believes in, the ground, the ways, and the others.
+"""The view of a policy in one tick: its robot, the fog that it believes in, the ground, the ways, and the others.
 
-Never the truth, and never what another robot intends: positions are all that robots tell each other.
+It never holds the truth or another robot's intent: positions are all that robots tell each other.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 T = TypeVar("T", bound=np.generic)
 
 Draw = Callable[[int, int, Purpose], float]
-"""What chance says at a tick, on a question (0, 1, ...), for a purpose: a number in [0, 1) that depends on nothing else
-but the scenario's seed, the robot and its incarnation."""
+"""A random number in [0, 1) for a tick, a question (0, 1, ...) and a purpose. It depends on nothing else but the
+scenario's seed, the robot and its incarnation."""
 
 
 class FogView:
@@ -55,7 +55,7 @@ class FogView:
         return self._show(1, self._belief.dilated)
 
     def dilated_around(self, point: tuple[int, int], span: int) -> NDArray[np.int32]:
-        """`dilated`, up to date only around a point, which costs less.
+        """Return `dilated`, up to date only around a point, which costs less.
 
         Args:
             point: Row and column.
@@ -66,28 +66,28 @@ class FogView:
 
     @property
     def looked(self) -> NDArray[np.int32]:
-        """int32, the tick at which each point was last in somebody's view; `last_seen` unless a look leaves age."""
+        """int32, the tick at which each point was last in a robot's view; `last_seen` unless a look leaves age."""
         return self._show(2, self._belief.looked)
 
-    def _show(self, which: int, grid: NDArray[np.int32]) -> NDArray[np.int32]:
-        """A read-only view of a grid, which is another one once a belief is no longer shared."""
-        shown = self._shown.get(which)
+    def _show(self, slot: int, grid: NDArray[np.int32]) -> NDArray[np.int32]:
+        """Return a read-only view of a grid, which is another one once a belief is no longer shared."""
+        shown = self._shown.get(slot)
         if shown is None or shown.base is not grid:
-            self._shown[which] = shown = _read_only(grid)
+            self._shown[slot] = shown = _read_only(grid)
         return shown
 
     def mfow(self, tick: int) -> int:
-        """The believed age of the stalest point, ticks."""
+        """Return the believed age of the stalest point, ticks."""
         return self._belief.fog.mfow(tick)
 
     def age(self, tick: int) -> NDArray[np.int32]:
-        """The age of every point, int32 ticks; 0 where there is nothing to patrol."""
+        """Return the age of every point, int32 ticks; 0 where there is nothing to patrol."""
         return np.where(self.patrolled, np.int32(tick) - np.maximum(self.last_seen, np.int32(0)), np.int32(0))
 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What a robot may know in one tick.
+    """The facts that a robot may know in one tick.
 
     Attributes:
         tick: The fleet's tick.
@@ -122,7 +122,7 @@ class View:
     chance: Draw
 
     def draw(self, index: int = 0, purpose: Purpose = Purpose.POLICY) -> float:
-        """What chance says in this tick, in [0, 1); the same for the same question, however often it is asked.
+        """Draw a random number in [0, 1); within a tick, the same question has the same answer.
 
         Args:
             index: Which of this tick's questions, 0 and up.
@@ -131,17 +131,17 @@ class View:
         return self.chance(self.tick, index, purpose)
 
     def point_of(self, place: Spot) -> tuple[int, int]:
-        """The terrain's point (row, col) on which a place (x, y) in m lies; off the terrain, the nearest one."""
+        """Return the terrain's point (row, col) on which a place (x, y) in m lies; off the terrain, the nearest one."""
         row, col = self.ground.terrain.point_at(*place)
         rows, cols = self.ground.terrain.shape
         return min(max(row, 0), rows - 1), min(max(col, 0), cols - 1)
 
     def place_of(self, point: tuple[int, int]) -> Spot:
-        """The centre (x, y) in m of the terrain's point (row, col)."""
+        """Return the centre (x, y) in m of the terrain's point (row, col)."""
         return self.ground.terrain.centre(*point)
 
     def lengths(self, place: Spot | None = None, within: float | None = None) -> NDArray[np.float64]:
-        """How long the ways from a place to all points are (`agent.routes.routes.Routes.lengths`).
+        """Compute the lengths of the ways from a place to all points (`agent.routes.routes.Routes.lengths`).
 
         Args:
             place: x and y in m; the robot's own unless given.
@@ -153,7 +153,7 @@ class View:
         return self.routes.lengths((self.pose.x, self.pose.y) if place is None else place, within)
 
     def way(self, place: Spot) -> Way | None:
-        """The shortest way from here to a place (x, y) in m, or to the nearest one that a way leads to.
+        """Return the shortest way from here to a place (x, y) in m, or to the nearest one that a way leads to.
 
         Returns:
             Where it leads and where it first bends; None for a robot that is off the ground.
@@ -179,6 +179,6 @@ class View:
 
 
 def _read_only(array: NDArray[T]) -> NDArray[T]:
-    seen = array.view()
-    seen.flags.writeable = False
-    return seen
+    view = array.view()
+    view.flags.writeable = False
+    return view

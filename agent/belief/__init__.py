@@ -1,1 +1,1 @@
-"""What one robot believes: the fog, the other robots, and intruders."""
+"""The belief of one robot: the fog, the other robots, and intruders."""

@@ -1,4 +1,4 @@
-"""What the robots of one process believe: the fog, rebuilt from positions alone, and the peers (paper, steps 2 and 3).
+"""The beliefs of one process's robots: the fog, rebuilt from positions alone, and the peers (paper, steps 2 and 3).
 
 Theory of operation
     A fog is that of a group of minds; in a process the group has one member. Where a look makes points fresh, a fog
@@ -7,7 +7,7 @@ Theory of operation
     copy. Those that learn of others part with a copy, at that moment. Where a look leaves age, a fog depends on the
     order of the looks, which differs from mind to mind, and each mind is a group of its own.
 
-    What each has heard of each other, and with it which looks it learns of, is the table of inboxes.
+    The table of inboxes holds what each mind has heard of each robot, and so which looks it learns of.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Area:
-    """Where a kind of robot sees and stands: robots with the same one begin with equal fogs.
+    """The ground of a kind of robot: robots with the same one begin with equal fogs.
 
     Without posts, paths lead over every point, so points that are not ground must not pull.
 
@@ -70,7 +70,7 @@ class BelievedFog:
     """
 
     def __init__(self, area: Area, footprint: Footprint) -> None:
-        """Start with nothing seen and nobody who believes it.
+        """Start with nothing seen and no members.
 
         Args:
             area: Where the robots see and stand.
@@ -88,7 +88,7 @@ class BelievedFog:
             self._dilated = Dilated(self.fog, area.ground, area.posts, area.dilatation)
 
     def fork(self) -> BelievedFog:
-        """The same fog with its own grids, for others."""
+        """Return the same fog with its own grids, for others."""
         other = copy.copy(self)
         other.members = set()
         other.fog = self.fog.fork()
@@ -104,11 +104,11 @@ class BelievedFog:
             tick: Now.
         """
         boxes = []
-        for at, pose in looks:
+        for looked_at, pose in looks:
             view = self._footprint.visible(pose)
             if self._footprint.leaves_age:
-                view.mark(self.looked, at)
-            self.fog.observe(view, at)
+                view.mark(self.looked, looked_at)
+            self.fog.observe(view, looked_at)
             boxes.append(view.box(self.looked.shape))
         self._changed(boxes, tick)
 
@@ -125,7 +125,7 @@ class BelievedFog:
         self._changed([looks.views[place].box(self.looked.shape) for place in places], tick)
 
     def dilated_within(self, box: Box) -> NDArray[np.int32]:
-        """The fog after dilatation, up to date in a box: it is computed only where it is read.
+        """Return the fog after dilatation, up to date in a box: it is computed only where it is read.
 
         Args:
             box: The points that are going to be read; it may reach beyond the ground.
@@ -152,7 +152,7 @@ class BelievedFog:
 
 
 class Belief:
-    """What one mind believes: its group's fog, its peers, and intruders.
+    """The belief of one mind: its group's fog, its peers, and intruders.
 
     Attributes:
         number: Of its robot.
@@ -162,7 +162,7 @@ class Belief:
     """
 
     def __init__(self, number: int, beliefs: Beliefs, shared: BelievedFog) -> None:
-        """Believe what a group believes.
+        """Join a group that shares a fog.
 
         Args:
             number: Of the robot.
@@ -207,16 +207,16 @@ class Belief:
 
     @property
     def refused(self) -> Mapping[RejectReason, int]:
-        """How many frames the robot has refused so far, by reason."""
+        """Number of frames that the robot has refused so far, by reason."""
         return self._beliefs.inboxes.counts(self.number)
 
     @property
     def rejected(self) -> int:
-        """How many frames the robot has refused so far."""
+        """Number of frames that the robot has refused so far."""
         return self._beliefs.inboxes.rejected(self.number)
 
     def peers_at(self, tick: int, predictor: Predictor | None) -> Mapping[int, Peer]:
-        """The peers where they should be by now.
+        """Return the peers where they should be by now.
 
         Args:
             tick: Now.
@@ -227,14 +227,14 @@ class Belief:
         """
         if predictor is None:
             return self.peers
-        said = {number: self.peers.said(number) for number in self.peers}
+        positions = {number: self.peers.said(number) for number in self.peers}
         return {
             number: replace(self.peers[number], pose=predictor.pose(last, tick - last.sequence))
-            for number, last in said.items()
+            for number, last in positions.items()
         }
 
     def lately(self, peers: Mapping[int, Peer], since: int) -> Mapping[int, Peer]:
-        """Those of some peers that were heard at a tick or later.
+        """Return those of some peers that were heard at a tick or later.
 
         Args:
             peers: From `peers_at`.
@@ -245,7 +245,7 @@ class Belief:
         return {number: peer for number, peer in peers.items() if peer.tick >= since}
 
     def silent(self, tick: int, patience: int, radii: Mapping[int, float], margin: float) -> list[Disc]:
-        """Discs around the last poses of silent peers.
+        """Return discs around the last poses of silent peers.
 
         A robot that has died is still in the way. Nothing else is assumed about a silent one.
 
@@ -272,7 +272,7 @@ class Belief:
 
 
 class Beliefs:
-    """What the minds of a process believe.
+    """The beliefs of all minds of a process.
 
     Attributes:
         inboxes: What each has heard.
@@ -280,7 +280,7 @@ class Beliefs:
     """
 
     def __init__(self, inboxes: Inboxes, footprint: Footprint, *, shares: bool = False, at_once: bool = False) -> None:
-        """Nobody believes anything yet.
+        """Start without minds.
 
         Args:
             inboxes: One for each mind.
@@ -296,7 +296,7 @@ class Beliefs:
         self._blank: dict[Area, BelievedFog] = {}
 
     def join(self, number: int, area: Area) -> Belief:
-        """A belief for a mind that begins, in the place of the robot's mind before it.
+        """Make a belief for a mind that begins, in the place of the robot's mind before it.
 
         Args:
             number: Of the robot.
@@ -312,7 +312,7 @@ class Beliefs:
         return mind
 
     def leave(self, number: int) -> None:
-        """A mind is gone, with all that it knew.
+        """Drop a mind with its belief.
 
         Args:
             number: Of its robot.
@@ -346,9 +346,9 @@ class Beliefs:
         looks, chosen = _side_by_side(intake, [own[number] for number in minds], self._footprint)
         learnt = {number: row.tobytes() for number, row in zip(minds, chosen, strict=True)}
         for fog in {id(mind.shared): mind.shared for mind in minds.values()}.values():
-            for part, what in self._parted(fog, learnt):
-                part.see_some(looks, np.frombuffer(what, dtype=np.uint8), tick)
-                part.fog.mfow(tick)  # found now, so that minds that decide at once in several threads only read
+            for part, chosen_looks in self._parted(fog, learnt):
+                part.see_some(looks, np.frombuffer(chosen_looks, dtype=np.uint8), tick)
+                part.fog.mfow(tick)  # computed now, so that minds that decide at once in several threads only read
                 if self._at_once and len(part.members) > 1:
                     part.refresh()
 
@@ -358,19 +358,19 @@ class Beliefs:
         for number in fog.members:
             parts[learnt.get(number)].add(number)
         largest = max(parts.values(), key=lambda members: (len(members), -min(members)))
-        found = []
-        for what, members in parts.items():
+        groups = []
+        for learnt_looks, members in parts.items():
             part = fog if members is largest else fog.fork()
             for number in members:
                 self._minds[number].shared = part
-            found.append((part, members, what))
-        for part, members, _ in found:
+            groups.append((part, members, learnt_looks))
+        for part, members, _ in groups:
             part.members = members
-        return [(part, what) for part, _, what in found if what is not None]
+        return [(part, learnt_looks) for part, _, learnt_looks in groups if learnt_looks is not None]
 
 
 def _side_by_side(intake: Intake, own: Sequence[Pose], footprint: Footprint) -> tuple[Looks, NDArray[np.uint8]]:
-    """All looks of a tick, each once, and which of them each mind learns of, uint8 (minds, looks).
+    """Return all looks of a tick, each once, and which of them each mind learns of, uint8 (minds, looks).
 
     Args:
         intake: What the minds have accepted.
@@ -382,17 +382,17 @@ def _side_by_side(intake: Intake, own: Sequence[Pose], footprint: Footprint) -> 
     def place(tick: int, pose: Pose) -> int:
         return places.setdefault((tick, pose), len(places))
 
-    heard = np.flatnonzero(intake.plain.any(axis=0)).tolist()
-    said = [place(intake.tick, position.pose) for at in heard if (position := intake.said[at]) is not None]
+    columns = np.flatnonzero(intake.plain.any(axis=0)).tolist()
+    heard = [place(intake.tick, position.pose) for at in columns if (position := intake.said[at]) is not None]
     mine = [place(intake.tick, pose) for pose in own]
     past = [(row, place(tick, pose)) for row, _, tick, pose in intake.past]
     chosen = np.zeros((len(own), len(places)), dtype=np.uint8)
-    if len(set(said)) == len(said):
-        chosen[:, said] = intake.plain[:, heard]
+    if len(set(heard)) == len(heard):
+        chosen[:, heard] = intake.plain[:, columns]
     else:
-        for at, column in zip(said, heard, strict=True):
-            chosen[:, at] |= intake.plain[:, column]
+        for look, column in zip(heard, columns, strict=True):
+            chosen[:, look] |= intake.plain[:, column]
     chosen[np.arange(len(own)), mine] = 1
-    for row, at in past:
-        chosen[row, at] = 1
+    for row, look in past:
+        chosen[row, look] = 1
     return Looks([(tick, footprint.visible(pose)) for tick, pose in places]), chosen

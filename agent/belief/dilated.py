@@ -21,7 +21,7 @@ class Dilated:
     """Staleness, spread over the ground of one robot.
 
     A tick's looks only note which blocks of points they may change. What is read is then computed once, for all looks
-    since it was last read; what nobody reads costs nothing.
+    since it was last read; what is not read costs nothing.
     """
 
     def __init__(self, fog: Fog, ground: BoolGrid, posts: Posts, reach: int) -> None:

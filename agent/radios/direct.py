@@ -52,7 +52,7 @@ class DirectRadio:
             self.sent += 1
 
     def hear(self) -> list[bytes] | None:
-        """The frames that have arrived since the last decision.
+        """Return the frames that have arrived since the last decision.
 
         Returns:
             By sender, and in the order of arrival; None when there is nothing to decide.
@@ -74,7 +74,7 @@ class DirectRadio:
         vitals.probe_mailbox(self._mailbox)
 
     def overhear(self, wait_s: float) -> bytes | None:
-        """The next frame, which `hear` will not return again.
+        """Return the next frame, which `hear` will not return again.
 
         Args:
             wait_s: How long to wait for it, s.
@@ -86,7 +86,7 @@ class DirectRadio:
         return None if news is None else news[1]
 
     def traffic(self, incarnation: int, *, final: bool) -> Traffic:
-        """What has been sent and heard so far.
+        """Return the counts of what has been sent and heard so far.
 
         Args:
             incarnation: Of this robot.

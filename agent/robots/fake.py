@@ -1,4 +1,4 @@
-"""A fake robot: a body that moves as it is told, on a map, with nobody simulating it. For tests and as a pattern."""
+"""A fake robot: a body that moves as it is told, on a map, without a simulator. For tests and as a pattern."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class FakeRobot:
         self._k = -1
 
     def sense(self) -> Sensed | None:
-        """Wait for the next tick; where the last command has led, and whether a wall was in its way."""
+        """Wait for the next tick; return where the last command has led, and whether a wall was in its way."""
         k = self._clock.tick()
         if k is None:
             return None

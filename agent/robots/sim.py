@@ -6,8 +6,8 @@ repeated message gets the same answer again, so that nothing is decided twice. A
 wait: a robot that is late continues with the newest tick, and decides on everything it has heard since its last
 decision.
 
-Which messages count and what they lead to stands in `patrol.net.session`: `SimRobot` waits for messages, tells the
-robot's end of the session of them and carries out the effects.
+`patrol.net.session` holds the rules for messages: `SimRobot` waits for them, hands them to the robot's end of the
+session and carries out the effects.
 
 The robot reports to the world what it has sent and acted on, so that a verdict finds what others sent in their names.
 """
@@ -127,7 +127,7 @@ class SimRobot:
         return phase.k
 
     def sense(self) -> Sensed | None:
-        """What the robot senses in a new tick, as the world reports it; None when it is time to leave."""
+        """Return what the robot senses in a new tick, as the world reports it; None when it is time to leave."""
         return None if self.tick() is None else self._sensed
 
     def decide(self) -> bool:
@@ -144,7 +144,7 @@ class SimRobot:
         Returns:
             All frames since the last decision, or None when there is nothing to decide.
         """
-        if self._transcript.due and self._answered >= 0:  # here, where the frames have left, by whatever radio
+        if self._transcript.due and self._answered >= 0:  # here, where the frames have left, by either radio
             self._report(self._answered)
         while self._session.stage is RobotStage.AWAITS_B and self._receive():
             pass
@@ -167,9 +167,9 @@ class SimRobot:
 
     def act(self, command: Command) -> None:
         """Answer phase B with the command."""
-        told = self._decision or Reply(command, State.PATROLLING.value, None, 0.0, self.refused)
+        reply = self._decision or Reply(command, State.PATROLLING.value, None, 0.0, self.refused)
         self._decision = None
-        self._answer = ReplyB(*self._session.head(self._session.k), replace(told, command=command))
+        self._answer = ReplyB(*self._session.head(self._session.k), replace(reply, command=command))
         self._answers[PhaseB] = self._say(self._answer, REPLY_B)
 
     def stop(self, reason: str) -> None:
@@ -183,12 +183,12 @@ class SimRobot:
 
     @property
     def world_present(self) -> bool:
-        """Whether the fleet has a world, which may not have greeted this robot yet."""
+        """True if the fleet has a world, which may not have greeted this robot yet."""
         return self._session.world_present
 
     @property
     def unlike(self) -> bool:
-        """Whether the world has turned this process away because their scenarios or versions differ."""
+        """True if the world has turned this process away because their scenarios or versions differ."""
         return self.farewell.startswith(UNLIKE)
 
     @property
@@ -245,8 +245,8 @@ class SimRobot:
 
     def _halt(self, answer: ReplyB) -> None:
         """Withdraw the last command, so that the world stops the body if it can hear."""
-        still = replace(answer.reply, command=halted(self._model), state=State.HOLDING.value, goal=None)
-        self._say(replace(answer, reply=still), REPLY_B)
+        halt = replace(answer.reply, command=halted(self._model), state=State.HOLDING.value, goal=None)
+        self._say(replace(answer, reply=halt), REPLY_B)
         self._answer = None
 
     def _say(self, answer: ReplyA | ReplyB, place: int) -> tuple[int, bytes]:

@@ -18,7 +18,7 @@ BOXES = types.Array(types.int64, 2, "C")
 int64 = types.int64
 
 SIDE = 16
-"""Of a block, in points."""
+"""Side of a block, in points."""
 
 NOTHING = 2**31 - 1
 """The oldest tick where there is none."""
