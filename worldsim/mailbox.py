@@ -1,4 +1,4 @@
-"""What the world needs of a mailbox, so that its parts can be tested without a network."""
+"""The ports of a mailbox that the world needs, so that its parts can be tested without a network."""
 
 from __future__ import annotations
 
@@ -38,5 +38,5 @@ class AnswersMailbox(CountingMailbox[T_co], Protocol[T_co]):
 
     @property
     def waiting(self) -> int:
-        """How many messages wait to be taken."""
+        """Number of messages that wait to be taken."""
         ...

@@ -38,7 +38,7 @@ Exit codes: 0 verdict valid, 1 invalid, 2 bad input, 3 unknown (it could not be 
 """
 
 JUDGING_S = 3600.0
-"""How long a service manager is asked to wait for the verdict, s."""
+"""Time for which a service manager is asked to wait for the verdict, s."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -63,10 +63,10 @@ def _remove_static(options: Namespace) -> None:
 
 def _run(process: ProcessContext) -> int:
     """Run the world, and leave nothing behind that a launcher would have removed; return the exit code."""
-    met = process.meet(Kind.WORLD)
-    process.follow(fleet=met.keys.fleet)
+    meeting = process.meet(Kind.WORLD)
+    process.follow(fleet=meeting.keys.fleet)
     try:
-        return _run_and_judge(process, met)
+        return _run_and_judge(process, meeting)
     except Unwritten as unwritten:
         process.log.error(str(unwritten))
         return UNKNOWN
@@ -75,7 +75,7 @@ def _run(process: ProcessContext) -> int:
             _remove_static(process.options)
 
 
-def _run_and_judge(process: ProcessContext, met: Meeting) -> int:
+def _run_and_judge(process: ProcessContext, meeting: Meeting) -> int:
     """Check the input, connect, record the run and, without a launcher, judge it; return the exit code."""
     from patrol.net.keys import callers_of, check_radio
     from patrol.net.security.access import read_access
@@ -84,7 +84,7 @@ def _run_and_judge(process: ProcessContext, met: Meeting) -> int:
     from worldsim.output.folder import check
 
     options = process.options
-    token = None if met.credentials is None else met.credentials.token
+    token = None if meeting.credentials is None else meeting.credentials.token
     token = token if options.control is None else read_access(options.control, "--control").token
     scenario = load_scenario(options.scenario)
     _check_process_control(scenario, options)
@@ -97,18 +97,18 @@ def _run_and_judge(process: ProcessContext, met: Meeting) -> int:
     from worldsim.wiring import Wiring
 
     prepared = process.prepare(scenario)
-    callers = callers_of(met.keys, {spec.name: spec.number for spec in scenario.roster})
+    callers = callers_of(meeting.keys, {spec.name: spec.number for spec in scenario.roster})
     with ExitStack() as opened:
-        link, air = process.open_links(met, radio, callers, closing=opened)
-        outward, _ = process.open_links(met, quiet=True, closing=opened)  # the first has said that it waits
-        wiring = Wiring(process, scenario, met.keys, link, outward, air)
+        link, air = process.open_links(meeting, radio, callers, closing=opened)
+        outward, _ = process.open_links(meeting, quiet=True, closing=opened)  # the first has said that it waits
+        wiring = Wiring(process, scenario, meeting.keys, link, outward, air)
         try:
             listener = wiring.listener()
             _record(wiring, prepared, wiring.gather(token), listener, token)
         except Interrupted:
             return INTERRUPTED
         except Missing as missing:
-            process.log.error(f"{missing}; {_remedy(met)}")
+            process.log.error(f"{missing}; {_remedy(meeting)}")
             return UNKNOWN
     if process.launched:
         return 0  # the journal is complete; the launcher judges it
@@ -117,15 +117,17 @@ def _run_and_judge(process: ProcessContext, met: Meeting) -> int:
     return INTERRUPTED if process.ending else code
 
 
-def _remedy(met: Meeting) -> str:
-    """What to do about robots that have not come."""
-    if met.credentials is None:
-        return f"start each with: python -m agent --router {met.router} --fleet {met.keys.fleet} --robot NAME ..."
+def _remedy(meeting: Meeting) -> str:
+    """Return what to do about robots that have not come."""
+    if meeting.credentials is None:
+        return (
+            f"start each with: python -m agent --router {meeting.router} --fleet {meeting.keys.fleet} --robot NAME ..."
+        )
     return "start each with: python -m agent --credentials FOLDER ...; or one of them was revoked, or this world"
 
 
 def _check_process_control(scenario: Scenario, options: Namespace) -> None:
-    """A scenario whose faults kill, pause or start processes needs the launcher that has started these."""
+    """Refuse faults that kill, pause or start processes without the launcher that has started these."""
     from worldsim.faults.timeline import Timeline
     from worldsim.fleet.acts import NEEDS_LAUNCHER
 
@@ -174,15 +176,15 @@ def _record(
             reason = f"failed: {type(error).__name__}: {error}"
             raise
         finally:
-            taken, refused = time.monotonic() - began, dict(sessions.refused)
-            said = {"wall_s": taken, "refused": refused, "transcripts": sessions.transcripts()}
+            wall_s, refused = time.monotonic() - began, dict(sessions.refused)
+            notes = {"wall_s": wall_s, "refused": refused, "transcripts": sessions.transcripts()}
             with recording(options.out):
-                recorder.end(reason, {**said, **fleet.notes()})
+                recorder.end(reason, {**notes, **fleet.notes()})
             feed.flush()
 
 
 def _judge(out: Path, prepared: Prepared, log: Log) -> int:
-    """Summarise and judge a run whose robots were not started by a launcher; the exit code."""
+    """Summarise and judge a run whose robots were not started by a launcher; return the exit code."""
     from patrol.journal import read_journal
     from worldsim.output.summary import summarise
     from worldsim.verdict.judge import judge

@@ -1,4 +1,4 @@
-"""A run's records: why a run ends, where records are written to, and what reads them back."""
+"""A run's records: the reasons for its end, the ports to write records to and to read them back."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from patrol.journal import End, Event, Header, Record, TickRecord
 COMPLETED = "completed"
 INTERRUPTED = "interrupted"
 DESERTED = "nobody is living any more"
-"""Why a run ended, as journals have it: all ticks are done, it was asked to stop, or no robot is left."""
+"""Reasons for a run's end in journals: all ticks are done, it was asked to stop, or no robot is left."""
 
 
 class Unwritten(Exception):
-    """What happens cannot be recorded any more; one line says where and why."""
+    """A run cannot be recorded any more: one line of text with the place and the reason."""
 
 
 @contextmanager
@@ -39,7 +39,7 @@ def recording(folder: Path) -> Iterator[None]:
 
 
 class PutOff:
-    """Puts off what is written of a tick until nobody waits for the world; the order of all records stays."""
+    """Puts off what is written of a tick until no robot waits for the world; the order of all records stays."""
 
     def __init__(self, on_tick: Callable[[TickRecord], None], on_event: Callable[[Event], None]) -> None:
         """Put off nothing yet.
@@ -70,7 +70,7 @@ class PutOff:
 
 
 class Writer(Protocol):
-    """Where records go: `patrol.journal.file.JournalWriter`, or a list in memory."""
+    """A receiver of records: `patrol.journal.file.JournalWriter`, or a list in memory."""
 
     def write(self, record: Record) -> None:
         """Take the next record."""
@@ -102,7 +102,7 @@ class RunRecord(Protocol):
 
     @property
     def truncated(self) -> bool:
-        """Whether something damaged follows the last whole record."""
+        """True if something damaged follows the last whole record."""
         ...
 
 

@@ -54,10 +54,10 @@ if TYPE_CHECKING:
     from worldsim.world import World
 
 LAUNCHER_GONE_S = 2.0
-"""How long after the launcher has stopped answering its request to end may take to come, s."""
+"""Longest time from the launcher's last answer to its request to end, s."""
 
 CHALLENGE_S = 2.0
-"""How long the thread that gives operators tickets waits at a time for one who asks, s."""
+"""Time that the thread for operators' tickets waits for a request at once, s."""
 
 TICKET_S = 0.005
 """Least time between two tickets for operators, s, so that asking for them in a flood costs the ticks little."""
@@ -71,15 +71,15 @@ def _random_run() -> int:
 
 @dataclass(frozen=True)
 class Wiring:
-    """What a world's process is connected to.
+    """The connections of a world's process.
 
     Attributes:
         process: The world's.
         scenario: The scenario.
         keys: The fleet's keys.
         link: The link to the fleet's router.
-        outward: Another link to it, for those who watch: one who asks and stops reading holds up its own link only.
-        air: What carries frames where robots hear each other directly.
+        outward: Another link to it, for viewers: one that asks and stops reading holds up its own link only.
+        air: Carries frames where robots hear each other directly.
         run: Random number of the run.
     """
 
@@ -108,7 +108,7 @@ class Wiring:
         return RouterWatch(lambda: self.link.connected, lambda: self.link.echo(token), time.monotonic, self.log.warning)
 
     def leaving(self) -> bool:
-        """Whether the process should end; whatever waits or loops asks this in each round."""
+        """Return True if the process should end; each wait and each loop asks this in each round."""
         self.process.notifier.alive()
         return bool(self.process.ending)
 
@@ -134,11 +134,11 @@ class Wiring:
             raise BadInput(
                 f"--fleet {keys.fleet}: a world of this fleet is running already; choose another name, or end that one"
             )
-        lockstep = self.scenario.factor is None  # it sends again what got lost; at a pace the world waits for nobody
+        lockstep = self.scenario.factor is None  # it sends again what got lost; at a pace the world waits for no robot
         posts = {number: link.post(keys.tick(name), waits=lockstep, together=True) for number, name in names.items()}
-        ended = None if self._ask_launcher is None else partial(has_ended, self._ask_launcher)
+        has_ended_for = None if self._ask_launcher is None else partial(has_ended, self._ask_launcher)
         connection = FleetConnection(
-            keys, names, posts, mailbox, self.router.settled, time.monotonic, self.leaving, ended
+            keys, names, posts, mailbox, self.router.settled, time.monotonic, self.leaving, has_ended_for
         )
         absent = Timeline(self.scenario).starts_absent
         sessions = Sessions(connection, self._identity(token, names), absent)
@@ -164,7 +164,7 @@ class Wiring:
         return WorldRun(self.run, scenario_hash(self.scenario), chain, seat if launched else None)
 
     def listener(self) -> Listener | None:
-        """What hears a direct radio; None where the world carries the frames."""
+        """Make the listener to a direct radio; None where the world carries the frames."""
         if self.scenario.radio.via != "direct":
             return None
         keys = self.keys
@@ -177,13 +177,13 @@ class Wiring:
         return Listener(keys, numbers, positions, telemetry, time.monotonic)
 
     def fleet(self, sessions: Sessions, listener: Listener | None) -> LockstepFleet | PacedFleet:
-        """The robots, in lockstep or at the pace of the clock."""
+        """Make the fleet, in lockstep or at the pace of the clock."""
         if self.scenario.factor is None:
             return LockstepFleet(sessions, self.options.deadline, self.router)
         return PacedFleet(sessions, self.scenario.step / self.scenario.factor, listener, self.router)
 
     def process_control(self, sessions: Sessions) -> LauncherControl | None:
-        """What kills, pauses and starts robots' processes; None without a launcher."""
+        """Make the control over robots' processes; None without a launcher."""
         if self._ask_launcher is None:
             return None
         return LauncherControl(self._ask_launcher, sessions, waits=self.scenario.factor is None)
@@ -195,7 +195,7 @@ class Wiring:
         return None if descriptor is None else _asking(descriptor, self.process.ending)
 
     def operator(self, world: World, fleet: LockstepFleet | PacedFleet, token: str | None) -> Operator | None:
-        """What does what operators ask for, and keeps the scenario as they change it; None without a token."""
+        """Make what serves operators and keeps the scenario as they change it; None without a token."""
         if token is None:
             return None
         key, challenge = self.keys.control(ASK), self.keys.control(CHALLENGE)
@@ -231,7 +231,7 @@ class Wiring:
         fleet: LockstepFleet | PacedFleet,
         operator: Operator | None,
     ) -> Feed:
-        """What writes the journal and shows it to those who watch the run, also to those who come late."""
+        """Make the feed, which writes the journal and shows it to viewers, also to those that come late."""
         key = self.keys.truth(FOG)
         questions: Mailbox[Question] = Mailbox([key], _unread, 0, MOST_ASKING)
 
@@ -256,7 +256,7 @@ class Wiring:
     def sinks(
         self, world: World, recorder: Recorder, table: TicksTable, between: Callable[[], None]
     ) -> tuple[Callable[[TickRecord], None], Callable[[Event], None]]:
-        """Where a run's ticks and events go: into the files, to those who watch, and to the terminal.
+        """Make the receivers of a run's ticks and events: for its files, its viewers and the terminal.
 
         Args:
             world: The world.
@@ -265,10 +265,10 @@ class Wiring:
             between: Called after each tick.
 
         Returns:
-            What takes the ticks, and what takes the events.
+            One function for the ticks, and one for the events.
         """
         progress = LiveProgress(world, time.monotonic)
-        to_metrics, to_events = (self.outward.publisher(self.keys.truth(what)) for what in (METRICS, EVENTS))
+        to_metrics, to_events = (self.outward.publisher(self.keys.truth(topic)) for topic in (METRICS, EVENTS))
 
         def on_tick(record: TickRecord) -> None:
             with recording(self.options.out):
@@ -296,7 +296,7 @@ class Wiring:
         return on_tick, on_event
 
     def _leave_figures(self, record: TickRecord) -> None:
-        """What those who follow this process see of a tick."""
+        """Publish a tick's figures for those that follow this process."""
         statuses = Counter(robot.status.name.lower() for robot in record.robots)
         mfow_s = record.mfow * self.scenario.step
         self.process.vitals.beat(record.k, {MFOW: mfow_s, ROBOTS: {status: statuses[status] for status in _STATUSES}})
@@ -304,12 +304,12 @@ class Wiring:
 
 
 def _unread(_payload: bytes) -> Question:
-    """Questions are put into their mailbox as they are."""
+    """Raise: questions are put into their mailbox as they are."""
     raise ValueError("no question")
 
 
 def _asking(descriptor: int, ending: Ending) -> Callable[[bytes], bytes]:
-    """Asks the launcher, one line for each request and answer, over the socket that this process inherited."""
+    """Make a function that asks the launcher over the inherited socket, one line for each request and answer."""
     end = socket.socket(fileno=descriptor)
     lines = end.makefile("rb")
 
@@ -339,13 +339,13 @@ def put_off(
     Args:
         later: What is written of the tick before.
         world: Brings the true fog up to date.
-        fleet: Says when nobody waits for the world.
-        operator: Rests where no tick is due; None where nobody can ask.
+        fleet: Says when no robot waits for the world.
+        operator: Rests where no tick is due; None without operators.
         between: Called now and then where no tick is due.
     """
 
     def aside() -> None:
-        later.settle()  # first: what is told of the tick before is told by its own fog
+        later.settle()  # first: the tick before is reported by its own fog
         world.observe()
 
     def rest() -> None:
@@ -355,7 +355,7 @@ def put_off(
     during = fleet.meanwhile
 
     def meanwhile() -> None:
-        later.settle()  # a robot takes its time, so nobody waits for the world
+        later.settle()  # a robot takes its time, so no robot waits for the world
         during()
 
     fleet.aside = aside

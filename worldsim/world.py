@@ -102,10 +102,10 @@ class World:
         self._frames, self._delivery = (), Delivery({}, (), ())
         living = {number: self.bodies[number] for number in self.living}
         self._to_observe = [(number, body.pose) for number, body in living.items()]
-        seen = {number: self._intruders.seen_by(self.tick, body.pose) for number, body in living.items()}
+        contacts = {number: self._intruders.seen_by(self.tick, body.pose) for number, body in living.items()}
         k, senses = self.tick, self.senses
         return {
-            number: Sensed(k, senses.pose(number, k, body.pose), body.bumped, seen[number], senses.clock(number, k))
+            number: Sensed(k, senses.pose(number, k, body.pose), body.bumped, contacts[number], senses.clock(number, k))
             for number, body in living.items()
         }
 
@@ -115,7 +115,7 @@ class World:
         self.truth.observe(self.tick, looking)
 
     def exchange(self, frames: Mapping[int, Sequence[bytes]]) -> Mapping[int, list[bytes]]:
-        """The ether carries the frames of the living robots.
+        """Let the ether carry the frames of the living robots.
 
         Args:
             frames: Of each living robot, its position first; none from a robot that stays silent. A robot that is
@@ -137,7 +137,7 @@ class World:
         return self._delivery.heard
 
     def end_tick(self, replies: Mapping[int, Reply | None]) -> TickRecord:
-        """The living robots obey their commands for one step.
+        """Let the living robots obey their commands for one step.
 
         Args:
             replies: Of each robot, by number; None or missing where no reply came.

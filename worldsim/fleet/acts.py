@@ -1,4 +1,4 @@
-"""What the timeline does to robots between ticks: killed, restarted, paused, resumed, joining, leaving.
+"""Acts of the timeline on robots between ticks: killed, restarted, paused, resumed, joining, leaving.
 
 Only ALIVE robots take part in ticks. PAUSED and DEAD bodies stand in the way; those of robots that have left or are not
 there yet do not, nor do wrecks that were removed. A robot that joins, or is restarted after its wreck was removed,
@@ -36,7 +36,7 @@ class Acts:
 
         Args:
             world: The world.
-            control: What kills, pauses and starts robots' processes, or None.
+            control: Kills, pauses and starts robots' processes; None without it.
 
         Raises:
             BadInput: Process control is needed and there is none.
@@ -50,18 +50,18 @@ class Acts:
 
     @property
     def deserted(self) -> bool:
-        """Whether a robot was lost, none is alive or paused any more, and none will come back."""
+        """True if a robot was lost, none is alive or paused any more, and none will come back."""
         bodies = self._world.bodies.values()
         if self._coming or any(body.status in (Status.ALIVE, Status.PAUSED) for body in bodies):
             return False
         if all(body.status is not Status.LOST for body in bodies):
             return False
-        back = ("restart", "join")
-        return not any(e.begin >= self._world.tick and e.fault.kind in back for e in self._world.timeline.entries)
+        kinds = ("restart", "join")
+        return not any(e.begin >= self._world.tick and e.fault.kind in kinds for e in self._world.timeline.entries)
 
     @property
     def may_wait(self) -> bool:
-        """Whether what is due before the next tick may have to wait for processes."""
+        """True if what is due before the next tick may have to wait for processes."""
         return bool(self._coming) or bool(self._world.timeline.acts(self._world.tick))
 
     def due(self) -> Iterator[Event]:
@@ -92,13 +92,13 @@ class Acts:
                 control.kill(number)
                 yield world.stand_down(number, Status.DEAD, reason, away=act.wreck == "removed")
             case "pause":
-                seen = control.pause(number)
+                finding = control.pause(number)
                 yield world.stand_down(number, Status.PAUSED, reason)
-                yield from self._looked_at(number, seen)
+                yield from self._looked_at(number, finding)
             case "resume":
-                seen = control.resume(number)
+                finding = control.resume(number)
                 yield world.wake(number, reason)
-                yield from self._looked_at(number, seen)
+                yield from self._looked_at(number, finding)
             case "leave":
                 control.leave(number)
                 yield world.stand_down(number, Status.LEFT, reason, away=True)
@@ -110,9 +110,9 @@ class Acts:
                 control.start(number, body.incarnation)
                 self._coming[number] = f"{reason}: process {body.incarnation}"
 
-    def _looked_at(self, number: int, seen: str) -> Iterator[Event]:
-        if seen:
-            yield Event(self._world.tick, LOOKED_AT, number, seen)
+    def _looked_at(self, number: int, finding: str) -> Iterator[Event]:
+        if finding:
+            yield Event(self._world.tick, LOOKED_AT, number, finding)
 
     def _bring_in(self, number: int, control: ProcessControl) -> Iterator[Event]:
         """Let a robot that was started take part, as soon as its process is ready and its place is free."""

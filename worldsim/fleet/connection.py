@@ -1,4 +1,4 @@
-"""What connects a world with its robots."""
+"""The connection of a world with its robots."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from worldsim.mailbox import AnswersMailbox
 
 @dataclass(frozen=True, slots=True)
 class FleetConnection:
-    """What connects the world with its robots.
+    """The connection of the world with its robots.
 
     Attributes:
         keys: The fleet's keys.
         names: The robots' names by number.
-        posts: What sends to each robot, by number.
-        mailbox: Where their answers arrive.
+        posts: Sends to a robot, by number.
+        mailbox: Their answers.
         connected: Whether the router answers now.
         now: Seconds of a clock that never goes back.
         ending: Whether the world should end.

@@ -14,7 +14,7 @@ from worldsim.fleet.sessions import POLL_S, Sessions
 
 RESEND_S = 1.0
 QUIET_S = 0.5
-"""How long no answer may come before it is asked whether the router is at work, s."""
+"""Time without an answer after which it is asked whether the router is at work, s."""
 _DRAINED = 16
 
 T = TypeVar("T", ReplyA, ReplyB)
@@ -30,7 +30,7 @@ class LockstepFleet:
 
     Attributes:
         meanwhile: Called now and then while a tick is waited for.
-        aside: Called once a tick, when all robots have begun to decide, for work that nobody waits for.
+        aside: Called once a tick, when all robots have begun to decide, for work that no robot waits for.
     """
 
     def __init__(self, sessions: Sessions, deadline_s: float = ANSWER_S, router: RouterWatch | None = None) -> None:
@@ -75,7 +75,7 @@ class LockstepFleet:
         return {number: answer.reply for number, answer in answers.items()}
 
     def lost(self) -> list[tuple[int, Status, str]]:
-        """The robots lost since the last call: number, status and reason."""
+        """Return the robots lost since the last call: number, status and reason."""
         lost, self._lost = self._lost, []
         return lost
 
@@ -91,7 +91,7 @@ class LockstepFleet:
         self._sessions.close(k, "the run is over")
 
     def notes(self) -> dict[str, Any]:
-        """Notes on the pace for the journal's end: for how long the router was silent, if it was."""
+        """Return notes on the pace for the journal's end: for how long the router was silent, if it was."""
         return router_notes(self._router)
 
     def _ask(
@@ -104,7 +104,7 @@ class LockstepFleet:
     ) -> dict[int, T]:
         """Tell each robot what it senses or hears, do what can be done aside, and wait for all answers."""
         sessions = self._sessions
-        sent = {number: sessions.send(number, k, told) for number, told in tell.items()}
+        sent = {number: sessions.send(number, k, phase_data) for number, phase_data in tell.items()}
         aside()
         answers: dict[int, T] = {}
         deadline_s = self._deadline_s if k else max(self._deadline_s, ANSWER_S)
@@ -151,7 +151,7 @@ class LockstepFleet:
 
 
 def router_notes(router: RouterWatch | None) -> dict[str, Any]:
-    """Notes on the router for the journal's end.
+    """Return notes on the router for the journal's end.
 
     Args:
         router: Says whether the router answers; None without one.

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Fleet(Protocol):
-    """All robots' minds, wherever they run."""
+    """All robots' minds, in processes or in this one."""
 
     def phase_a(self, k: int, reports: Mapping[int, Sensed]) -> Mapping[int, Sequence[bytes]]:
         """Send the living robots what they sense.
@@ -33,7 +33,7 @@ class Fleet(Protocol):
         ...
 
     def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply | None]:
-        """Send those who answered phase A what they hear.
+        """Send the robots that answered phase A what they hear.
 
         Args:
             k: The tick.
@@ -45,7 +45,7 @@ class Fleet(Protocol):
         ...
 
     def lost(self) -> Iterable[tuple[int, Status, str]]:
-        """Between ticks: (number, status, reason) of each robot that was found to be lost since the last call."""
+        """Return, between ticks, (number, status, reason) of each robot that was lost since the last call."""
         ...
 
     def finish(self, k: int) -> None:
@@ -72,7 +72,7 @@ def run_ticks(
         events: Takes what happens between ticks.
         stop: Asked between ticks whether to stop.
         control: Does to robots' processes what the scenario's faults ask for; None where none do.
-        operator: Does what operators ask for between ticks; None where nobody can ask.
+        operator: Does what operators ask for between ticks; None without operators.
         settle: Called where the next tick may be long in coming, and at the end: does what `sink` has put off.
 
     Returns:
@@ -114,10 +114,10 @@ def _run_tick(world: World, fleet: Fleet, sink: Callable[[TickRecord], None], ev
     frames = fleet.phase_a(k, reports)
     replies = fleet.phase_b(k, world.exchange(frames))
     sink(world.end_tick(replies))
-    gone = {number: (status, reason) for number, status, reason in fleet.lost() if number in reports}
+    lost = {number: (status, reason) for number, status, reason in fleet.lost() if number in reports}
     for number in reports:
         if number not in frames or number not in replies:
             phase = "A" if number not in frames else "B"
-            gone.setdefault(number, (Status.LOST, f"no answer in phase {phase} of tick {k}"))
-    for number, (status, reason) in sorted(gone.items()):
+            lost.setdefault(number, (Status.LOST, f"no answer in phase {phase} of tick {k}"))
+    for number, (status, reason) in sorted(lost.items()):
         events(world.stand_down(number, status, reason))

@@ -7,8 +7,8 @@ missed deadline. Where robots hear each other directly, the world only listens t
 
 Two things move deadlines, because they are no robot's fault:
 
-- The world tells its robots late. From when phase A has left a robot has a fifth of a step, from when phase B has, half
-  a step. What has come when the world looks is there in time, however long the world was busy.
+- The world sends late. A robot has a fifth of a step from when phase A has left, and half a step from when phase B has.
+  What has come when the world looks is there in time, however long the world was busy.
 - The world is woken late from a wait, as on a machine that stands still for a moment. Robots have that time again, up
   to a step in each tick, and the world counts it (`PacedFleet.held_up_s`).
 
@@ -36,9 +36,9 @@ if TYPE_CHECKING:
 COMMAND_SHARE = 0.5
 """The least share of a step that robots have from phase B to their commands."""
 WAKING_S = 0.002
-"""How late the world is woken in the usual course of things, s; what is later counts as held up."""
+"""Usual delay of the world's waking, s; a longer one counts as held up."""
 LOOK_S = 0.005
-"""How long the world waits for a message at a time, s; as much of what holds it up may pass unnoticed."""
+"""Time that the world waits for a message at once, s; as much of a hold-up may pass unnoticed."""
 
 
 class PacedFleet:
@@ -47,13 +47,13 @@ class PacedFleet:
     Attributes:
         late_frames: Ticks by robot number in which no frames were there in time.
         late_commands: Ticks by robot number in which no command was there in time.
-        too_late: Frames by robot number that came after the deadline and reached nobody; the other late ones never
+        too_late: Frames by robot number that came after the deadline and reached no robot; the other late ones never
             came.
         slipped_s: By how much the world itself has fallen behind without catching up, s of wall time.
         held_up_s: By how much deadlines were moved because the world was woken late, s of wall time.
         longest_held_up_s: The most of that in one tick.
         meanwhile: Called now and then while a tick is waited for.
-        aside: Called once a tick, when all robots have been sent phase A, for work that nobody waits for.
+        aside: Called once a tick, when all robots have been sent phase A, for work that no robot waits for.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class PacedFleet:
         Args:
             sessions: Theirs.
             step_s: Wall time of a tick, s.
-            listener: What hears a direct radio; None where the world carries the frames.
+            listener: Hears a direct radio; None where the world carries the frames.
             router: Says whether the router answers; None where there is none between world and robots.
         """
         self.late_frames: Counter[int] = Counter()
@@ -90,7 +90,7 @@ class PacedFleet:
         self._commands: dict[int, ReplyB] = {}
 
     def phase_a(self, k: int, reports: Mapping[int, Sensed]) -> Mapping[int, Sequence[bytes]]:
-        """The frames that have come when phase B is due, none for the others."""
+        """Return the frames that have come when phase B is due, none for the others."""
         self._living = list(reports)
         self._k = k
         self._closed = False
@@ -98,11 +98,11 @@ class PacedFleet:
         self._begin()
         for number, report in reports.items():
             self._sessions.send(number, k, report)
-        told = self._sessions.now
+        told_at = self._sessions.now
         self.aside()
         frames: dict[int, Sequence[bytes]] = {}
         answering = reports.keys() if self._listener is None else None
-        self._collect(frames, told, PHASE_B_SHARE, PHASE_B_SHARE, answering)
+        self._collect(frames, told_at, PHASE_B_SHARE, PHASE_B_SHARE, answering)
         self._closed = True
         if self._listener is not None:
             heard = self._listener.frames(k)
@@ -111,7 +111,7 @@ class PacedFleet:
         return {number: frames.get(number, ()) for number in reports}
 
     def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply | None]:
-        """The newest commands that have come when the step ends, None for robots that sent none."""
+        """Return the newest commands that have come when the step ends, None for robots that sent none."""
         for number, frames in heard.items():
             self._sessions.send(number, k, frames)
         self._collect({}, self._sessions.now, 1.0, COMMAND_SHARE)
@@ -120,7 +120,7 @@ class PacedFleet:
         return {number: commands[number].reply if number in commands else None for number in heard}
 
     def lost(self) -> list[tuple[int, Status, str]]:
-        """The robots whose process is gone or whose mind has failed.
+        """Return the robots whose process is gone or whose mind has failed.
 
         One that is only slow or paused is not lost: its watchdog has stopped it. Nor is one that was cut off and comes
         back (`Sessions.gone`). While the router does not answer, the ticks go on, every
@@ -151,7 +151,7 @@ class PacedFleet:
         self._sessions.close(k, "the run is over")
 
     def notes(self) -> dict[str, Any]:
-        """Notes on the pace for the journal's end: missed deadlines by robot number, and the world's own slip."""
+        """Return the pace for the journal's end: missed deadlines by robot number, and the world's own slip."""
         return {
             "late_frames": dict(sorted(self.late_frames.items())),
             "too_late": dict(sorted(self.too_late.items())),
@@ -176,7 +176,7 @@ class PacedFleet:
     def _collect(
         self,
         frames: dict[int, Sequence[bytes]],
-        told: float,
+        told_at: float,
         share: float,
         least: float,
         answering: Set[int] | None = None,
@@ -185,18 +185,18 @@ class PacedFleet:
 
         Args:
             frames: Takes the frames of this tick, by robot number.
-            told: When the last robot was sent the phase that this answers.
+            told_at: When the last robot was sent the phase that this answers.
             share: The share of the step after whose beginning it ends.
-            least: The least share of a step for which it lasts from `told`.
+            least: The least share of a step for which it lasts from `told_at`.
             answering: It ends as soon as there are frames of all of these; None for not before its time.
         """
         assert self._begins is not None
         held_up_s = 0.0
         while answering is None or not answering <= frames.keys():
             now = self._sessions.now
-            left = max(self._begins + share * self._tick_s, told + least * self._tick_s) + held_up_s - now
+            left = max(self._begins + share * self._tick_s, told_at + least * self._tick_s) + held_up_s - now
             if left <= 0.0:
-                # No more than waits now: who floods the world keeps no tick open.
+                # No more than waits now, so that a flood of messages keeps no tick open.
                 for _ in range(self._sessions.waiting):
                     self._take(0.0, frames)
                 return
@@ -207,14 +207,14 @@ class PacedFleet:
                 self.meanwhile()
 
     def _take(self, timeout_s: float, frames: dict[int, Sequence[bytes]]) -> bool:
-        """Take one answer, if one comes in time; whether it did."""
+        """Take one answer, if one comes in time; return whether it did."""
         arrived = self._sessions.take(timeout_s)
         if arrived is not None:
             self._note(*arrived, frames)
         return arrived is not None
 
     def _woken_late(self, late_s: float) -> float:
-        """How much time robots have again after a wait that took so much longer than it should, s; it is counted."""
+        """Count a wait that took so much longer than it should; return the time that robots get back for it, s."""
         if late_s <= WAKING_S:
             return 0.0
         credit = min(late_s, max(0.0, self._tick_s - self._held_up_s))

@@ -1,4 +1,4 @@
-"""Process control: ends, stops, continues and starts robots' processes, wherever these are.
+"""Process control: ends, stops, continues and starts robots' processes.
 
 The world decides when which robot is killed, paused and so on, and what becomes of its body. What happens to its
 process is done by process control. In a fleet in one process robots' minds are dropped and made again
@@ -18,17 +18,17 @@ from worldsim.faults.lifecycle import STOPPED, UNSEEN
 from worldsim.fleet.sessions import Interrupted, Sessions
 
 START_S = 600.0
-"""How long a process that was started and lives may take to open its session, s of wall time: longer than on any
-machine that is only busy."""
+"""Longest time from the start of a process that lives to its session, s of wall time: longer than on any machine that
+is only busy."""
 _LOOK_S = 0.5
-"""How often the launcher is asked whether a process that was started still lives, s."""
+"""Time between two questions to the launcher whether a process that was started still lives, s."""
 
 
 class ProcessControl(Protocol):
-    """What can be done to a robot's process; each call returns when it is done. Robots go by number."""
+    """Control over robots' processes; each call returns when it is done. Robots go by number."""
 
     def kill(self, number: int) -> None:
-        """End a robot's process at once, whatever it is doing."""
+        """End a robot's process at once."""
         ...
 
     def pause(self, number: int) -> str:
@@ -57,7 +57,7 @@ class ProcessControl(Protocol):
         ...
 
     def arrived(self, number: int) -> bool:
-        """Whether the process that was started can be reached by now.
+        """Return True if the process that was started can be reached by now.
 
         Raises:
             NotStarted: It never will be.
@@ -65,7 +65,7 @@ class ProcessControl(Protocol):
         ...
 
     def release(self, paused: Iterable[int]) -> None:
-        """The run is over: let the processes that are stopped go on, so that they can leave as well."""
+        """Let the processes that are stopped go on when the run is over, so that they can leave as well."""
         ...
 
 
@@ -79,7 +79,7 @@ class ControlFailed(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What the world asks of the launcher.
+    """One request of the world to the launcher.
 
     Attributes:
         do: "kill", "pause", "resume", "leave", "start", or "look" for whether the process has ended.
@@ -92,14 +92,14 @@ class Request:
     incarnation: int = 0
 
     def line(self) -> bytes:
-        """The request as a line of JSON."""
+        """Return the request as a line of JSON."""
         return json.dumps(asdict(self)).encode() + b"\n"
 
     @classmethod
     def read(cls, line: bytes) -> Request:
-        """The request from a line of JSON."""
-        says = json.loads(line)
-        return cls(str(says["do"]), int(says["robot"]), int(says["incarnation"]))
+        """Read a request from a line of JSON."""
+        fields = json.loads(line)
+        return cls(str(fields["do"]), int(fields["robot"]), int(fields["incarnation"]))
 
 
 ENDED = "ended"
@@ -198,9 +198,9 @@ class LauncherControl:
             except (Interrupted, ControlFailed):
                 return
 
-    def _do(self, what: str, number: int, incarnation: int = 0) -> str:
-        """Have something done; the state of the process, where the launcher reports it."""
-        return _have_done(self._ask, Request(what, number, incarnation))
+    def _do(self, action: str, number: int, incarnation: int = 0) -> str:
+        """Have something done; return the state of the process, where the launcher reports it."""
+        return _have_done(self._ask, Request(action, number, incarnation))
 
 
 def has_ended(ask: Callable[[bytes], bytes], number: int) -> bool:
@@ -227,5 +227,5 @@ def _have_done(ask: Callable[[bytes], bytes], request: Request) -> str:
 
 
 def _seen(state: str) -> str:
-    """What the state of a process that should be stopped means."""
+    """Put the state of a process that should be stopped into words."""
     return {"T": STOPPED, "": UNSEEN}.get(state, f"its process has the state {state} and does not stand still")

@@ -12,11 +12,11 @@ from collections.abc import Callable
 EVERY_S = 1.0
 """Wall time between two questions, s."""
 SILENT_S = 1.0
-"""How long the router may take to answer, s."""
+"""Longest time for the router's answer, s."""
 SETTLING_S = 2.0
-"""How long after the router's return tokens of robots that are there may still go, s."""
+"""Time after the router's return in which tokens of robots that are there may still go, s."""
 SAY_S = (3.0, 10.0)
-"""How long the router has been silent when that is first reported, s; and how long after that again."""
+"""Silence of the router after which it is first reported, and time until each next report, s."""
 
 
 def always() -> bool:
@@ -25,7 +25,7 @@ def always() -> bool:
 
 
 class RouterWatch:
-    """Finds out whether the router answers, while somebody asks this again and again."""
+    """Finds out whether the router answers, by calls of `answers` again and again."""
 
     def __init__(
         self,
@@ -54,11 +54,11 @@ class RouterWatch:
 
     @property
     def silent_s(self) -> float:
-        """For how long the router has been silent so far, s of wall time."""
+        """Time for which the router has been silent so far, s of wall time."""
         return self._silent_s + (0.0 if self._silent_since is None else self._now() - self._silent_since)
 
     def answers(self) -> bool:
-        """Whether the router answers."""
+        """Return True if the router answers."""
         now = self._now()
         if not self._connected():
             self._back, self._asked_at = always, now  # what was asked is lost; with the next connection ask again
@@ -74,7 +74,7 @@ class RouterWatch:
         return self._silent_since is None
 
     def settled(self) -> bool:
-        """Whether the router answers and its other clients have had time to find back to it."""
+        """Return True if the router answers and its other clients have had time to find back to it."""
         return self.answers() and self._now() >= self._returned_at + SETTLING_S
 
     def _note_silence(self, now: float, since: float) -> None:

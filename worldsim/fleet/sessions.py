@@ -28,11 +28,11 @@ from worldsim.fleet.connection import FleetConnection
 POLL_S = 0.1
 HELLO_S = 1.0
 RECOVERY_S = 5.0
-"""How long clients may take to reconnect to a router that has returned."""
+"""Longest time until clients have reconnected to a router that has returned."""
 DISMISSAL_S = 10.0
-"""How long robots that are told to leave may take until their tokens go; one that was paused has much to read first."""
+"""Longest time until the tokens of robots that are told to leave go; one that was paused has much to read first."""
 REPORT_S = 2.0
-"""How long their last reports may then take to come."""
+"""Longest time until their last reports come after that."""
 
 
 class Interrupted(Exception):
@@ -50,7 +50,7 @@ class Sessions:
         """Expect a process for each robot.
 
         Args:
-            connection: What connects the world with the robots.
+            connection: Of the world with the robots.
             run: What the world offers them.
             absent: Numbers of robots for which no process is expected yet.
         """
@@ -70,7 +70,7 @@ class Sessions:
 
     @property
     def waiting(self) -> int:
-        """How many messages wait to be taken."""
+        """Number of messages that wait to be taken."""
         return self._connection.mailbox.waiting
 
     @property
@@ -143,8 +143,13 @@ class Sessions:
 
     def transcripts(self) -> list[dict[str, object]]:
         """Return what the robots and the world have each sent and acted on, as notes for the journal's end."""
-        kept = [(n, one, transcript) for n, end in self._ends.items() for one, transcript in end.transcripts.items()]
-        return as_notes({(number, incarnation): transcript for number, (incarnation, _), transcript in kept})
+        return as_notes(
+            {
+                (number, incarnation): transcript
+                for number, end in self._ends.items()
+                for (incarnation, _), transcript in end.transcripts.items()
+            }
+        )
 
     def repeat(self, number: int, payload: bytes) -> None:
         """Send the same bytes once more."""
@@ -228,13 +233,13 @@ class Sessions:
         self._run.k = k
         staying = [end for end in self._ends.values() if end.stage in (SeatStage.SEATED, SeatStage.FAILING)]
         until = self.now + DISMISSAL_S
-        sent = -HELLO_S
+        sent_at = -HELLO_S
         while self.now < until:
             left = [end for end in staying if end.present]
             if not left and all(end.said_farewell for end in staying):
                 break
-            if left and self.now >= sent + HELLO_S / 2:
-                sent = self.now
+            if left and self.now >= sent_at + HELLO_S / 2:
+                sent_at = self.now
                 for end in left:
                     self.dismiss(end.number, reason, orderly=True)
             if not left:
@@ -265,19 +270,19 @@ class Sessions:
                     self._connection.posts[end.number](encode(message))
                 case Refuse(reason):
                     self.refused[reason] += 1
-                case Unlike(what) if self._gathering:
-                    self._call_off(end, what)
+                case Unlike(difference) if self._gathering:
+                    self._call_off(end, difference)
                 case Unlike():
                     self.refused["seat"] += 1
         return None
 
-    def _call_off(self, unlike: WorldEnd, what: str) -> NoReturn:
+    def _call_off(self, unlike: WorldEnd, difference: str) -> NoReturn:
         """Tell the others that the run cannot begin, wait until they have gone, and raise BadInput."""
-        why = f"{unlike.name} was started with another {what}"
-        told = [end for end in self._ends.values() if end.process is not None]
-        for end in told:
+        why = f"{unlike.name} was started with another {difference}"
+        others = [end for end in self._ends.values() if end.process is not None]
+        for end in others:
             self.dismiss(end.number, f"the run cannot begin: {why}", orderly=False)
         until = self.now + DISMISSAL_S
-        while self.now < until and any(end.present for end in (unlike, *told)):
+        while self.now < until and any(end.present for end in (unlike, *others)):
             self._take_in(POLL_S, leaving=True)  # the link must not close before they have been told
         raise BadInput(why)

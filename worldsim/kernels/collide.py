@@ -18,7 +18,7 @@ _F = types.float64
 
 @njit(types.boolean(_F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
 def _meet(ax, ay, bx, by, limit):
-    """Whether a body comes nearer to another than `limit`, moving from (ax, ay) to (bx, by) relative to it, m.
+    """Return True if a body comes nearer to another than `limit`, moving from (ax, ay) to (bx, by) relative to it, m.
 
     Two bodies that are nearer from the start meet unless they move apart.
     """

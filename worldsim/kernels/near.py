@@ -13,7 +13,7 @@ _FLAGS = types.Array(types.bool_, 1, "C")
 
 @njit(_FLAGS(_DISCS), cache=True, nogil=True, error_model="numpy")
 def near_others(discs):
-    """Which discs overlap at least one other disc; touching counts.
+    """Mark the discs that overlap at least one other disc; touching counts.
 
     Args:
         discs: float64 (n, 3), x and y of the centres and the radii, m.

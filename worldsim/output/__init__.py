@@ -1,1 +1,1 @@
-"""Everything that a run writes, and shows while it goes on."""
+"""The files that a run writes, and the messages that it shows while it goes on."""

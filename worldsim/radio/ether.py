@@ -34,7 +34,7 @@ RECEIVER_DEAD = "receiver dead"
 RECEIVER_PAUSED = "receiver paused"
 RECEIVER_ABSENT = "receiver absent"
 OWN = "own"
-"""Why a robot that forges does not hear its forged frames."""
+"""The cause for which a robot that forges does not hear its forged frames."""
 
 _DEAF = {
     Status.PAUSED: RECEIVER_PAUSED,
@@ -43,7 +43,7 @@ _DEAF = {
     Status.DEAD: RECEIVER_DEAD,
     Status.LOST: RECEIVER_DEAD,
 }
-"""Why a frame is lost that arrives at a robot that is not alive."""
+"""The cause for which a frame is lost at a robot that is not alive."""
 
 Link = tuple[int, int, int]
 """(source, destination, sequence) of a frame on its way."""
@@ -51,7 +51,7 @@ Link = tuple[int, int, int]
 
 @dataclass(frozen=True, slots=True)
 class Delivery:
-    """What the ether did in one tick, ordered by sender, sequence and receiver.
+    """The ether's work in one tick, ordered by sender, sequence and receiver.
 
     Attributes:
         heard: For each receiver its frames, by sender, sequence and copy, forged ones first.
@@ -155,13 +155,13 @@ class Ether:
         rules = self._rules if self._rules is not None and self._rules.begin(tick, poses) else None
         sent = Sent.of(tick, frames, forged)
         receivers = tuple(number for number in sorted(statuses) if there(statuses[number]))
-        everybody = to_others(tuple(sent.source.tolist()), receivers)
+        to_all = to_others(tuple(sent.source.tolist()), receivers)
         deaf = {number: _DEAF[statuses[number]] for number in receivers if statuses[number] in _DEAF}
         if rules is None and self._model is None and not (forged or self._flying or deaf or sent.oversized.any()):
-            heard = Heard(sent.frames, receivers, everybody.reaches)
-            return Delivery(heard, WholeLinks(everybody.pairs, sent.sequence), NO_DROPS)
+            heard = Heard(sent.frames, receivers, to_all.reaches)
+            return Delivery(heard, WholeLinks(to_all.pairs, sent.sequence), NO_DROPS)
         numbers = np.array(receivers, dtype=np.int64)
-        fates = Fates(everybody.reaches.T)
+        fates = Fates(to_all.reaches.T)
         fates.stop(sent.oversized[:, None], OVERSIZED)
         fates.stop(sent.origin[:, None] == numbers, OWN)
         copies: list[tuple[int, int, int, str]] = []
@@ -199,13 +199,13 @@ class Ether:
             origin, source, sequence = (int(numbers[index]) for numbers in (sent.origin, sent.source, sent.sequence))
             frame, destination = sent.frames[index], receivers[column]
             link = (source, destination, sequence)
-            held = rules.delays(origin, *link)
-            delay_s = sum(seconds for _, seconds in held)
+            delays = rules.delays(origin, *link)
+            delay_s = sum(seconds for _, seconds in delays)
             due = arrival(tick, delay_s, self._step)
             if due > tick:
                 self._flying[due].append(_Flying(source, sequence, destination, 0, frame))
                 fates.on_the_way[index, column] = False
-                delayed += ((*link, fault) for fault, seconds in held if seconds > 0.0)
+                delayed += ((*link, fault) for fault, seconds in delays if seconds > 0.0)
             for copy, (fault, more_s) in enumerate(rules.copies(origin, *link), start=1):
                 copies.append((*link, fault))
                 due = arrival(tick, delay_s + more_s, self._step)
@@ -213,7 +213,7 @@ class Ether:
 
 
 def _dropped(sent: Sent, receivers: NDArray[np.int64], fates: Fates, in_vain: Sequence[tuple[_Flying, str]]) -> Drops:
-    """The frames that were stopped, and those that were in flight to a robot that does not hear."""
+    """List the frames that were stopped, and those that were in flight to a robot that does not hear."""
     frame, receiver = np.nonzero(fates.cause >= 0)
     causes = fates.causes
     late = [(f.source, f.destination, f.sequence, causes.index(cause)) for f, cause in in_vain]
@@ -233,7 +233,7 @@ def _arrived(
     hearing: Sequence[int],
     landing: Sequence[_Flying],
 ) -> tuple[Heard, Links]:
-    """The frames of this tick that got through and those that land now, as heard and as links."""
+    """Return the frames of this tick that got through and those that land now, as heard and as links."""
     frames, reaches = [*sent.frames, *(f.frame for f in landing)], on_the_way
     source, sequence, copy = sent.source, sent.sequence, np.zeros(len(sent.frames), dtype=np.int64)
     if landing:
@@ -289,5 +289,5 @@ def ether_of(
 
 
 def there(status: Status) -> bool:
-    """Whether frames are sent to a robot at all."""
+    """Return True if frames are sent to a robot at all."""
     return status is not Status.ABSENT and status is not Status.LEFT

@@ -22,7 +22,7 @@ class Sent:
 
     Attributes:
         frames: Their bytes.
-        origin: int64 (f,), the robot from whose radio each comes, whatever sender it claims; 0 for a stranger's.
+        origin: int64 (f,), the robot from whose radio each comes, not the sender that it claims; 0 for a stranger's.
         source: int64 (f,), the sender of each in the journal; `patrol.journal.records.FORGED` for a forged one.
         sequence: int64 (f,), the sequence of each in the journal.
         oversized: bool (f,), frames that are too long for the radio.
@@ -43,7 +43,7 @@ class Sent:
             frames: By the numbers of their senders.
             forged: The forged ones.
         """
-        rows = [(one.origin, FORGED, frame_sequence(tick, place), one.frame) for place, one in enumerate(forged)]
+        rows = [(forgery.origin, FORGED, frame_sequence(tick, k), forgery.frame) for k, forgery in enumerate(forged)]
         rows += [
             (source, source, frame_sequence(tick, place), frame)
             for source in sorted(frames)

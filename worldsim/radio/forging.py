@@ -156,7 +156,7 @@ class Forger:
                 yield self._sign(entry, Position.of(victim, k + ahead, self._senses.clock(victim, k), pose))
 
     def _claimed(self, entry: Entry, fault: Spoof, victim: int, k: int, poses: Mapping[int, Pose]) -> Pose | None:
-        """Where a forged frame says that the victim is; None while it is nowhere."""
+        """Return the pose that a forged frame claims for the victim; None while it is nowhere."""
         if fault.payload == "random":
             return self._anywhere(entry, victim, k)
         true = poses.get(victim)
@@ -164,15 +164,15 @@ class Forger:
             if true is None:
                 return None
             dx, dy = fault.payload.offset or (0.0, 0.0)
-            said = self._senses.pose(victim, k, true)
-            return Pose(said.x + dx, said.y + dy, said.heading)
+            reported = self._senses.pose(victim, k, true)
+            return Pose(reported.x + dx, reported.y + dy, reported.heading)
         key = (entry.index, victim)
         if key not in self._frozen and true is not None:
             self._frozen[key] = self._senses.pose(victim, k, true)
         return self._frozen.get(key)
 
     def _repeated(self, ago: int, victim: int) -> Iterator[bytes]:
-        """The position that the victim sent `ago` ticks before, byte by byte; nothing if it sent none."""
+        """Yield the position that the victim sent `ago` ticks before, byte by byte; nothing if it sent none."""
         if ago < len(self._sent):
             yield from self._sent[-1 - ago].get(victim, ())[:1]
 
@@ -190,7 +190,7 @@ class Forger:
         return encode(position, guess.to_bytes(8, "little"))
 
     def _age(self, entry: Entry) -> int:
-        """How old the frames are that a fault sends again, ticks; 0 when it does not."""
+        """Return the age of the frames that a fault sends again, ticks; 0 when it does not."""
         payload = entry.fault.payload if isinstance(entry.fault, Spoof) else None
         if not isinstance(payload, Forgery) or payload.replay is None:
             return 0

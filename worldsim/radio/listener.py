@@ -1,8 +1,8 @@
 """The world as a listener to a fleet whose robots hear each other directly.
 
 The world carries no frame of such a fleet. It hears those that reach it too, and each robot reports how many it has
-sent and heard. So a frame's fate on a link is unknown, but how many of a link's frames were heard is measured, by those
-who should have heard them.
+sent and heard. So a frame's fate on a link is unknown, but how many of a link's frames were heard is measured by the
+robots that should have heard them.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ MAX_TRAFFIC = 1024
 """Length of the longest telemetry, bytes for each robot of the fleet."""
 
 LAST_REPORTS_S = 2.0
-"""How long the world waits for the last telemetry of robots that are leaving, s."""
+"""Longest wait for the last telemetry of robots that are leaving, s."""
 
 
 @dataclass(slots=True)
@@ -52,11 +52,11 @@ class _Counts:
 
     @property
     def has_left(self) -> bool:
-        """Whether no more reports will come."""
+        """True if no more reports will come."""
         return self.last is not None and self.last.final
 
     def total(self) -> dict[str, Any]:
-        """The sums, for the journal; where they are not final they may lack the last frames."""
+        """Return the sums, for the journal; where they are not final they may lack the last frames."""
         last = self.last
         assert last is not None
         heard = {sender: self.heard[sender] + count for sender, count in sorted(last.heard.items())}
@@ -65,7 +65,7 @@ class _Counts:
 
 
 class Listener:
-    """What the world hears of a direct radio, and what robots report of it.
+    """The world's ear on a direct radio, with the counts that robots report of it.
 
     Attributes:
         missed: Frames by robot number that reached the world too late, or out of order.
@@ -108,7 +108,7 @@ class Listener:
             The frames by robot number, of each robot its position first.
         """
         frames: dict[int, list[bytes]] = {}
-        # No more than waits now: who floods the world keeps no tick open.
+        # No more than waits now, so that a flood of frames keeps no tick open.
         for _ in range(self._positions.waiting):
             if (arrived := self._positions.get()) is None:
                 break
@@ -122,7 +122,7 @@ class Listener:
         return frames
 
     def notes(self) -> dict[str, Any]:
-        """Notes for the journal's end: what each robot reported last, and what the world itself has missed.
+        """Return notes for the journal's end: what each robot reported last, and what the world itself has missed.
 
         Waits up to `LAST_REPORTS_S` for robots that are leaving now.
         """
@@ -130,9 +130,9 @@ class Listener:
         self._listen()
         while not all(counts.has_left for counts in self._counts.values()) and (left := until - self._now()) > 0.0:
             self._listen(left)
-        said = {name: counts.total() for name, counts in self._counts.items() if counts.last is not None}
+        totals = {name: counts.total() for name, counts in self._counts.items() if counts.last is not None}
         missed = {robot_of(key): self.missed[number] for key, number in self._numbers.items()}
-        return {"direct": {"said": said, "missed": missed}}
+        return {"direct": {"said": totals, "missed": missed}}
 
     def _listen(self, wait_s: float = 0.0) -> None:
         """Take the reports that wait now; where none does, wait so long for one, s."""
@@ -143,7 +143,7 @@ class Listener:
 
 
 def _place(frame: bytes, k: int) -> int | None:
-    """The robot number in a frame of tick k; None for any other frame."""
+    """Return the robot number in a frame of tick k; None for any other frame."""
     try:
         position = decode(frame)
     except Rejected:

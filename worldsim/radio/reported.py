@@ -1,4 +1,4 @@
-"""What robots with direct radio reported of their frames, read from the notes at the end of a journal."""
+"""The counts of frames that robots with direct radio reported, read from the notes at the end of a journal."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def totals(links: Iterable[Mapping[str, int]]) -> dict[str, int]:
 
 
 def reported(journal: RunRecord) -> dict[str, dict[str, Any]]:
-    """The counts that each robot reported last.
+    """Return the counts that each robot reported last.
 
     Args:
         journal: The run's records.
@@ -32,22 +32,22 @@ def reported(journal: RunRecord) -> dict[str, dict[str, Any]]:
         "sent", "heard" (by sender), "refused" and "final", by the robots' names; empty where there are none.
     """
     notes = journal.end.notes if journal.end else {}
-    said: dict[str, dict[str, Any]] = notes.get("direct", {}).get("said", {})
-    return said
+    counts: dict[str, dict[str, Any]] = notes.get("direct", {}).get("said", {})
+    return counts
 
 
-def links_of(said: Mapping[str, Mapping[str, Any]]) -> dict[tuple[str, str], dict[str, int]]:
-    """Frames sent and heard by directed link, of robots that have both reported.
+def links_of(counts: Mapping[str, Mapping[str, Any]]) -> dict[tuple[str, str], dict[str, int]]:
+    """Return the frames sent and heard by directed link, of robots that have both reported.
 
     Args:
-        said: As of `reported`.
+        counts: As of `reported`.
 
     Returns:
         "sent" and "heard" by (sender, hearer).
     """
     return {
-        (sender, hearer): {"sent": said[sender]["sent"], "heard": count}
-        for hearer, says in said.items()
-        for sender, count in says["heard"].items()
-        if sender in said
+        (sender, hearer): {"sent": counts[sender]["sent"], "heard": heard}
+        for hearer, report in counts.items()
+        for sender, heard in report["heard"].items()
+        if sender in counts
     }

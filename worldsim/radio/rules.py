@@ -1,4 +1,4 @@
-"""What the radio faults do to one frame on one directed link.
+"""The effects of radio faults on one frame on one directed link.
 
 Faults act in a fixed order (`DROPS`). The first that applies drops the frame and is named: silence, partition, range,
 bandwidth, loss, and of two of one kind the earlier in the scenario. What gets through is held up by all delay and
@@ -61,7 +61,7 @@ _ON_FRAMES: tuple[type[Fault], ...] = (*DROPS, Delay, Reorder, Duplicate)
 
 
 def arrival(k: int, delay_s: float, step: float) -> int:
-    """When a frame is heard.
+    """Return when a frame is heard.
 
     Args:
         k: The tick in whose phase A it is sent.
@@ -110,7 +110,7 @@ class Burst:
         self._bad = draw(*self._draws, entry.begin) < rate
 
     def bad(self, k: int) -> bool:
-        """Whether the link is bad in tick k; to be asked in ascending ticks."""
+        """Return True if the link is bad in tick k; to be asked in ascending ticks."""
         while self._k < k:
             self._k += 1
             chance = draw(*self._draws, self._k)
@@ -119,7 +119,7 @@ class Burst:
 
 
 def chain_of(rate: float, mean_burst: float) -> tuple[float, float]:
-    """The probabilities of a Gilbert-Elliott chain.
+    """Return the probabilities of a Gilbert-Elliott chain.
 
     Args:
         rate: Share of bad ticks.
@@ -133,7 +133,7 @@ def chain_of(rate: float, mean_burst: float) -> tuple[float, float]:
 
 
 class Bucket:
-    """What a sender has left of its bandwidth: a token bucket that holds one second's worth, full to begin with."""
+    """The rest of a sender's bandwidth: a token bucket that holds one second's worth, full to begin with."""
 
     def __init__(self, bytes_per_s: float, k: int, step: float) -> None:
         self._rate = bytes_per_s * step
@@ -142,7 +142,7 @@ class Bucket:
         self._k = k
 
     def holds(self, size: int, k: int) -> bool:
-        """Whether a frame of `size` bytes may be sent in tick k."""
+        """Return True if a frame of `size` bytes may be sent in tick k."""
         self._left = min(self._capacity, self._left + self._rate * (k - self._k))
         self._k = k
         return size <= self._left
@@ -155,7 +155,7 @@ class Bucket:
 class RadioRules:
     """The radio faults of a timeline. Call `begin` for each tick in turn, then ask about its frames in their order.
 
-    The origin of a frame is the robot from whose radio it comes (`NOBODY` for a stranger), whatever sender it claims.
+    A frame's origin is the robot from whose radio it comes (`NOBODY` for a stranger), not the sender that it claims.
 
     Attributes:
         timeline: The faults.
@@ -220,15 +220,15 @@ class RadioRules:
         """Mark the frames on their way that a fault drops, bool (f, r)."""
         fault = entry.fault
         if isinstance(fault, Silence):
-            out = _those(sent.origin, entry.who) & (fault.direction in ("out", "both"))
-            return out[:, None] | (_those(receivers, entry.who) & (fault.direction in ("in", "both")))
+            silenced = _among(sent.origin, entry.who) & (fault.direction in ("out", "both"))
+            return silenced[:, None] | (_among(receivers, entry.who) & (fault.direction in ("in", "both")))
         if isinstance(fault, Partition):
             return _cut(entry, fault, sent.origin, receivers)
         if isinstance(fault, Range):
-            links: NDArray[np.bool_] = on_the_way & _those(sent.origin, entry.who)[:, None]
+            links: NDArray[np.bool_] = on_the_way & _among(sent.origin, entry.who)[:, None]
             return self._each(links, sent, receivers, partial(self._is_out_of_reach, fault))
         assert isinstance(fault, Loss)
-        links = on_the_way & _those(sent.origin, entry.sources)[:, None] & _those(receivers, entry.targets)
+        links = on_the_way & _among(sent.origin, entry.sources)[:, None] & _among(receivers, entry.targets)
         if fault.mean_burst is not None:
             return self._each(links, sent, receivers, partial(self._is_in_a_burst, entry, fault.rate, fault.mean_burst))
         states = [mix(self._seed, Purpose.ETHER, entry.index, source) for source in sent.source.tolist()]
@@ -243,16 +243,16 @@ class RadioRules:
     ) -> NDArray[np.bool_]:
         """Ask about each link by its origin and receiver; every frame of an origin has the same answer."""
         hit = np.zeros_like(links)
-        asked: dict[tuple[int, int], bool] = {}
+        dropped: dict[tuple[int, int], bool] = {}
         for frame, column in np.argwhere(links).tolist():
             link = (int(sent.origin[frame]), int(receivers[column]))
-            if link not in asked:
-                asked[link] = drops(*link)
-            hit[frame, column] = asked[link]
+            if link not in dropped:
+                dropped[link] = drops(*link)
+            hit[frame, column] = dropped[link]
         return hit
 
     def _jams(self, sent: Sent) -> list[Entry | None]:
-        """Charge each frame to its sender's bandwidths; the one that it does not fit into, or None.
+        """Charge each frame to its sender's bandwidths; return the one that it does not fit into, or None.
 
         A sender that is silenced sends nothing, and an oversized frame is not sent.
         """
@@ -262,7 +262,7 @@ class RadioRules:
         return [None if oversized else self._jam(origin, len(frame)) for origin, frame, oversized in numbers]
 
     def _jam(self, origin: int, size: int) -> Entry | None:
-        """Charge a frame to its sender's bandwidths."""
+        """Charge a frame to its sender's bandwidths; return the one that it does not fit into, or None."""
         entries = [entry for entry in self._active[Bandwidth] if origin in entry.who]
         if not entries or any(_silences(entry, origin) for entry in self._active.get(Silence, ())):
             return None
@@ -286,17 +286,17 @@ class RadioRules:
         Returns:
             Their ids, and how long each delays it, s.
         """
-        found = []
+        delays = []
         for entry in (*self._active.get(Delay, ()), *self._active.get(Reorder, ())):
             if not _on_link(entry, origin, destination):
                 continue
             values = (self._seed, Purpose.ETHER, entry.index, source, destination, sequence)
             fault = entry.fault
             if isinstance(fault, Delay):
-                found.append((entry.id, waited(fault.delay, *values)))
+                delays.append((entry.id, waited(fault.delay, *values)))
             elif isinstance(fault, Reorder) and draw(*values) < fault.rate:
-                found.append((entry.id, self._step if fault.hold is None else fault.hold))
-        return found
+                delays.append((entry.id, self._step if fault.hold is None else fault.hold))
+        return delays
 
     def copies(self, origin: int, source: int, destination: int, sequence: int) -> list[tuple[str, float]]:
         """Find the faults that copy a frame on a link; the arguments are those of `delays`.
@@ -304,15 +304,15 @@ class RadioRules:
         Returns:
             Their ids, and how much longer than the frame each copy takes, s.
         """
-        found = []
+        copies = []
         for entry in self._active.get(Duplicate, ()):
             values = (self._seed, Purpose.ETHER, entry.index, source, destination, sequence)
             fault = entry.fault
             if not isinstance(fault, Duplicate) or not _on_link(entry, origin, destination):
                 continue
             if draw(*values) < fault.rate:
-                found.append((entry.id, 0.0 if fault.delay is None else waited(fault.delay, *values, 1)))
-        return found
+                copies.append((entry.id, 0.0 if fault.delay is None else waited(fault.delay, *values, 1)))
+        return copies
 
     def _is_out_of_reach(self, fault: Range, origin: int, destination: int) -> bool:
         a, b = self._poses[origin], self._poses[destination]
@@ -338,7 +338,7 @@ class RadioRules:
 
 
 def cause(entry: Entry) -> str:
-    """How a journal names a fault that dropped a frame."""
+    """Return the name of a fault that dropped a frame, as in journals."""
     return f"{entry.fault.kind}:{entry.id}"
 
 
@@ -361,9 +361,9 @@ def _on_link(entry: Entry, origin: int, destination: int) -> bool:
     return origin in entry.sources and destination in entry.targets
 
 
-def _those(numbers: NDArray[np.int64], some: Collection[int]) -> NDArray[np.bool_]:
-    """Which of some numbers belong to a collection."""
-    return np.isin(numbers, np.array(sorted(some), dtype=np.int64))
+def _among(numbers: NDArray[np.int64], members: Collection[int]) -> NDArray[np.bool_]:
+    """Mark the numbers that belong to a collection."""
+    return np.isin(numbers, np.array(sorted(members), dtype=np.int64))
 
 
 def _group(groups: Sequence[Collection[int]], number: int) -> int:
@@ -371,7 +371,7 @@ def _group(groups: Sequence[Collection[int]], number: int) -> int:
 
 
 def receivers(entry: Entry, origin: int, here: frozenset[int]) -> frozenset[int]:
-    """The robots that a sender's frames reach over the links that a fault acts on.
+    """Return the robots that a sender's frames reach over the links that a fault acts on.
 
     Args:
         entry: The fault.

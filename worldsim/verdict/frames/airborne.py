@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def causes_before(kind: type[Fault]) -> frozenset[str]:
-    """Why a frame may be dropped before a fault of some kind has its turn: causes, and kinds of faults."""
+    """Return the causes, and kinds of faults, that may drop a frame before a fault of some kind has its turn."""
     return frozenset({OVERSIZED, OWN, *(name_of(earlier) for earlier in DROPS[: DROPS.index(kind)])})
 
 
@@ -31,10 +31,10 @@ def name_of(kind: type[Fault]) -> str:
 
 
 BEFORE_THE_AIR = causes_before(Loss)
-"""Why a frame is dropped before it can be lost on its way."""
+"""Causes that drop a frame before it can be lost on its way."""
 
 ON_ARRIVAL = (RECEIVER_DEAD, RECEIVER_PAUSED, RECEIVER_ABSENT)
-"""Why one is dropped that has got through; all other causes apply when it is sent."""
+"""Causes that drop a frame that has got through; all others apply when it is sent."""
 
 
 def origins_of(record: TickRecord, forgers: Mapping[str, int]) -> dict[tuple[int, int], int]:
@@ -60,7 +60,7 @@ def origins_of(record: TickRecord, forgers: Mapping[str, int]) -> dict[tuple[int
 
 
 def fates(record: TickRecord, forgers: Mapping[str, int]) -> Iterator[tuple[int, Link, str]]:
-    """Every frame of a tick on every link.
+    """Yield every frame of a tick on every link.
 
     Args:
         record: The tick's record.
@@ -71,16 +71,16 @@ def fates(record: TickRecord, forgers: Mapping[str, int]) -> Iterator[tuple[int,
         the frame arrives, sooner or later.
     """
     here = [row.number for row in record.robots if there(row.status)]
-    stopped = {drop[:3]: drop[3] for drop in record.dropped if drop[3] not in ON_ARRIVAL}
+    causes = {drop[:3]: drop[3] for drop in record.dropped if drop[3] not in ON_ARRIVAL}
     for (source, sequence), origin in origins_of(record, forgers).items():
         for to in here:
             if to != source:
                 link = (source, to, sequence)
-                yield origin, link, stopped.get(link, "")
+                yield origin, link, causes.get(link, "")
 
 
 def airborne(record: TickRecord, forgers: Mapping[str, int]) -> Iterator[tuple[int, Link]]:
-    """Those of the `fates` that nothing stopped when they were sent, so that they arrive, sooner or later.
+    """Return those of the `fates` that nothing stopped when they were sent, so that they arrive, sooner or later.
 
     Args:
         record: The tick's record.
@@ -93,7 +93,7 @@ def airborne(record: TickRecord, forgers: Mapping[str, int]) -> Iterator[tuple[i
 
 
 def arrived(record: TickRecord) -> Links:
-    """The links of the frames that arrived in a tick, once for each copy, whether or not the receiver could hear."""
+    """Return the links of a tick's arriving frames, once for each copy, whether or not the receiver could hear."""
     delivered, dropped = links_of(record.deliveries), drops_of(record.dropped)
     late = [number for number, why in enumerate(dropped.causes) if why in ON_ARRIVAL]
     unheard = np.isin(dropped.cause, late)
@@ -116,7 +116,7 @@ def sent_links(record: TickRecord) -> WholeLinks:
 
 @lru_cache(maxsize=2)
 def _pairs(sources: tuple[int, ...], here: tuple[int, ...]) -> Pairs:
-    """Each frame with each robot that is there but its sender.
+    """Pair each frame with each robot that is there but its sender.
 
     The ether has code of its own for this, so that an error in it does not confirm itself.
     """

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class DirectLinks(Check):
-    """By the robots' own counts, no robot has heard more frames of another than that one has sent.
+    """No robot has heard more frames of another than that one has sent, by the robots' own counts.
 
     With direct radio the fate of the other frames is unknown, so there is no more to judge.
     """
@@ -29,8 +29,8 @@ class DirectLinks(Check):
         counts = reported(self._run.journal)
         problems = [
             f"{hearer} heard {count} frames of {sender}, which sent {counts[sender]['sent']}"
-            for hearer, says in counts.items()
-            for sender, count in says["heard"].items()
+            for hearer, report in counts.items()
+            for sender, count in report["heard"].items()
             if sender in counts and counts[sender]["final"] and count > counts[sender]["sent"]
         ]
         if problems:

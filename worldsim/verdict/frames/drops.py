@@ -98,10 +98,10 @@ class DropsExplained(Check):
             if entry is None or not isinstance(entry.fault, Loss) or kind_of(why) != "loss":
                 return None
             ends = ((dropped.source, entry.sources), (dropped.destination, entry.targets))
-            if not (active(entry, record.k) and all(np.isin(end[of], sorted(some)).all() for end, some in ends)):
+            if not (active(entry, record.k) and all(np.isin(end[of], sorted(robots)).all() for end, robots in ends)):
                 return None
-        sent = {source for source, _ in record.frames}
-        return len(dropped) if sent.issuperset(np.unique(dropped.source).tolist()) else None
+        senders = {source for source, _ in record.frames}
+        return len(dropped) if senders.issuperset(np.unique(dropped.source).tolist()) else None
 
     def _applies(self, why: str, source: int, origin: int, to: int, k: int) -> bool:
         """Return True if a cause that acts when a frame is sent can act on this one."""
@@ -121,8 +121,8 @@ class DropsExplained(Check):
 
     def _dies(self, number: int, k: int) -> bool:
         """Return True if a robot was lost in a tick, before it could hear anything."""
-        lost = Status.LOST.name.lower()
-        return any(e.k == k + 1 and e.robot == number and e.kind == lost for e in self._run.journal.events)
+        kind = Status.LOST.name.lower()
+        return any(e.k == k + 1 and e.robot == number and e.kind == kind for e in self._run.journal.events)
 
 
 class NothingCrossed(FrameFaultCheck):
@@ -168,8 +168,8 @@ def _stops(entry: Entry, origin: int, to: int) -> bool:
     """Return True if a silence or partition stops what a radio sends to a robot; a stranger is in no group."""
     fault = entry.fault
     if isinstance(fault, Silence):
-        out = origin in entry.who and fault.direction != "in"
-        return out or (to in entry.who and fault.direction != "out")
+        muted = origin in entry.who and fault.direction != "in"
+        return muted or (to in entry.who and fault.direction != "out")
     if not isinstance(fault, Partition) or origin == NO_ROBOT:
         return False
     here = [place for place, group in enumerate(entry.groups) if origin in group]

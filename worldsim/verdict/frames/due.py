@@ -20,7 +20,7 @@ class _Known:
     """The known state of a robot.
 
     since: the tick of its last frame or, where that is not known to be its process's, of the process's start.
-    last: what that frame said; None where it may not know what it said.
+    last: that frame's position; None where the process may not know it.
     """
 
     since: int
@@ -54,27 +54,27 @@ class DueFrames:
         self._known: dict[int, _Known] = {}
 
     def missing(
-        self, k: int, living: Mapping[int, Position], said: Mapping[int, Position], seers: Collection[int]
+        self, k: int, living: Mapping[int, Position], sent: Mapping[int, Position], seers: Collection[int]
     ) -> list[int]:
         """Return the robots that should have sent and have not.
 
         Args:
             k: The tick; each in turn.
             living: Where each living robot takes itself to be, by number.
-            said: What each has sent.
-            seers: Those that see an intruder.
+            sent: The position that each has sent.
+            seers: The robots that see an intruder.
 
         Returns:
             Their numbers.
         """
         if self._always:
-            return [number for number in living if number not in said]
+            return [number for number in living if number not in sent]
         for number in self._interrupted(k):
             self._known.pop(number, None)
         self._known = {number: self._known.get(number, _Known(k)) for number in living}
-        for number, position in said.items():
+        for number, position in sent.items():
             self._known[number] = _Known(k, position)
-        silent = [number for number in living if number not in said]
+        silent = [number for number in living if number not in sent]
         return [n for n in silent if self._due(self._known[n], living[n], sees=n in seers)]
 
     def _due(self, known: _Known, now: Position, *, sees: bool) -> bool:
@@ -86,7 +86,7 @@ class DueFrames:
         return known.last is not None and self._predictor.error(known.last, now) > self._error
 
     def _interrupted(self, k: int) -> Iterator[int]:
-        """Give the robots that something has happened to since the tick before: their processes may be other ones."""
+        """Yield the robots that had an event since the tick before: their processes may be other ones."""
         events = self._journal.events
         while self._read < len(events) and events[self._read].k <= k:
             event = events[self._read]

@@ -1,4 +1,4 @@
-"""The verdict's check of forged frames, by what docs/faults.md says of each payload, without the code that forges."""
+"""The verdict's check of forged frames: each payload by the rules in docs/faults.md, without the code that forges."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Place = tuple[int, int, int]
 
 @dataclass(frozen=True, slots=True)
 class _Spoof:
-    """A spoof and what its frames should say.
+    """A spoof and the content that its frames should have.
 
     Attributes:
         entry: The fault.
@@ -55,12 +55,12 @@ class _Victim:
 
     Attributes:
         row: Its part of the tick's record.
-        said: Its own position of the tick, if it sent one.
+        sent: Its own position of the tick, if it sent one.
         honest: Whether no drift makes it report a wrong place.
     """
 
     row: RobotTick
-    said: Position | None
+    sent: Position | None
     honest: bool
 
 
@@ -144,21 +144,21 @@ class SpoofsAsAsked(FrameFaultCheck):
                 yield number
 
     def _known(self, spoof: _Spoof, rows: Mapping[int, RobotTick]) -> Iterator[int]:
-        """Give the victims without the spare robots that have not joined yet."""
+        """Yield the victims without the spare robots that have not joined yet."""
         for number in spoof.entry.who:
             if rows[number].status is not Status.ABSENT or number not in self._spares:
                 yield number
 
     def _victim(self, rows: Mapping[int, RobotTick], number: int, k: int) -> _Victim | None:
-        """None for a robot that does not exist."""
+        """Return the known frames of a robot, or None if it does not exist."""
         if number not in rows:
             return None
         try:
-            said = decode(self._sent[0][number]) if number in self._sent[0] else None
+            sent = decode(self._sent[0][number]) if number in self._sent[0] else None
         except Rejected:
-            said = None
+            sent = None
         drifts = any(active(entry, k) and number in entry.who for entry in self._drifts)
-        return _Victim(rows[number], said, not drifts)
+        return _Victim(rows[number], sent, not drifts)
 
     def _problem_of_one(self, spoof: _Spoof, k: int, position: Position, victim: _Victim | None) -> str:
         """Describe the error of a forged position that is no replay."""
@@ -167,8 +167,8 @@ class SpoofsAsAsked(FrameFaultCheck):
         stamp = position.time_ms
         if victim is None:
             stamp = round(s_to_ms(k * self._step))
-        elif victim.said is not None:
-            stamp = victim.said.time_ms
+        elif victim.sent is not None:
+            stamp = victim.sent.time_ms
         if position.time_ms != stamp:
             return f"time {position.time_ms} ms instead of {stamp} ms"
         place = (position.x_cm, position.y_cm, position.heading_mrad)
@@ -183,8 +183,8 @@ class SpoofsAsAsked(FrameFaultCheck):
 
     def _problem_of_repeats(self, spoof: _Spoof, frames: list[bytes], rows: Mapping[int, RobotTick]) -> str:
         """Describe the errors of repeated frames: they should be those of the configured time, byte by byte."""
-        then = self._sent[spoof.age] if spoof.age < len(self._sent) else {}
-        due = sorted(then[number] for number in self._known(spoof, rows) if number in then)
+        old = self._sent[spoof.age] if spoof.age < len(self._sent) else {}
+        due = sorted(old[number] for number in self._known(spoof, rows) if number in old)
         return "" if sorted(frames) == due else f"does not repeat what its victims sent {spoof.age} ticks ago"
 
     def _on_terrain(self, position: Position) -> bool:
@@ -192,8 +192,8 @@ class SpoofsAsAsked(FrameFaultCheck):
         across = x_min - _HALF_CM <= position.x_cm <= x_max + _HALF_CM
         return across and y_min - _HALF_CM <= position.y_cm <= y_max + _HALF_CM
 
-    def _wrong(self, k: int, what: str) -> None:
-        self._fail(f"tick {k}: {what}")
+    def _wrong(self, k: int, problem: str) -> None:
+        self._fail(f"tick {k}: {problem}")
 
 
 def _spoof(entry: Entry, fault: Spoof, step: float) -> _Spoof:
@@ -218,9 +218,9 @@ def _ago(seconds: float, step: float) -> int:
 def _shifted(place: Place, victim: _Victim, offset: tuple[float, float]) -> bool:
     """Return True if a place is the victim's, shifted by an offset (m), as far as the wire's rounding can tell."""
     x, y, heading = place
-    if victim.said is not None:
-        near, said = 2.0 * _HALF_CM if any(offset) else 0.0, victim.said
-        own_x, own_y, same = float(said.x_cm), float(said.y_cm), heading == said.heading_mrad
+    if (sent := victim.sent) is not None:
+        near = 2.0 * _HALF_CM if any(offset) else 0.0
+        own_x, own_y, same = float(sent.x_cm), float(sent.y_cm), heading == sent.heading_mrad
     else:
         near, same = _HALF_CM if victim.honest else math.inf, True
         own_x, own_y = m_to_cm(victim.row.x), m_to_cm(victim.row.y)

@@ -50,14 +50,14 @@ class AcceptedForgery:
 
 
 class Used:
-    """Which sequences of which sender each robot has accepted: one bit for each."""
+    """The sequences of each sender that each robot has accepted: one bit for each."""
 
     def __init__(self, robots: int) -> None:
         self._robots = robots
         self._bits: dict[int, NDArray[np.uint8]] = {}
 
     def use(self, rows: NDArray[np.int64], column: int, sequence: int) -> NDArray[np.bool_]:
-        """Whether robots had accepted a sequence of a sender before; from now on they have.
+        """Note that robots accept a sequence of a sender; return whether they had before.
 
         Args:
             rows: int64 (n,), the robots' places in the roster.
@@ -79,13 +79,13 @@ class Used:
 
 
 class Hearing(Check):
-    """What each robot's inbox makes of the frames that the ether brings it in the replay; one inbox for each process.
+    """Each robot's inbox, one for each process, takes the frames that the ether brings it in the replay.
 
     Robots count the frames that they refuse. In one process these are the frames that fresh inboxes refuse. A robot
-    that is a process also counts messages that somebody else sent it over the network, so its count may be higher. When
-    the run keeps to the clock, a robot may miss a tick, so nobody knows when it heard what.
+    that is a process also counts a stranger's messages over the network, so its count may be higher. When the run keeps
+    to the clock, a robot may miss a tick, so it is unknown when it heard what.
 
-    No inbox may accept a sender's sequence twice, whoever sends it. That is counted here, not by the inboxes.
+    No inbox may accept a sender's sequence twice, from any radio. That is counted here, not by the inboxes.
 
     Attributes:
         accepted: The forged frames that were accepted in the last tick.
@@ -119,14 +119,14 @@ class Hearing(Check):
 
     @classmethod
     def applies(cls, run: JudgedRun) -> bool:
-        """Where the fog is to be verified, the world carried the frames, and a fault or a key makes robots refuse."""
+        """Return True if the fog is verified, the world carried frames, and a fault or a key makes robots refuse."""
         on_frames = any(entry.fault.kind not in PROCESS_KINDS for entry in run.timeline.entries)
         keyed = run.prepared.scenario.radio.key is not None
         return run.verify_fog and run.by_ether and (on_frames or keyed)
 
     @property
     def unknown(self) -> str:
-        """Why nothing can be judged, empty when it can."""
+        """The reason why nothing can be judged, empty when it can."""
         return self._unknown
 
     def _tick(self, record: TickRecord) -> None:
@@ -168,18 +168,18 @@ class Hearing(Check):
                 number = intake.listeners[row]
                 place = int(np.count_nonzero(intake.heard[row, :column]))
                 if place < len(forged.get(number, ())):
-                    found = AcceptedForgery(number, forged[number][place], position, is_again)
-                    accepted.append((row, place, found))
+                    forgery = AcceptedForgery(number, forged[number][place], position, is_again)
+                    accepted.append((row, place, forgery))
                 elif is_again:
                     self._accepted_again(number, position, k)
-        self.accepted += [found for _, _, found in sorted(accepted, key=lambda one: one[:2])]
+        self.accepted += [forgery for _, _, forgery in sorted(accepted, key=lambda entry: entry[:2])]
 
     def _accepted_again(self, number: int, position: Position, k: int) -> None:
-        what = f"frame {position.sequence} of {self._names.get(position.robot, position.robot)}"
-        self._fail(f"{self._names[number]} accepted {what} a second time at tick {k}")
+        frame = f"frame {position.sequence} of {self._names.get(position.robot, position.robot)}"
+        self._fail(f"{self._names[number]} accepted {frame} a second time at tick {k}")
 
     def result(self) -> CheckResult:
-        """The result, once all ticks are in."""
+        """Return the result, once all ticks are in."""
         if self._unknown:
             return self._not_judged(self._unknown)
         if not self._problem:
@@ -189,14 +189,16 @@ class Hearing(Check):
     def _good(self) -> str:
         return ", ".join(f"{count} {reason}" for reason, count in sorted(self._refused.items())) or "none"
 
-    def _compare(self, number: int, said: int | None, found: int, k: int) -> None:
-        if said is None or self._problem or said == found or (self._run.processes and said > found):
+    def _compare(self, number: int, reported: int | None, counted: int, k: int) -> None:
+        if reported is None or self._problem or reported == counted or (self._run.processes and reported > counted):
             return
         name = self._names[number]
-        self._fail(f"{name} reports at tick {k} that it refused {said} frames; from what it heard it should be {found}")
+        self._fail(
+            f"{name} reports at tick {k} that it refused {reported} frames; from what it heard it should be {counted}"
+        )
 
     def _again(self, receivers: NDArray[np.int64], position: Position) -> NDArray[np.bool_]:
-        """Whether receivers have accepted this sender's sequence before; from now on they have. Contacts have none.
+        """Note that receivers accept a sender's sequence; return whether they had before. Contacts have no sequence.
 
         Args:
             receivers: Their places in the roster.
@@ -208,14 +210,14 @@ class Hearing(Check):
 
     def _drop_inboxes(self, k: int | None) -> None:
         """Drop the inboxes of processes that were gone before tick k, or all of them, and keep their counts."""
-        gone = [] if k is not None else sorted(self._listening)
+        leavers = [] if k is not None else sorted(self._listening)
         events = self._run.journal.events
         while k is not None and self._events < len(events) and events[self._events].k <= k:
             event = events[self._events]
             self._events += 1
             if event.robot is not None and event.kind in _GONE:
-                gone.append(event.robot)
-        for number in self._listening.intersection(gone):
+                leavers.append(event.robot)
+        for number in self._listening.intersection(leavers):
             counts = self._inboxes.counts(number)
             self._refused.update({reason.value: count for reason, count in counts.items() if count})
             self._inboxes.clear(number)
@@ -226,9 +228,9 @@ class Hearing(Check):
 class ForgedAsConfigured(Check):
     """Forged frames are refused where they can be told: without the key, of no robot, of a future tick, a second time.
 
-    What somebody with the key says, or anybody in a fleet without one, can only be refused where it is implausible; how
-    much of it was accepted is reported, not judged. A genuine frame sent again is accepted by those who had not heard
-    it, and tells them nothing false.
+    A forgery with the key, or in a fleet without one, can only be refused where it is implausible; how much of it was
+    accepted is reported, not judged. A genuine frame sent again is accepted by robots that had not heard it, and tells
+    them nothing false.
     """
 
     name = "forged frames"
@@ -246,7 +248,7 @@ class ForgedAsConfigured(Check):
 
     @classmethod
     def applies(cls, run: JudgedRun) -> bool:
-        """Where robots' hearing is checked and a fault forges frames."""
+        """Return True if robots' hearing is checked and a fault forges frames."""
         return Hearing.applies(run) and any(isinstance(entry.fault, Spoof) for entry in run.timeline.entries)
 
     def _tick(self, record: TickRecord) -> None:
@@ -263,7 +265,7 @@ class ForgedAsConfigured(Check):
                 self._judge(record.k, accepted, fault)
 
     def result(self) -> CheckResult:
-        """The result, once all ticks are in."""
+        """Return the result, once all ticks are in."""
         return self._not_judged(self._hearing.unknown) if self._hearing.unknown else super().result()
 
     def _good(self) -> str:

@@ -27,7 +27,7 @@ ROUNDING_DB = 1e-6
 """Margins are this much less and more sure than computed, dB."""
 
 _SHADOWING, _MOMENT, _RECEPTION = range(3)
-"""What draws are for, after the seed and `Purpose.RADIO`: (window, sender, receiver), (source, sequence), (source,
+"""Purposes of draws, after the seed and `Purpose.RADIO`: (window, sender, receiver), (source, sequence), (source,
 receiver, sequence)."""
 
 Span = tuple[float, float]
@@ -35,7 +35,7 @@ Span = tuple[float, float]
 
 
 class PathLossAsAsked(Check):
-    """What got through was received by the model's formula and draws, and what the model lost was not."""
+    """Frames that got through were received by the model's formula and draws, and frames that it lost were not."""
 
     name = "path loss"
     of_ether = True
@@ -58,7 +58,7 @@ class PathLossAsAsked(Check):
 
     @classmethod
     def applies(cls, run: JudgedRun) -> bool:
-        """Where the world carried frames by this model."""
+        """Return True if the world carried frames by this model."""
         return super().applies(run) and run.prepared.scenario.radio.model == PATH_LOSS
 
     def _tick(self, record: TickRecord) -> None:
@@ -76,20 +76,20 @@ class PathLossAsAsked(Check):
         ]
         disturbs = self._disturbing(record, [link for _, link, _ in through])
         for origin, link, why in through:
-            least, most = self._margin(origin, link[1], disturbs.get(link, []))
+            least, greatest = self._margin(origin, link[1], disturbs.get(link, []))
             drawn = draw(self._seed, Purpose.RADIO, _RECEPTION, *link)
             self._lost += why == PATH_LOSS
             self._judged += 1
             if why == PATH_LOSS and drawn < self._chance(least - ROUNDING_DB):
                 self._wrong(link, record.k, "was lost by path loss and should have been received")
-            elif not why and drawn >= self._chance(most + ROUNDING_DB):
+            elif not why and drawn >= self._chance(greatest + ROUNDING_DB):
                 self._wrong(link, record.k, "got through and should have been lost by path loss")
 
     def _good(self) -> str:
         return f"{self._lost} of {self._judged} frames were lost by path loss, as recomputed"
 
     def _disturbing(self, record: TickRecord, through: list[Link]) -> dict[Link, list[int]]:
-        """The robots whose frames overlap a frame at a receiver; the receiver itself where it was sending."""
+        """Find the robots whose frames overlap a frame at a receiver; the receiver itself where it was sending."""
         airtime = self._options.airtime
         if airtime == 0.0:
             return {}
@@ -103,8 +103,8 @@ class PathLossAsAsked(Check):
         by_moment = sorted((*begins[frame], frame) for frame in reached)
         overlapping: dict[tuple[int, int], list[tuple[int, tuple[int, int]]]] = {}
         for place, (moment, origin, frame) in enumerate(by_moment):
-            for later, other, following in by_moment[place + 1 :]:
-                if later - moment >= airtime:
+            for next_moment, other, following in by_moment[place + 1 :]:
+                if next_moment - moment >= airtime:
                     break
                 if origin != other:
                     overlapping.setdefault(frame, []).append((other, following))
@@ -118,17 +118,17 @@ class PathLossAsAsked(Check):
         }
 
     def _margin(self, origin: int, to: int, disturbing: list[int]) -> Span:
-        """By how much a receiver has more than it needs, dB."""
+        """Return by how much a receiver has more than it needs, dB."""
         options = self._options
         needs = options.sensitivity - options.noise
         noise = 10.0 ** (options.noise / 10.0)
         powers = [self._power(other, to) for other in disturbing]
         loud = [noise + math.fsum(10.0 ** (power[side] / 10.0) for power in powers) for side in (0, 1)]
-        least, most = self._power(origin, to)
-        return least - 10.0 * math.log10(loud[1]) - needs, most - 10.0 * math.log10(loud[0]) - needs
+        least, greatest = self._power(origin, to)
+        return least - 10.0 * math.log10(loud[1]) - needs, greatest - 10.0 * math.log10(loud[0]) - needs
 
     def _power(self, origin: int, to: int) -> Span:
-        """The power that a robot receives from another, dBm; its own is what it sends with."""
+        """Return the power that a robot receives from another, dBm; its own is what it sends with."""
         options = self._options
         if origin == to:
             return options.power, options.power
@@ -148,13 +148,13 @@ class PathLossAsAsked(Check):
         return self._shadowing[link]
 
     def _chance(self, margin: float) -> float:
-        """With which probability a frame is received."""
+        """Return the probability with which a frame is received."""
         edge = self._options.edge
         if edge == 0.0:
             return float(margin >= 0.0)
         return 0.5 * (1.0 + math.tanh(0.5 * margin / edge))
 
-    def _wrong(self, link: Link, k: int, says: str) -> None:
+    def _wrong(self, link: Link, k: int, problem: str) -> None:
         source, to, _ = link
         names = self._names
-        self._fail(f"a frame from {names.get(source, source)} to {names.get(to, to)} of tick {k} {says}")
+        self._fail(f"a frame from {names.get(source, source)} to {names.get(to, to)} of tick {k} {problem}")

@@ -74,10 +74,10 @@ class Sightlines:
             The least and the greatest number of walls.
         """
         counts = [crossings(sums, *ends, GRAZING_M / self._point) for sums, ends in self._cuts(a, b)]
-        return min(least for least, _ in counts), max(most for _, most in counts)
+        return min(least for least, _ in counts), max(greatest for _, greatest in counts)
 
     def _cuts(self, a: Place, b: Place) -> list[tuple[NDArray[np.int64], tuple[float, float, float, float]]]:
-        """The running sums to use and the ends in points; a line that is nearly a diagonal may be cut both ways."""
+        """Return running sums and the ends in points; a line that is nearly a diagonal may be cut both ways."""
         (x0, y0), (x1, y1) = (
             tuple((place[axis] - self._origin[axis]) / self._point for axis in (0, 1)) for place in (a, b)
         )
@@ -90,7 +90,7 @@ class Sightlines:
 class WithinReach(FrameFaultCheck):
     """Frames that passed a `range` were within reach and, where walls count, in sight when they were sent.
 
-    What was stopped by one was not.
+    Frames that one stopped were not.
     """
 
     name = "reach"
@@ -130,10 +130,10 @@ class WithinReach(FrameFaultCheck):
         return not fault.through_walls and self._sightlines.walls(a, b, margin) > 0
 
     def _wrong(self, link: Link, k: int, entry: Entry, *, stopped: bool) -> None:
-        says = "was stopped by range {} although it was within reach" if stopped else "got through range {}"
-        self._fail(f"{self._frame(link, k)} {says.format(entry.id)}")
+        problem = "was stopped by range {} although it was within reach" if stopped else "got through range {}"
+        self._fail(f"{self._frame(link, k)} {problem.format(entry.id)}")
 
 
 def _running(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Counts of set points below each row, column by column; int64 (h + 1, w)."""
+    """Count the set points below each row, column by column; int64 (h + 1, w)."""
     return np.ascontiguousarray(np.pad(np.cumsum(mask, axis=0, dtype=np.int64), ((1, 0), (0, 0))))

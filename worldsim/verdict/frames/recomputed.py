@@ -46,10 +46,10 @@ class _Stated:
 
     def lost(self, air: OnAir) -> NDArray[np.bool_]:
         assert self.record is not None
-        lost = {row[:3] for row in self.record.dropped if row[3] == OWN_MODEL}
-        sent = list(zip(air.source.tolist(), air.sequence.tolist(), strict=True))
+        dropped = {row[:3] for row in self.record.dropped if row[3] == OWN_MODEL}
+        frames = list(zip(air.source.tolist(), air.sequence.tolist(), strict=True))
         receivers = air.receivers.tolist()
-        rows = [[(source, to, sequence) in lost for to in receivers] for source, sequence in sent]
+        rows = [[(source, to, sequence) in dropped for to in receivers] for source, sequence in frames]
         return np.array(rows, dtype=np.bool_).reshape(air.on_the_way.shape)
 
 
@@ -116,44 +116,44 @@ class Replay(Check):
         return f"the fates of {self._fates} frames are as recomputed{of_model}"
 
     def _model(self, prepared: Prepared) -> RadioModel | None:
-        """The scenario's radio model; of one's own nothing runs in a verdict, and it is taken at its word."""
+        """Make the scenario's radio model. One that is not built in does not run in a verdict: its word is taken."""
         if prepared.scenario.radio.model in MODELS:
             return model_of(prepared.scenario, prepared.terrain)
         self._stated = _Stated()
         return self._stated
 
     def _gone(self, record: TickRecord) -> set[int]:
-        """Robots lost in a tick before they could hear anything; their status is LOST from the next tick on."""
+        """Return robots lost in a tick before they could hear anything; their status is LOST from the next tick on."""
         lost = {e.robot for e in self._run.journal.events if e.k == record.k + 1 and e.kind == Status.LOST.name.lower()}
         return {to for _, to, _, why in record.dropped if why == RECEIVER_DEAD and to in lost} if lost else set()
 
     def _differs(self, record: TickRecord, due: Delivery) -> str:
         forged = [frame for source, frame in record.frames if source == FORGED]
-        if forged != [one.frame for one in due.forged] or record.forged != tuple(one.fault for one in due.forged):
+        if (forged, record.forged) != ([forgery.frame for forgery in due.forged], tuple(f.fault for f in due.forged)):
             return f"tick {record.k}: the forged frames are not those that the faults ask for"
-        for what, found, expected in (
+        for fate, rows, expected in (
             ("delivered", record.deliveries, due.arrived),
             ("dropped", record.dropped, due.dropped),
             ("copied", record.copies, due.copies),
             ("delayed", record.delayed, due.delayed),
         ):
-            if found != expected and (difference := self._first(what, found, expected)):
+            if rows != expected and (difference := self._first(fate, rows, expected)):
                 return f"tick {record.k}: {difference}"
         return ""
 
-    def _first(self, what: str, found: Sequence[tuple[object, ...]], due: Sequence[tuple[object, ...]]) -> str:
+    def _first(self, fate: str, rows: Sequence[tuple[object, ...]], due: Sequence[tuple[object, ...]]) -> str:
         """Return the first difference between two rows of fates, in words; empty where there is none that matters."""
-        surplus, missing = Counter(found) - Counter(due), Counter(due) - Counter(found)
+        surplus, missing = Counter(rows) - Counter(due), Counter(due) - Counter(rows)
         if not surplus and not missing:
             # Journals of 0.2 have dropped frames in other orders, which mean nothing.
-            return "" if what == "dropped" else f"the order of what was {what} is not the recomputed one"
+            return "" if fate == "dropped" else f"the order of what was {fate} is not the recomputed one"
         (source, to, sequence, *why) = min(surplus or missing)
         link = f"frame {sequence} from {self._names.get(source, source)} to {self._names.get(to, to)}"  # type: ignore[call-overload]
         reason = f" ({why[0]})" if why else ""
         return (
-            f"{link} was {what}{reason} and should not have been"
+            f"{link} was {fate}{reason} and should not have been"
             if surplus
-            else f"{link} should have been {what}{reason}"
+            else f"{link} should have been {fate}{reason}"
         )
 
 

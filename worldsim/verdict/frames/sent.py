@@ -38,8 +38,8 @@ class FramesAreTrue(Check):
 
     Each of its other frames reports an intruder that its footprint covers, and none twice. In lockstep, where the world
     waits for all that a robot has to say, none of these may be missing but from a robot that is lost in that tick.
-    Where the fleet saves on its radio, `due.py` says which positions may not; contacts come with a position, and may be
-    left out where there is a budget.
+    Where the fleet saves on its radio, `due.py` holds the rules for positions; contacts come with a position, and may
+    be left out where there is a budget.
     Where the fleet has a key and it can be read, each frame carries its tag. Forged frames have their own check.
     """
 
@@ -73,7 +73,7 @@ class FramesAreTrue(Check):
         if self._problem:
             return
         due: dict[int, Position] = {}
-        said: dict[int, Position] = {}
+        sent: dict[int, Position] = {}
         contacts: dict[int, list[Position]] = {}
         for row in record.robots:
             true = Pose(row.x, row.y, row.heading)
@@ -83,13 +83,13 @@ class FramesAreTrue(Check):
             self._tracks[row.number].appendleft((position.x_cm, position.y_cm))
             if row.status is Status.ALIVE:
                 due[row.number] = position
-                seen = self._intruders.seen_by(record.k, true)
-                contacts[row.number] = [Position.of_contact(record.k, time_s, *place) for place in seen]
+                places = self._intruders.seen_by(record.k, true)
+                contacts[row.number] = [Position.of_contact(record.k, time_s, *place) for place in places]
         for source, frame in record.frames:
             if source == FORGED:
                 continue
-            if source not in contacts or source not in said:
-                problem = self._problem_of(source, frame, due.get(source), said)
+            if source not in contacts or source not in sent:
+                problem = self._problem_of(source, frame, due.get(source), sent)
             else:
                 problem = _problem_of_contact(frame, self._key, contacts[source])
             if problem:
@@ -97,10 +97,10 @@ class FramesAreTrue(Check):
                 return
             self._looked += 1
         if self._waits:
-            seers = [number for number, seen in contacts.items() if seen]
-            silent = self._due.missing(record.k, due, said, seers)
+            seers = [number for number, reports in contacts.items() if reports]
+            silent = self._due.missing(record.k, due, sent, seers)
             self._missing = [(record.k, number, "its position") for number in silent]
-            self._missing += [(record.k, number, "a contact") for number in self._without_contact(contacts, said)]
+            self._missing += [(record.k, number, "a contact") for number in self._without_contact(contacts, sent)]
 
     def result(self) -> CheckResult:
         """Return the result, once all ticks are in and the journal has ended."""
@@ -112,26 +112,26 @@ class FramesAreTrue(Check):
 
     def _miss(self) -> None:
         """Find frames that were missing in the last tick; whether their senders were lost in it is known only now."""
-        for k, number, what in () if self._problem else self._missing:
+        for k, number, frame in () if self._problem else self._missing:
             if not any(e.k == k + 1 and e.robot == number and e.kind == _LOST for e in self._run.journal.events):
-                self._fail(f"{self._names[number]} did not send {what} in tick {k}")
+                self._fail(f"{self._names[number]} did not send {frame} in tick {k}")
                 return
 
-    def _without_contact(self, left: Mapping[int, list[Position]], said: Mapping[int, Position]) -> list[int]:
-        """The robots that have left out a contact and should not have; left: the contacts not reported, by number."""
+    def _without_contact(self, unreported: Mapping[int, list[Position]], sent: Mapping[int, Position]) -> list[int]:
+        """Return the robots that have left out a contact and should not have."""
         if self._in_budget:
             return []
-        return [number for number, contacts in left.items() if contacts and (number in said or not self._sparing)]
+        return [number for number, contacts in unreported.items() if contacts and (number in sent or not self._sparing)]
 
-    def _problem_of(self, source: int, frame: bytes, due: Position | None, said: dict[int, Position]) -> str:
+    def _problem_of(self, source: int, frame: bytes, due: Position | None, sent: dict[int, Position]) -> str:
         """Describe the error of a position, and add it to those sent."""
         if due is None:
             return "has no sender that is alive"
         if frame == encode(due, self._key):  # nearly always, without a trail
-            said[source] = due
+            sent[source] = due
             return ""
         try:
-            position = said[source] = decode(frame, self._key)
+            position = sent[source] = decode(frame, self._key)
         except Rejected as rejected:
             return f"cannot be decoded ({rejected})"
         if position.trail:
@@ -158,13 +158,13 @@ class LinksAddUp(Check):
         self._open: Counter[tuple[int, int, int]] = Counter()
 
     def _tick(self, record: TickRecord) -> None:
-        sent = sent_links(record)
+        links = sent_links(record)
         settled = joined(links_of(record.deliveries), drops_of(record.dropped))
-        self._sent += len(sent) + len(record.copies)
+        self._sent += len(links) + len(record.copies)
         self._settled += len(settled)
-        if not record.copies and _same_links(sent, settled):
+        if not record.copies and _same_links(links, settled):
             return
-        self._open.update(sent)
+        self._open.update(links)
         self._open.update(copy[:3] for copy in record.copies)
         for link in settled:
             self._open[link] -= 1
@@ -179,8 +179,8 @@ class LinksAddUp(Check):
         if wrong:
             (source, destination, sequence), left = min(wrong.items())
             link = f"{self._names.get(source, source)} to {self._names.get(destination, destination)}"
-            what = "neither delivered nor dropped" if left > 0 else "delivered or dropped but not sent"
-            self._fail(f"frame {sequence} from {link} was {what} ({len(wrong)} such frames)")
+            problem = "neither delivered nor dropped" if left > 0 else "delivered or dropped but not sent"
+            self._fail(f"frame {sequence} from {link} was {problem} ({len(wrong)} such frames)")
         return super().result()
 
     def _good(self) -> str:
@@ -188,13 +188,13 @@ class LinksAddUp(Check):
         return f"{self._sent} frames sent over links, {self._settled} delivered or dropped{flying}"
 
 
-def _same_links(some: Links, others: Links) -> bool:
+def _same_links(links: Links, others: Links) -> bool:
     """Return True if two lists hold the same links, each as often, in any order."""
-    if len(some) != len(others):
+    if len(links) != len(others):
         return False
-    if some == others:
+    if links == others:
         return True
-    mine, theirs = places_of(some), places_of(others)
+    mine, theirs = places_of(links), places_of(others)
     if mine is None or theirs is None:
         return False
     return np.array_equal(np.sort(mine), np.sort(theirs))
@@ -203,10 +203,10 @@ def _same_links(some: Links, others: Links) -> bool:
 def _problem_of_contact(frame: bytes, key: bytes | None, due: list[Position]) -> str:
     """Describe the error of a contact's report, and remove the contact from those that are due."""
     try:
-        said = decode(frame, key)
+        contact = decode(frame, key)
     except Rejected as rejected:
         return f"cannot be decoded ({rejected})"
-    if said not in due:
-        return f"reports {said}, but its sender sees no such intruder"
-    due.remove(said)
+    if contact not in due:
+        return f"reports {contact}, but its sender sees no such intruder"
+    due.remove(contact)
     return ""

@@ -94,24 +94,24 @@ class LossesAsAsked(FrameFaultCheck):
 
     def result(self) -> CheckResult:
         """Return the result, once all ticks are in."""
-        said = []
+        details = []
         for losses in self._faults.values():
             share = (
                 f"{100.0 * losses.lost / losses.frames:.1f} % of {losses.frames} frames lost" if losses.frames else ""
             )
-            said.append(f"{losses.entry.id}: {share or 'no frames'}")
+            details.append(f"{losses.entry.id}: {share or 'no frames'}")
         counts = [(losses.entry.id, count) for losses in self._faults.values() for count in losses.counts]
-        return _judged(self.name, said, counts, self._alarm)
+        return _judged(self.name, details, counts, self._alarm)
 
     def _good(self) -> str:
         return ""
 
     def _count_all(self, faults: Sequence[_Losses], record: TickRecord) -> None:
-        """The same as `_sort_out` of every link, where no fault comes in bursts."""
+        """Count every frame on every link, as `_sort_out` does, where no fault comes in bursts."""
         sent, dropped = sent_links(record), drops_of(record.dropped)
         own = sent.source != FORGED
         sources, targets = sent.source[own], sent.destination[own]
-        # Before which fault's index a frame was stopped that never got as far as a loss: below all of them.
+        # The index of the loss that stopped a frame; below all of them where it never got as far as a loss.
         stops = [
             -1
             if kind_of(why) in BEFORE_THE_AIR
@@ -217,8 +217,8 @@ class DelaysAsAsked(FrameFaultCheck):
     def result(self) -> CheckResult:
         """Return the result, once all ticks are in."""
         counts = [(entry.id, self._counts[entry.index]) for entry in self._entries if entry.index in self._counts]
-        said = [f"{fault}: {count.hits} of {count.draws} {count.what}" for fault, count in counts]
-        return _judged(self.name, said, counts, self._alarm)
+        details = [f"{fault}: {count.hits} of {count.draws} {count.what}" for fault, count in counts]
+        return _judged(self.name, details, counts, self._alarm)
 
     def _good(self) -> str:
         return ""
@@ -240,7 +240,7 @@ class DelaysAsAsked(FrameFaultCheck):
 
 
 def _between(entry: Entry, sources: NDArray[np.int64], targets: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """On which links a fault acts."""
+    """Mark the links that a fault acts on."""
     on: NDArray[np.bool_] = np.isin(sources, sorted(entry.sources)) & np.isin(targets, sorted(entry.targets))
     return on
 
@@ -304,8 +304,8 @@ def _median(wait: Wait) -> float:
     return first
 
 
-def _judged(name: str, said: Sequence[str], counts: Sequence[tuple[str, _Count]], alarm: float) -> CheckResult:
-    """Return the result of all series of draws; `said` is its detail where chance explains them."""
+def _judged(name: str, details: Sequence[str], counts: Sequence[tuple[str, _Count]], alarm: float) -> CheckResult:
+    """Return the result of all series of draws; `details` are shown where chance explains them."""
     tellable = [(fault, count) for fault, count in counts if enough(count.draws, count.p, alarm)]
     wrong = [
         f"{fault}: {count.hits} of {count.draws} {count.what}, {100.0 * count.p:.4g} % configured"
@@ -314,9 +314,11 @@ def _judged(name: str, said: Sequence[str], counts: Sequence[tuple[str, _Count]]
     ]
     if wrong:
         return CheckResult(name, False, "; ".join(wrong))
-    if not said:
+    if not details:
         return CheckResult(name, True, "none of these faults is random", judged=False)
-    return CheckResult(name, True, "; ".join(said) + ("" if tellable else "; too few to judge"), judged=bool(tellable))
+    return CheckResult(
+        name, True, "; ".join(details) + ("" if tellable else "; too few to judge"), judged=bool(tellable)
+    )
 
 
 def _counts(fault: Loss) -> list[_Count]:

@@ -85,11 +85,11 @@ class OnTime(FrameFaultCheck):
                 self._wrong(link, f"arrived {times} times")
 
     def _expect(self, record: TickRecord, entries: Sequence[Entry]) -> None:
-        """Return the ticks in which the frames of a tick may arrive."""
-        held, copied = _by_link(record.delayed), _by_link(record.copies)
+        """Note the ticks in which the frames of a tick may arrive."""
+        delayed, copied = _by_link(record.delayed), _by_link(record.copies)
         for origin, link in airborne(record, self._forgers):
             on = {entry.id: entry for entry in entries if on_link(entry, origin, link[1])}
-            holders = held.pop(link, [])
+            holders = delayed.pop(link, [])
             takes = self._takes(link, on, holders)
             spans = [takes]
             copies = copied.pop(link, [])
@@ -98,15 +98,15 @@ class OnTime(FrameFaultCheck):
                 if entry is None or not isinstance(entry.fault, Duplicate) or copies.count(fault) > 1:
                     self._wrong(link, f"was copied by {fault}, which does not copy it")
                     continue
-                more = (0.0, 0.0) if entry.fault.delay is None else bounds(entry.fault.delay)
-                spans.append((takes[0] + more[0], takes[1] + more[1]))
+                extra = (0.0, 0.0) if entry.fault.delay is None else bounds(entry.fault.delay)
+                spans.append((takes[0] + extra[0], takes[1] + extra[1]))
             soonest = record.k + bool(holders)
             ticks = [(self._heard_in(record.k, least), self._heard_in(record.k, most)) for least, most in spans]
             self._due[link] = [(max(first, soonest), last) for first, last in ticks]
             for _, last in self._due[link]:
                 if last < math.inf:
                     self._last[last].append(link)
-        for link in (*held, *copied):
+        for link in (*delayed, *copied):
             self._wrong(link, "was copied or delayed, but was not in flight")
 
     def _takes(self, link: Link, on: dict[str, Entry], held: Sequence[str]) -> Span:
@@ -149,10 +149,10 @@ class OnTime(FrameFaultCheck):
         if not spans:
             del self._due[link]
 
-    def _wrong(self, link: Link, what: str) -> None:
+    def _wrong(self, link: Link, problem: str) -> None:
         source, to, sequence = link
         name = f"frame {sequence} from {self._names.get(source, source)} to {self._names.get(to, to)}"
-        self._fail(f"{name} {what}")
+        self._fail(f"{name} {problem}")
 
 
 def bounds(wait: Wait) -> Span:
@@ -177,7 +177,7 @@ def bounds(wait: Wait) -> Span:
 
 def _by_link(rows: Sequence[tuple[int, int, int, str]]) -> dict[Link, list[str]]:
     """Return the faults of rows of (source, destination, sequence, fault), by link."""
-    found: dict[Link, list[str]] = defaultdict(list)
+    faults: dict[Link, list[str]] = defaultdict(list)
     for source, to, sequence, fault in rows:
-        found[source, to, sequence].append(fault)
-    return found
+        faults[source, to, sequence].append(fault)
+    return faults

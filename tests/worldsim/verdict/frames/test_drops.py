@@ -156,7 +156,7 @@ def test_a_frame_that_is_not_too_long_and_counts_as_that_fails(
 def test_a_link_that_a_loss_is_not_about_and_that_loses_fails(
     run: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("worldsim.radio.rules._those", lambda numbers, _: np.ones_like(numbers, dtype=np.bool_))
+    monkeypatch.setattr("worldsim.radio.rules._among", lambda numbers, _: np.ones_like(numbers, dtype=np.bool_))
     found = failures(run(LOSS))
     assert list(found) == ["drops"]
     assert found["drops"].endswith("for a cause that does not apply: loss:loss")
