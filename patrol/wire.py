@@ -41,6 +41,8 @@ _SINGLE = {"type": "any"}
 _MAX_FIELDS = 64
 """Fields of a map that is read sparingly, with room for those of later versions."""
 _LONGEST_NAME = 60
+_MAX_ENTRIES = 1 << 17
+"""Of any map: a message has one for each robot at most, and a few more."""
 
 
 def _check_printable(text: str) -> str:
@@ -60,6 +62,8 @@ Real = Annotated[float, Field(strict=True), NO_WHOLE]
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False), NO_WHOLE]
 FAIL_FAST = Field(fail_fast=True)
 """Setting of each array: the first wrong value ends the reading, or millions of them would make millions of errors."""
+FAIL_FAST_MAP = GetPydanticSchema(lambda kind, of: {**of(kind), "fail_fast": True})
+"""The same for each ``dict``, for which `Field` has it only in later versions of pydantic."""
 _adapters: dict[Any, TypeAdapter[Any]] = {}
 
 
@@ -146,6 +150,7 @@ def unpack(
             object_hook=object_hook,
             list_hook=list_hook,
             ext_hook=_refuse_extension,
+            max_map_len=_MAX_ENTRIES,
         )
     except Malformed:
         raise

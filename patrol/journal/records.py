@@ -17,7 +17,7 @@ from pydantic import ConfigDict, Field, GetPydanticSchema, PlainValidator, with_
 from pydantic_core import core_schema as schemas
 
 from patrol.pose import Model
-from patrol.wire import FAIL_FAST, Bytes, Flag, Row, Text
+from patrol.wire import FAIL_FAST, FAIL_FAST_MAP, Bytes, Flag, Row, Text
 
 MAX_TICKS = 2**29 - 1
 """Ticks of the longest run: a frame's sequence keeps the three bits above for its place among its sender's frames."""
@@ -152,8 +152,8 @@ _RobotNumber = Annotated[int, Field(strict=True, ge=1, le=_MAX_ROBOT)]
 _Name = Annotated[Text, Field(max_length=_NAME)]
 _Short = Annotated[Text, Field(max_length=4 * _NAME)]
 _Points = Annotated[int, Field(strict=True, ge=1, le=MOST_POINTS)]
-_Counts = dict[_Name, _Count]
-_CountsByRobot = dict[_RobotNumber, _Count]
+_Counts = Annotated[dict[_Name, _Count], FAIL_FAST_MAP]
+_CountsByRobot = Annotated[dict[_RobotNumber, _Count], FAIL_FAST_MAP]
 _WHOLE = GetPydanticSchema(lambda kind, of: schemas.chain_schema([schemas.int_schema(strict=True), of(kind)]))
 
 
@@ -325,7 +325,7 @@ class _Direct:
     """The note of a direct radio (`worldsim.radio.listener.Listener.notes`)."""
 
     missed: _Counts = field(default_factory=dict)
-    said: dict[Any, _Said] = field(default_factory=dict)
+    said: Annotated[dict[Any, _Said], FAIL_FAST_MAP] = field(default_factory=dict)
 
 
 @with_config(_OTHERS)

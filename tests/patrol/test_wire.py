@@ -305,6 +305,30 @@ def test_many_wrong_values_make_one_error() -> None:
     assert most < 4_000_000
 
 
+def many(entries: int) -> dict[str, str]:
+    return {str(number): "wrong" for number in range(entries)}
+
+
+@pytest.mark.parametrize(
+    ("read", "says"),
+    [
+        (read_traffic, {"traffic": {"incarnation": 1, "sent": 0, "heard": many(50_000), "refused": 0, "final": True}}),
+        (unpack, {"type": "end", "reason": "", "trace_hash": "", "notes": {"refused": many(50_000)}}),
+        (unpack, {"type": "end", "reason": "", "trace_hash": "", "notes": {"late_frames": many(50_000)}}),
+        (unpack, {"type": "end", "reason": "", "trace_hash": "", "notes": {"direct": {"said": many(50_000)}}}),
+        (unpack, {"type": "event", "k": 1, "kind": "dead", **many(200_000)}),
+    ],
+)
+def test_many_wrong_entries_of_a_map_make_one_error(read: Callable[[bytes], object], says: object) -> None:
+    wrong = msgpack.packb(says)
+    tracemalloc.start()
+    with pytest.raises(Malformed):
+        read(wrong)
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert most < 12_000_000
+
+
 def test_a_scenario_that_is_nested_too_deeply_is_refused() -> None:
     says = msgpack.unpackb(bytes.fromhex(BYTES["header"]))
     packed = msgpack.packb({**says, "scenario": {"deep": "here"}})

@@ -21,7 +21,7 @@ from pydantic import Field
 from patrol.journal import Event, Status, TickRecord
 from patrol.journal.records import MAX_TICKS
 from patrol.scenario.control_words import described
-from patrol.wire import FAIL_FAST, NO_WHOLE, PRINTABLE, Flag, Text, read
+from patrol.wire import FAIL_FAST, FAIL_FAST_MAP, NO_WHOLE, PRINTABLE, Flag, Text, read
 
 METRICS = "metrics"
 EVENTS = "events"
@@ -134,7 +134,7 @@ class Traffic:
 
     incarnation: _Whole
     sent: _Whole
-    heard: dict[Text, _Whole]
+    heard: Annotated[dict[Text, _Whole], FAIL_FAST_MAP]
     refused: _Whole
     final: Flag
 
