@@ -47,6 +47,11 @@ DEAF = """
             return 1 / 0
 
 
+    class Leaving(Deaf):
+        def lost(self, air):
+            raise SystemExit(0)
+
+
     class Narrow(Deaf):
         def lost(self, air):
             return np.ones(3, dtype=bool)
@@ -119,6 +124,7 @@ def test_the_ideal_model_loses_nothing_and_is_not_asked(lab: Lab) -> None:
     ("name", "says"),
     [
         ("Raising", "raises ZeroDivisionError: division by zero; correct it"),
+        ("Leaving", "raises SystemExit: 0; correct it"),
         ("Narrow", "lost(air) gave bool (3,) in tick 0; return bool (4, 4)"),
         ("Shares", "lost(air) gave float64 (4, 4) in tick 0; return bool (4, 4)"),
         ("Nothing", "lost(air) gave object () in tick 0; return bool (4, 4)"),

@@ -47,7 +47,7 @@ class _Own:
     def lost(self, air: OnAir) -> NDArray[np.bool_]:
         try:
             lost = np.asarray(self.model.lost(air))
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise _raises(self.name, error) from error
         if lost.shape != air.on_the_way.shape or lost.dtype != np.bool_:
             given, wanted = (f"{what.dtype} {what.shape}" for what in (lost, air.on_the_way))
@@ -104,9 +104,9 @@ def model_of(scenario: Scenario, terrain: Terrain) -> RadioModel | None:
         return built_in
     try:
         return _Own(radio.model, kind(setup))
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise _raises(radio.model, error) from error
 
 
-def _raises(name: str, error: Exception) -> BadInput:
+def _raises(name: str, error: BaseException) -> BadInput:
     return BadInput(f"radio.model = {name}: raises {type(error).__name__}: {error}; correct it")
