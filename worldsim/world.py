@@ -13,7 +13,7 @@ from patrol.pose import Pose
 from patrol.prepare import check_intruder, sensor_footprint
 from patrol.radio.message import MAX_FRAMES
 from worldsim.faults.timeline import Timeline
-from worldsim.radio.ether import Delivery, ether_of, there
+from worldsim.radio.ether import Delivery, ether_of
 from worldsim.radio.models.found import model_of
 from worldsim.robots.bodies import Body, overlap, standstill
 from worldsim.robots.intruders import Intruders
@@ -131,7 +131,7 @@ class World:
             return self._delivery.heard
         statuses = {number: body.status for number, body in self.bodies.items()}
         statuses |= {number: Status.LOST for number in self.living if number not in frames}
-        poses = {number: body.pose for number, body in self.bodies.items() if there(body.status)}
+        poses = {number: body.pose for number, body in self.bodies.items() if body.status.is_present}
         self._delivery = self.ether.carry(self.tick, sent, statuses, poses)
         self._frames = (*((FORGED, forged.frame) for forged in self._delivery.forged), *genuine)
         return self._delivery.heard

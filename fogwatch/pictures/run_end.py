@@ -141,7 +141,7 @@ def run_picture(run_folder: Path, out: Path, prepared: Prepared | None = None) -
     for index, facts in enumerate(robots):
         colour = ROBOTS[index % len(ROBOTS)]
         _draw_path(axes, run.tracks[facts.number], recent, colour)
-        if run.last[facts.number].status not in (Status.ABSENT, Status.LEFT):
+        if run.last[facts.number].status.is_present:
             _draw_body(axes, run.last[facts.number], facts, colour)
         if index < MOST_NAMES:
             keys.append(Key(colour, f"{facts.name}{_fate(run.last[facts.number].status)}", "-"))

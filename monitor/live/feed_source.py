@@ -313,7 +313,7 @@ class FeedSource:
         k = record.k
         places = np.full((len(self._numbers), 2), np.nan)
         for row in record.robots:
-            if row.status not in (Status.ABSENT, Status.LEFT):
+            if row.status.is_present:
                 places[self._place[row.number]] = row.x, row.y
             if row.status is Status.ALIVE:
                 pose = as_sent(row.number, Pose(row.x, row.y, row.heading))
@@ -387,12 +387,11 @@ class FeedSource:
     def _robot(self, last: TickRecord, place: int) -> RobotState:
         row = last.robots[place]
         heard = self._links.heard.get(row.number)
-        there = row.status not in (Status.ABSENT, Status.LEFT)
         return RobotState(
             number=row.number,
             status=row.status,
             state=row.state,
-            pose=Pose(row.x, row.y, row.heading) if there else None,
+            pose=Pose(row.x, row.y, row.heading) if row.status.is_present else None,
             goal=row.goal,
             decision_ms=row.decision_ms,
             heard_s=None if heard is None else (last.k - heard) * self._step,

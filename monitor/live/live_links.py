@@ -8,7 +8,7 @@ import numpy as np
 
 from monitor.observation.source import LinkCounts
 from patrol.journal.records import FORGED, TickRecord
-from patrol.summary.links import count_frames, is_present
+from patrol.summary.links import count_frames
 
 
 class LiveLinks:
@@ -45,6 +45,6 @@ class LiveLinks:
             if source != FORGED:
                 counts.heard[place[source], place[to]] = record.k
                 self.heard[source] = record.k
-        here = sum(is_present(row.status) for row in record.robots)
+        here = sum(row.status.is_present for row in record.robots)
         if self._direct or here == 1:
             self.heard.update({source: record.k for source, _ in record.frames if source != FORGED})

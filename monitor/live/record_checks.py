@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from patrol.errors import BadInput, Malformed
 from patrol.journal import unpack
-from patrol.journal.records import FORGED, MAX_TICKS, End, Event, Header, Record, RobotTick, Status, TickRecord
+from patrol.journal.records import FORGED, MAX_TICKS, End, Event, Header, Record, RobotTick, TickRecord
 from patrol.net.messages.feed import longest_record
 from patrol.net.security.control_auth import MAX_CONTROL
 from patrol.scenario import Scenario, load_scenario, same_but_for_files
@@ -26,7 +26,6 @@ MAX_ANGLE = 1e6
 MAX_HEADER = 1 << 24
 """Bytes of the longest header; it holds the scenario."""
 _SEQUENCES = 1 << 62
-_AWAY = (Status.ABSENT, Status.LEFT)
 
 
 def record_of(packed: bytes, longest: int = MAX_HEADER) -> Record | None:
@@ -168,4 +167,4 @@ class RunChecks:
     def _row(self, row: RobotTick) -> bool:
         x_min, y_min, x_max, y_max = self.bounds
         placed = x_min <= row.x <= x_max and y_min <= row.y <= y_max and abs(row.heading) <= MAX_ANGLE
-        return (placed or row.status in _AWAY) and len(row.state) <= MAX_TEXT
+        return (placed or not row.status.is_present) and len(row.state) <= MAX_TEXT

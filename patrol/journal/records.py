@@ -79,6 +79,11 @@ class Status(IntEnum):
     LOST = 4
     LEFT = 5
 
+    @property
+    def is_present(self) -> bool:
+        """True where the robot has a body in the world, so that frames are sent to it."""
+        return self is not Status.ABSENT and self is not Status.LEFT
+
 
 def standing_after(kind: str) -> Status | None:
     """Return the status in which an event leaves its robot.

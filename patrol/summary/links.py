@@ -6,18 +6,11 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from patrol.journal.records import Status
-
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
     from patrol.journal.records import TickRecord
-
-
-def is_present(status: Status) -> bool:
-    """Return whether frames are sent to a robot of this status at all."""
-    return status is not Status.ABSENT and status is not Status.LEFT
 
 
 def count_frames(
@@ -33,7 +26,7 @@ def count_frames(
             dropped in a later tick.
         delivered: Integers (n, n), sender by receiver; changed in place.
     """
-    here = [place[row.number] for row in record.robots if is_present(row.status) and row.number in place]
+    here = [place[row.number] for row in record.robots if row.status.is_present and row.number in place]
     for source, frames in Counter(source for source, _ in record.frames).items():
         if source in place:
             origin = place[source]

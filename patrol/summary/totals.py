@@ -16,7 +16,6 @@ import numpy as np
 from patrol.journal.links import drops_of, links_of
 from patrol.journal.records import DEAD_END, FORGED, Status, standing_after
 from patrol.pose import command_of
-from patrol.summary.links import is_present
 from patrol.summary.model import Messages, RobotFigures, Summary
 
 if TYPE_CHECKING:
@@ -113,7 +112,7 @@ class RunTotals:
         robots = self._robots
         for row in record.robots:
             robots[row.number].take(row, self._step)
-        receivers = sum(is_present(row.status) for row in record.robots) - 1
+        receivers = sum(row.status.is_present for row in record.robots) - 1
         for source, frame in record.frames:
             if source != FORGED:
                 robots[source].frames += 1

@@ -13,7 +13,7 @@ from patrol.journal.records import FORGED
 from patrol.scenario import load_scenario
 from patrol.scenario.controls import OPERATOR, operated
 from patrol.scenario.faults.kinds import PROCESS_KINDS, SENSE_KINDS, Spoof
-from patrol.summary.links import count_frames, is_present
+from patrol.summary.links import count_frames
 from patrol.summary.totals import dropped_by_source
 from worldsim.faults.timeline import Entry, Timeline
 from worldsim.radio.rules import receivers
@@ -75,7 +75,7 @@ class Traffic:
 
     def tick(self, record: TickRecord) -> None:
         """Take in the next tick."""
-        here = frozenset(row.number for row in record.robots if is_present(row.status))
+        here = frozenset(row.number for row in record.robots if row.status.is_present)
         sent = Counter(source for source, _ in record.frames)
         if self._counted:
             count_frames(record, self._place, self._sent, self._delivered)

@@ -154,7 +154,7 @@ class Ether:
         forged = self._forger.forge(tick, frames, statuses, poses) if self._forger is not None else []
         rules = self._rules if self._rules is not None and self._rules.begin(tick, poses) else None
         sent = Sent.of(tick, frames, forged)
-        receivers = tuple(number for number in sorted(statuses) if there(statuses[number]))
+        receivers = tuple(number for number in sorted(statuses) if statuses[number].is_present)
         to_all = to_others(tuple(sent.source.tolist()), receivers)
         deaf = {number: _DEAF[statuses[number]] for number in receivers if statuses[number] in _DEAF}
         if rules is None and self._model is None and not (forged or self._flying or deaf or sent.oversized.any()):
@@ -286,8 +286,3 @@ def ether_of(
         key = fleet_key(scenario.radio.key) if insiders else None
         forger = Forger(scenario, timeline, terrain, senses, key, MEMORY if operated else 0)
     return Ether(scenario.step, RadioRules(scenario, timeline, terrain), forger, model, model_cause)
-
-
-def there(status: Status) -> bool:
-    """Return True if frames are sent to a robot at all."""
-    return status is not Status.ABSENT and status is not Status.LEFT

@@ -69,7 +69,7 @@ class Body:
     @property
     def present(self) -> bool:
         """True if it is in the world and in the way of others, alive or not."""
-        return not self.away and self.status not in (Status.ABSENT, Status.LEFT)
+        return not self.away and self.status.is_present
 
     def halt(self, status: Status) -> None:
         """Stop the body and set its status."""

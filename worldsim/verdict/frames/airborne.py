@@ -12,7 +12,7 @@ import numpy as np
 from patrol.journal.links import Links, Pairs, WholeLinks, drops_of, joined, links_of, pairs_of
 from patrol.journal.records import FORGED, frame_sequence
 from patrol.scenario.faults.kinds import Fault, Loss
-from worldsim.radio.ether import OVERSIZED, OWN, RECEIVER_ABSENT, RECEIVER_DEAD, RECEIVER_PAUSED, Link, there
+from worldsim.radio.ether import OVERSIZED, OWN, RECEIVER_ABSENT, RECEIVER_DEAD, RECEIVER_PAUSED, Link
 from worldsim.radio.rules import DROPS
 from worldsim.verdict.common.faults import NO_ROBOT
 
@@ -70,7 +70,7 @@ def fates(record: TickRecord, forgers: Mapping[str, int]) -> Iterator[tuple[int,
         The robot whose radio sent it, its link, and what stopped it when it was sent; empty where nothing did, so that
         the frame arrives, sooner or later.
     """
-    here = [row.number for row in record.robots if there(row.status)]
+    here = [row.number for row in record.robots if row.status.is_present]
     causes = {drop[:3]: drop[3] for drop in record.dropped if drop[3] not in ON_ARRIVAL}
     for (source, sequence), origin in origins_of(record, forgers).items():
         for to in here:
@@ -109,7 +109,7 @@ def sent_links(record: TickRecord) -> WholeLinks:
     for source, _ in record.frames:
         sequences.append(frame_sequence(record.k, places[source]))
         places[source] += 1
-    here = tuple([row.number for row in record.robots if there(row.status)])
+    here = tuple([row.number for row in record.robots if row.status.is_present])
     pairs = _pairs(tuple([source for source, _ in record.frames]), here)
     return WholeLinks(pairs, np.array(sequences, dtype=np.int64))
 

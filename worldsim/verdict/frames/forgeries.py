@@ -13,7 +13,6 @@ from patrol.journal.records import FORGED
 from patrol.radio.message import MAX_ROBOT, Position, Rejected, decode
 from patrol.radio.units import m_to_cm, s_to_ms
 from patrol.scenario.faults.kinds import Drift, Forgery, Spoof
-from worldsim.radio.ether import there
 from worldsim.verdict.common.faults import NO_ROBOT, FrameFaultCheck, active
 
 if TYPE_CHECKING:
@@ -140,7 +139,7 @@ class SpoofsAsAsked(FrameFaultCheck):
             yield from range(self._robots + 1, min(self._robots + spoof.invented, MAX_ROBOT) + 1)
             return
         for number in self._known(spoof, rows):
-            if spoof.kind == "random" or (spoof.entry.id, number) in self._frozen or there(rows[number].status):
+            if spoof.kind == "random" or (spoof.entry.id, number) in self._frozen or rows[number].status.is_present:
                 yield number
 
     def _known(self, spoof: _Spoof, rows: Mapping[int, RobotTick]) -> Iterator[int]:

@@ -16,7 +16,7 @@ from patrol.journal.records import FORGED
 from patrol.pose import Pose
 from patrol.scenario.faults.kinds import Bandwidth
 from patrol.scenario.radio_spec import MODELS
-from worldsim.radio.ether import RECEIVER_DEAD, Delivery, Ether, Link, ether_of, there
+from worldsim.radio.ether import RECEIVER_DEAD, Delivery, Ether, Link, ether_of
 from worldsim.radio.models.found import model_of
 from worldsim.radio.models.port import OWN_MODEL, OnAir, RadioModel
 from worldsim.radio.rules import LEAST_BUCKET
@@ -100,7 +100,7 @@ class Replay(Check):
                 self.delivery = None
                 return
         statuses |= dict.fromkeys(self._gone(record), Status.LOST)
-        poses = {row.number: Pose(row.x, row.y, row.heading) for row in record.robots if there(row.status)}
+        poses = {row.number: Pose(row.x, row.y, row.heading) for row in record.robots if row.status.is_present}
         if self._stated is not None:
             self._stated.record = record
         self.delivery = self._ether.carry(record.k, frames, statuses, poses)

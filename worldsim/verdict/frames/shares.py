@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from patrol.journal.links import drops_of
 from patrol.journal.records import FORGED, MAX_TICKS, frame_sequence
 from patrol.scenario.faults.kinds import Delay, Duplicate, Loss, Reorder, Wait
-from worldsim.radio.ether import there
 from worldsim.radio.rules import chain_of
 from worldsim.verdict.common.chance import FAMILY, enough, unexplained
 from worldsim.verdict.common.check import CheckResult
@@ -80,7 +79,7 @@ class LossesAsAsked(FrameFaultCheck):
             self._count_all(faults, record)
             return
         why = {(source, to, sequence): cause for source, to, sequence, cause in record.dropped}
-        here = [row.number for row in record.robots if there(row.status)]
+        here = [row.number for row in record.robots if row.status.is_present]
         places: Counter[int] = Counter()
         for source, _ in record.frames:
             sequence = frame_sequence(record.k, places[source])
