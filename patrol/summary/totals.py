@@ -104,7 +104,11 @@ class RunTotals:
         self._forged = 0
 
     def tick(self, record: TickRecord) -> None:
-        """Add the next tick."""
+        """Add the next tick.
+
+        Raises:
+            KeyError: It has a robot, or a frame of one, that the header does not have.
+        """
         self._mfow.append(record.mfow)
         self._fog.append(record.fog_mean)
         self._seen = record.seen
