@@ -226,9 +226,14 @@ def check_radio_spec(
     Raises:
         PydanticCustomError: When they do not fit together.
     """
-    if isinstance(radio, PathLossRadio) and radio.options.airtime > step:
-        limit = f"longer than one step of {step:g} s, in which a robot sends anew; give less"
-        raise wrong("radio.options.airtime", limit, radio.options.airtime)
+    if isinstance(radio, PathLossRadio):
+        airtime, redraw = radio.options.airtime, radio.options.redraw
+        if airtime > step:
+            limit = f"longer than one step of {step:g} s, in which a robot sends anew; give less"
+            raise wrong("radio.options.airtime", limit, airtime)
+        if redraw is not None and redraw < step:
+            limit = f"shorter than one step of {step:g} s, so that draws would be left out; give more"
+            raise wrong("radio.options.redraw", limit, redraw)
     if radio.trail:
         _check_trail(radio, roster, step, sensor)
     if radio.adaptive is not None and not step <= radio.adaptive.silence <= radio.forget_after:

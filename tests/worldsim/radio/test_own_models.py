@@ -241,6 +241,10 @@ def test_another_model_has_other_options() -> None:
             "radio.options.airtime = 0.7: longer than one step of 0.5",
         ),
         (
+            {"model": "path-loss", "options": {"redraw": 1e-308}},
+            "radio.options.redraw = 1e-308: shorter than one step of 0.5 s",
+        ),
+        (
             {"model": "path-loss", "model_sha256": "0" * 64},
             "radio.model_sha256: only a model that is a file has a hash",
         ),
