@@ -1,6 +1,6 @@
-"""The fields that a scenario's goals are refined by: computed once when it is prepared, and mapped by its robots.
+"""Grids of psi (`agent.bodies.refine`) for a scenario: computed once when it is prepared, and mapped by its robots.
 
-Preparing a scenario loads no mind.
+Preparing a scenario loads no mind for it.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ if TYPE_CHECKING:
     from patrol.scenario import Scenario
 
 Psi = Mapping[float, NDArray[np.float32]]
-"""The fields that goals are refined by, float32 (h, w), by their reach in m; empty where no goals are refined."""
+"""Grids of psi, float32 (h, w), by their reach in m; empty where no goals are refined."""
 
 
 def psi_of(scenario: Scenario, terrain: Terrain) -> Psi:
-    """Compute the fields that a scenario's goals are refined by: one for each reach that its robots have.
+    """Compute a scenario's grids of psi, one for each reach that its robots have.
 
     Args:
         scenario: The scenario.
         terrain: Its ground.
     """
-    from agent.bodies.refine import psi_field  # here: to map them, or to have none, needs no bodies
+    from agent.bodies.refine import psi_field  # here: a process that maps the grids, or has none, needs no bodies
 
     return {reach: psi_field(terrain, reach) for reach in _reaches(scenario)}
 
