@@ -85,7 +85,7 @@ class Mind:
         self._sender = Sender(facts.spec.number, facts.sending, facts.key)
 
     def frames(self, sensed: Sensed) -> tuple[bytes, ...]:
-        """Return what the robot sends in a tick: its position and the intruders that it sees itself, or nothing."""
+        """Return a tick's frames: the position and the intruders in view; none where the fleet saves on its radio."""
         return self._sender.frames(sensed)
 
     def step(self, sensed: Sensed, heard: Sequence[bytes]) -> Decision:
@@ -116,7 +116,7 @@ class Mind:
         Raises:
             PolicyFailed: As of `step`.
         """
-        view = self._look(sensed)
+        view = self._make_view(sensed)
         try:
             intent = checked(self.policy.decide(view))
         except PolicyFailed:
@@ -136,8 +136,8 @@ class Mind:
             figures=intent.figures,
         )
 
-    def _look(self, sensed: Sensed) -> View:
-        """Make the policy's view of what the robot knows now."""
+    def _make_view(self, sensed: Sensed) -> View:
+        """Make the policy's view, after the contacts have joined the belief and obstacles are closed for this tick."""
         facts, k, pose = self.facts, sensed.k, sensed.pose
         reported = as_received(pose)
         for place in sensed.contacts[:MAX_CONTACTS]:
@@ -163,7 +163,7 @@ class Mind:
         )
 
     def _silent(self, k: int, pose: Pose) -> list[Disc]:
-        """Return discs where silent robots were last, without those that this robot is in."""
+        """Return discs where silent robots were heard last, but for those that this robot itself stands in."""
         discs = self.belief.silent(k, self.facts.patience, self.facts.radii, self.facts.margin)
         return [disc for disc in discs if math.hypot(disc[0] - pose.x, disc[1] - pose.y) >= disc[2]]
 

@@ -1,8 +1,8 @@
 """The choice of a target: the point with the greatest age squared per way.
 
 A point of age a (s) at the end of a way of length L (m) counts a^2 / (L + `NEAR_M`), and a tenth of that where another
-robot has the shorter way (`OTHERS`). So a patrol goes for what is stale, finishes what is close by, and leaves to each
-robot the ground around it, without a word between them.
+robot has the shorter way (`OTHERS`). So robots prefer stale points, finish the ones close by first, and rarely choose
+the same ones, although no robot says which target it has.
 
 The search lays one wave of path lengths from the robot and one from all others at once, over a box around the robot.
 Outside of the box a point counts at most its age squared per its distance as the crow flies. Where that is enough to
@@ -62,7 +62,7 @@ class Best(NamedTuple):
     length: int
 
 
-class Choice:
+class TargetChoice:
     """The search for a robot's targets."""
 
     def __init__(self, setup: PolicySetup) -> None:
@@ -109,11 +109,11 @@ class Choice:
             if 2 * (box[1] - box[0]) * (box[3] - box[2]) >= shape[0] * shape[1]:
                 box, limit = (0, shape[0], 0, shape[1]), LONGEST
             own = paths_in(view.ground, [here], box, limit)
-            score, place = self._look(view, own, NO_PATHS, worth, left_out)
+            score, place = self._best_in(view, own, NO_PATHS, worth, left_out)
             if score > 0.0 and _may_be_nearer(view, rivals, place[2:], own.length_to(*place[2:])):
                 # A robot with a shorter way to a point of the box is at most twice as far away as its edge.
                 wide = box if limit == LONGEST else box_around(here, 2 * reach, shape)
-                score, place = self._look(view, own, _paths_of_rivals(view, rivals, wide, limit), worth, left_out)
+                score, place = self._best_in(view, own, _paths_of_rivals(view, rivals, wide, limit), worth, left_out)
             enough = self._enough(view, here, worth, score) if score > 0.0 else 2 * reach
             if limit == LONGEST or reach >= enough:
                 break
@@ -136,10 +136,10 @@ class Choice:
         oldest = oldest_that_may_win(fog.patrolled, fog.last_seen, view.tick, *around, worth, self._near, score)
         return longest(int(oldest))
 
-    def _look(
+    def _best_in(
         self, view: View, own: BoxPaths, rival: BoxPaths, worth: NDArray[np.float64], left_out: NDArray[np.int64]
     ) -> tuple[float, tuple[int, int, int, int]]:
-        """The best score in a box, 0 without any, and row and column of its point and of where to stand for it."""
+        """Return the best score in a box, 0 without any, and row and column of the point and of where to stand."""
         score, place, fog = np.zeros(1), np.zeros(4, dtype=np.int64), view.fog
         known = (own.length, own.row0, own.col0, own.limit, rival.length, rival.row0, rival.col0)
         grids = (*known, fog.patrolled, fog.last_seen, fog.looked, view.tick)

@@ -19,7 +19,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from agent.policies.committed.choice import Choice
+from agent.policies.committed.choice import TargetChoice
 from agent.policies.committed.given_up import GivenUp
 from agent.policies.random_steps import RandomSteps
 from agent.policies.separation import Separation
@@ -77,7 +77,7 @@ class Committed:
         self._point = terrain.point
         self._separation = Separation(setup)
         self._random_steps = RandomSteps(setup)
-        self._choice = Choice(setup)
+        self._choice = TargetChoice(setup)
         self._given_up = GivenUp(spec.radius, terrain.point, setup.step)
         self._nearer = NEARER * spec.speed * setup.step
         self._at_hand_s = max(AT_HAND_S, AT_HAND_STEPS * setup.step)

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from agent.policies.committed.choice import NEAR_M, OTHERS, Best, Choice
+from agent.policies.committed.choice import NEAR_M, OTHERS, Best, TargetChoice
 from agent.policies.committed.kernels.best import best_of, oldest_that_may_win
 from agent.routes.path_window import FAR
 from agent.routes.wave import LONGEST, NO_BENDS, BoxPaths, Wave
@@ -19,7 +19,7 @@ from tests.agent.plans import Robots, cluttered, prepared_in
 
 
 def scores_by_looking_everywhere(
-    choice: Choice, view: Any, start: Any, rivals: NDArray[np.float64]
+    choice: TargetChoice, view: Any, start: Any, rivals: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """The score of each point of the terrain, by the wave of the whole of it and plain numpy."""
     terrain = view.ground.terrain
@@ -51,10 +51,10 @@ def test_it_is_the_best_point_of_the_whole_terrain(
     body = {"radius": 0.3, "speed": 1.5, "model": model, **({"turning_radius": 1.0} if model == "car" else {})}
     patrol = {"options": {"separation": separation}}
     robots = Robots(prepared_in(terrain, starts, body, patrol=patrol, sensor={"range": 3.0}))
-    real, searched = Choice._search, []
+    real, searched = TargetChoice._search, []
 
     def checked(
-        self: Choice, view: Any, start: Any, rivals: NDArray[np.float64], left_out: NDArray[np.int64]
+        self: TargetChoice, view: Any, start: Any, rivals: NDArray[np.float64], left_out: NDArray[np.int64]
     ) -> Best | None:
         best = real(self, view, start, rivals, left_out)
         if best is not None and not left_out.size:
@@ -63,7 +63,7 @@ def test_it_is_the_best_point_of_the_whole_terrain(
             searched.append(best)
         return best
 
-    monkeypatch.setattr(Choice, "_search", checked)
+    monkeypatch.setattr(TargetChoice, "_search", checked)
     for _ in range(80):
         robots.tick()
     assert len(searched) > 20
