@@ -17,7 +17,7 @@ from worldsim.verdict.frames.forgeries import SpoofsAsAsked
 from worldsim.verdict.frames.hearing import ForgedAsConfigured, Hearing
 from worldsim.verdict.frames.path_loss import PathLossAsAsked
 from worldsim.verdict.frames.reach import WithinReach
-from worldsim.verdict.frames.recomputed import Replay, WithinBandwidth
+from worldsim.verdict.frames.recomputed import FatesAsRecomputed, WithinBandwidth
 from worldsim.verdict.frames.sent import FramesAreTrue, LinksAddUp
 from worldsim.verdict.frames.shares import DelaysAsAsked, LossesAsAsked
 from worldsim.verdict.frames.timing import OnTime
@@ -59,7 +59,7 @@ CHECKS: tuple[type[Check], ...] = (
     BodiesApart,
     MovesAreTrue,
     FramesAreTrue,
-    Replay,
+    FatesAsRecomputed,
     DropsExplained,
     SpoofsAsAsked,
     NothingCrossed,

@@ -1,4 +1,8 @@
-"""A journal's frames in the air, read without the code that carries them."""
+"""The fate of each frame on each link, read from a journal's records.
+
+Of the code that carries frames this uses names only (causes, the order of faults, which statuses are addressed), so an
+error there cannot confirm itself.
+"""
 
 from __future__ import annotations
 

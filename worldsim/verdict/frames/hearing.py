@@ -19,7 +19,7 @@ from patrol.scenario.faults.kinds import PROCESS_KINDS, Forgery, Spoof
 from worldsim.radio.rules import NOBODY
 from worldsim.verdict.common.check import Check, CheckResult
 from worldsim.verdict.common.robots_there import RobotsThere
-from worldsim.verdict.frames.recomputed import Replay
+from worldsim.verdict.frames.recomputed import FatesAsRecomputed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -92,13 +92,13 @@ class Hearing(Check):
     """
 
     name = "refused frames"
-    needs = (RobotsThere, Replay)
+    needs = (RobotsThere, FatesAsRecomputed)
     reads_on = True
 
     def __init__(self, run: JudgedRun, readings: Readings) -> None:
         super().__init__(run, readings)
         self._prepared = run.prepared
-        self._replay = readings[Replay]
+        self._recomputed = readings[FatesAsRecomputed]
         self._names = run.names
         self._unknown = ""
         if run.prepared.scenario.factor is not None:
@@ -131,10 +131,10 @@ class Hearing(Check):
 
     def _tick(self, record: TickRecord) -> None:
         self.accepted.clear()
-        if self._unknown or self._replay.delivery is None:
+        if self._unknown or self._recomputed.delivery is None:
             return
         self._drop_inboxes(record.k)
-        delivery = self._replay.delivery
+        delivery = self._recomputed.delivery
         rows = [row for row in record.robots if row.status is Status.ALIVE and row.number in delivery.heard]
         self._listening.update(row.number for row in rows)
         intake = self._inboxes.hear(record.k, heard_by([row.number for row in rows], delivery.heard))

@@ -53,7 +53,7 @@ class _Stated:
         return np.array(rows, dtype=np.bool_).reshape(air.on_the_way.shape)
 
 
-class Replay(Check):
+class FatesAsRecomputed(Check):
     """A fresh ether decides the fates of the journal's frames as the journal has them, draw for draw.
 
     Attributes:

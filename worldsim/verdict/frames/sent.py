@@ -23,7 +23,7 @@ from worldsim.verdict.common.check import Check, CheckResult
 from worldsim.verdict.common.robots_there import RobotsThere
 from worldsim.verdict.frames.airborne import sent_links
 from worldsim.verdict.frames.due import DueFrames
-from worldsim.verdict.frames.recomputed import Replay
+from worldsim.verdict.frames.recomputed import FatesAsRecomputed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -143,17 +143,17 @@ class FramesAreTrue(Check):
 class LinksAddUp(Check):
     """On every directed link each frame sent, copies included, was delivered or dropped once, or is still in flight.
 
-    Nothing else was delivered or dropped. The replay says what is in flight at the end.
+    Nothing else was delivered or dropped. `FatesAsRecomputed` says what is in flight at the end.
     """
 
     name = "links add up"
     of_ether = True
-    needs = (Replay,)
+    needs = (FatesAsRecomputed,)
 
     def __init__(self, run: JudgedRun, readings: Readings) -> None:
         super().__init__(run, readings)
         self._names = run.senders
-        self._replay = readings[Replay]
+        self._recomputed = readings[FatesAsRecomputed]
         self._sent = self._settled = 0
         self._open: Counter[tuple[int, int, int]] = Counter()
 
@@ -174,7 +174,7 @@ class LinksAddUp(Check):
     def result(self) -> CheckResult:
         """Return the result, once all ticks are in."""
         wrong = Counter(self._open)
-        wrong.subtract(self._replay.in_flight)
+        wrong.subtract(self._recomputed.in_flight)
         wrong = Counter({link: left for link, left in wrong.items() if left})
         if wrong:
             (source, destination, sequence), left = min(wrong.items())
