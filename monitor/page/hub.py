@@ -177,7 +177,7 @@ class Hub:
         try:
             while not self._ending.is_set():
                 begun = self._now()
-                self._cycle()
+                self.turn()
                 self._ending.wait(max(self._frame_s - (self._now() - begun), 0.0))
         except BaseException as error:
             self.failure = error
@@ -191,7 +191,8 @@ class Hub:
         """Check again whether a page is ready for the waiting frame."""
         self._wake.set()
 
-    def _cycle(self) -> None:
+    def turn(self) -> None:
+        """Take one turn: read the source, and send each page that is ready what it lacks. The thread repeats this."""
         if self._ahead and not self._send_ahead():
             return
         state = self.source.wait(WAIT_S)

@@ -52,7 +52,7 @@ class Player:
         self._replay = Replay(run)
         self._links = LinkLog(run)
         self._traps = TrapLog(run)
-        self._past_beliefs = PastBeliefs(run, run.key)
+        self._past_beliefs = PastBeliefs(run, run.key, now)
         # With a direct radio it is unknown which frames each robot heard.
         self._direct = run.prepared.scenario.radio.via == "direct"
         self._layers: tuple[Layer, ...] = ("truth", *(() if self._direct else run.numbers))
