@@ -287,7 +287,7 @@ class _Driver:
             factor=scenario.factor,
             fog=self.mind.belief.fog,
             peers=self.mind.belief.peers,
-            foreseen=_foreseen(self.mind, clock),
+            foreseen=foreseen(self.mind, clock),
             radii=self.mind.facts.radii,
             orders=lambda: StopOrders(link, keys, name),
         )
@@ -310,8 +310,13 @@ class _Driver:
         return failure
 
 
-def _foreseen(mind: Mind, clock: LateClock) -> Callable[[int], Mapping[int, Peer]] | None:
-    """Return a function that predicts where others are in some ticks; None where the fleet does not predict."""
+def foreseen(mind: Mind, clock: LateClock) -> Callable[[int], Mapping[int, Peer]] | None:
+    """Return a function that predicts where others are in some ticks; None where the fleet does not predict.
+
+    Args:
+        mind: The mind.
+        clock: Counts its ticks.
+    """
     sending = mind.facts.sending
     if sending.predictor is None or not sending.trail:  # without trails, robots are predicted to stand
         return None

@@ -63,7 +63,11 @@ class Best(NamedTuple):
 
 
 class TargetChoice:
-    """The search for a robot's targets."""
+    """The search for a robot's targets.
+
+    Attributes:
+        posts: Where to stand for points where no body fits.
+    """
 
     def __init__(self, setup: PolicySetup) -> None:
         """Take what the search needs to know of the robot and the terrain.
@@ -72,7 +76,7 @@ class TargetChoice:
             setup: The policy's.
         """
         point = setup.terrain.point
-        self._posts = setup.posts
+        self.posts = setup.posts
         self._near = 100.0 * NEAR_M / point
         self._least_reach = math.ceil(FIRST_REACH * setup.sight.range_m / point)
         self._reach = self._least_reach
@@ -131,7 +135,7 @@ class TargetChoice:
         def longest(age: int) -> int:
             return math.ceil((worth.item(age) / score - self._near) / 100.0)
 
-        fog, gap = view.fog, self._posts.gap
+        fog, gap = view.fog, self.posts.gap
         around = (*here, longest(-1) + gap, gap)
         oldest = oldest_that_may_win(fog.patrolled, fog.last_seen, view.tick, *around, worth, self._near, score)
         return longest(int(oldest))
@@ -143,7 +147,7 @@ class TargetChoice:
         score, place, fog = np.zeros(1), np.zeros(4, dtype=np.int64), view.fog
         known = (own.length, own.row0, own.col0, own.limit, rival.length, rival.row0, rival.col0)
         grids = (*known, fog.patrolled, fog.last_seen, fog.looked, view.tick)
-        posts = self._posts.between(own.row0 + 1, own.row0 + own.length.shape[0] - 2)
+        posts = self.posts.between(own.row0 + 1, own.row0 + own.length.shape[0] - 2)
         for points, listed in ((NO_POINTS, False), (posts, True)):
             best_of(points, listed, *grids, worth, self._near, OTHERS, left_out, score, place)
         row, col, stand_row, stand_col = place.tolist()

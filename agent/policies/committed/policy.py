@@ -66,7 +66,12 @@ class Target:
 
 
 class Committed:
-    """Chooses a target and keeps to it."""
+    """Chooses a target and keeps to it.
+
+    Attributes:
+        target: Where it is going; None for nowhere.
+        given_up: The places that it leaves out for a while.
+    """
 
     Options = CommittedOptions
 
@@ -78,11 +83,11 @@ class Committed:
         self._separation = Separation(setup)
         self._random_steps = RandomSteps(setup)
         self._choice = TargetChoice(setup)
-        self._given_up = GivenUp(spec.radius, terrain.point, setup.step)
+        self.given_up = GivenUp(spec.radius, terrain.point, setup.step)
         self._nearer = NEARER * spec.speed * setup.step
         self._at_hand_s = max(AT_HAND_S, AT_HAND_STEPS * setup.step)
         self._sees_all_round = setup.sight.all_round and not setup.sight.leaves_age
-        self._target: Target | None = None
+        self.target: Target | None = None
         self._expected = 0
         self._shortest = math.inf
         self._least_age = 0
@@ -96,7 +101,7 @@ class Committed:
             # The body has to find its way back to the reachable ground first.
             return Bearing((), wander=wander)
         way = self._kept(view, start) or self._chosen(view, start)
-        target = self._target
+        target = self.target
         if way is None or target is None:
             return Stay()
         figures = {"way_m": way.length, "age_s": self._age(view, target.point) * self._step}
@@ -109,12 +114,12 @@ class Committed:
 
     def _kept(self, view: View, start: Element) -> Way | None:
         """Return the way to the present target; None without a target, or if it is time for another."""
-        target = self._target
+        target = self.target
         if target is None:
             return None
         age = self._age(view, target.point)
         if age < STILL_STALE * target.age:
-            self._given_up.forgive(target.stand)
+            self.given_up.forgive(target.stand)
             return None
         way = self._way_to(view, start, target.stand)
         if way is None:
@@ -125,26 +130,26 @@ class Committed:
         self._least_age = age
         stood_s = (view.tick - self._progress_at) * self._step
         if stood_s > (self._at_hand_s if way.length <= view.stride else NO_NEARER_S):
-            self._given_up.add(view.tick, target.stand)
+            self.given_up.add(view.tick, target.stand)
             return None
         return way
 
     def _chosen(self, view: View, start: Element) -> Way | None:
         """Commit to the best point, and return the way there; None where there is none that a way leads to."""
-        self._target = None
+        self.target = None
         rivals = self._separation.rivals(view)
         for _ in range(TRIES):
-            best = self._choice.best(view, start, rivals, self._given_up)
+            best = self._choice.best(view, start, rivals, self.given_up)
             if best is None:
                 return None
             self._expected = best.length
             way = self._way_to(view, start, best.stand)
             if way is not None:
                 age = self._age(view, best.point)
-                self._target = Target(best.point, best.stand, age)
+                self.target = Target(best.point, best.stand, age)
                 self._shortest, self._least_age, self._progress_at = math.inf, age, view.tick
                 return way
-            self._given_up.add(view.tick, best.stand)
+            self.given_up.add(view.tick, best.stand)
         return None
 
     def _way_to(self, view: View, start: Element, stand: Point) -> Way | None:

@@ -42,7 +42,11 @@ if TYPE_CHECKING:
 
 
 class Surround:
-    """A policy that takes part in surrounding an intruder, and otherwise leaves the decision to another policy."""
+    """A policy that takes part in surrounding an intruder, and otherwise leaves the decision to another policy.
+
+    Attributes:
+        otherwise: The other policy.
+    """
 
     def __init__(self, setup: PolicySetup, otherwise: Policy) -> None:
         """Join a patrol.
@@ -51,7 +55,7 @@ class Surround:
             setup: As for every policy.
             otherwise: Decides when there is no intruder, or no place for this robot.
         """
-        self._otherwise = otherwise
+        self.otherwise = otherwise
         self._number = setup.spec.number
         self._radius = setup.lengths.surround_distance
         self._repulsion = setup.patrol.surround_repulsion
@@ -69,7 +73,7 @@ class Surround:
         if view.contacts and start is not None:
             way = self.way(view.reported, view.peers, view.contacts, view.routes, start)
         if way is None:
-            return self._otherwise.decide(view)
+            return self.otherwise.decide(view)
         far = math.dist((view.pose.x, view.pose.y), way.place) > view.stride
         lean = self.pushed(view.pose, view.peers, way.bend) if far else None
         return Place(*way.place, bend=way.bend, lean=lean, state=State.SURROUNDING)

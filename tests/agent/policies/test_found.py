@@ -320,7 +320,7 @@ def test_options_are_the_policys_own(write: Write) -> None:
     assert (kind.options.patience, kind.options.corners) == (7.0, [1, 2])
     assert policy_of(load_scenario(write("./guard.py:Patient", PATIENT))).options.patience == 3.0
     mind = build_mind(prepare(scenario), 1)
-    assert mind.policy._otherwise.options.patience == 7.0  # type: ignore[attr-defined]
+    assert mind.policy.otherwise.options.patience == 7.0  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(

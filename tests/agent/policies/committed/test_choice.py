@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from agent.policies.committed.choice import NEAR_M, OTHERS, Best, TargetChoice
+from agent.policies.committed.given_up import GivenUp
 from agent.policies.committed.kernels.best import best_of, oldest_that_may_win
 from agent.routes.path_window import FAR
 from agent.routes.wave import LONGEST, NO_BENDS, BoxPaths, Wave
@@ -31,7 +32,7 @@ def scores_by_looking_everywhere(
         lengths = wave.lengths_from(view.ground.static, *start, others, LONGEST)[1:-1, 1:-1].astype(np.float64)
         other = np.where(lengths < FAR, lengths, np.inf)
     row, col = np.indices(own.shape)
-    for point_row, point_col, post_row, post_col in choice._posts.rows.tolist():
+    for point_row, point_col, post_row, post_col in choice.posts.rows.tolist():
         row[point_row, point_col], col[point_row, point_col] = post_row, post_col
     way, rival = own[row, col], other[row, col]
     age = np.where(view.fog.patrolled, view.tick - np.maximum(view.fog.last_seen, 0), 0).clip(0).astype(np.float64)
@@ -51,19 +52,20 @@ def test_it_is_the_best_point_of_the_whole_terrain(
     body = {"radius": 0.3, "speed": 1.5, "model": model, **({"turning_radius": 1.0} if model == "car" else {})}
     patrol = {"options": {"separation": separation}}
     robots = Robots(prepared_in(terrain, starts, body, patrol=patrol, sensor={"range": 3.0}))
-    real, searched = TargetChoice._search, []
+    real, searched = TargetChoice.best, []
 
     def checked(
-        self: TargetChoice, view: Any, start: Any, rivals: NDArray[np.float64], left_out: NDArray[np.int64]
+        self: TargetChoice, view: Any, start: Any, rivals: NDArray[np.float64], given_up: GivenUp
     ) -> Best | None:
-        best = real(self, view, start, rivals, left_out)
-        if best is not None and not left_out.size:
+        leaves_out = given_up.now(view.tick).size
+        best = real(self, view, start, rivals, given_up)
+        if best is not None and not leaves_out:
             scores = scores_by_looking_everywhere(self, view, start, rivals)
             assert scores[best.point] == pytest.approx(scores.max())
             searched.append(best)
         return best
 
-    monkeypatch.setattr(TargetChoice, "_search", checked)
+    monkeypatch.setattr(TargetChoice, "best", checked)
     for _ in range(80):
         robots.tick()
     assert len(searched) > 20

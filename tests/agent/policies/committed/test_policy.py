@@ -52,13 +52,13 @@ def policy_of(robots: Robots, robot: int = 0) -> Committed:
     """The policy of a robot."""
     surround = robots.minds[robot].policy
     assert isinstance(surround, Surround)
-    policy = surround._otherwise
+    policy = surround.otherwise
     assert isinstance(policy, Committed)
     return policy
 
 
 def target_of(robots: Robots, robot: int = 0) -> Target | None:
-    return policy_of(robots, robot)._target
+    return policy_of(robots, robot).target
 
 
 def seen_share(robots: Robots) -> float:
@@ -143,7 +143,7 @@ def test_who_comes_no_nearer_gives_up_and_leaves_the_place_out() -> None:
     waits = np.diff([robots.held_from, *(change.k for change in stuck)]) * STEP
     assert (waits >= AT_HAND_S).all()
     assert (waits <= AT_HAND_S + NO_NEARER_S + 2.5).all()
-    given_up = policy_of(robots)._given_up.places
+    given_up = policy_of(robots).given_up.places
     assert {place[:2] for place in given_up} == {change.old.stand for change in stuck}
     spells = [(place[2] - change.k) * STEP for place, change in zip(given_up, stuck, strict=True)]
     assert spells == [LEFT_OUT_S] * len(stuck)
@@ -158,12 +158,12 @@ def test_what_was_given_up_is_tried_again_where_nothing_else_is_left() -> None:
         robots.tick()
     policy, target = policy_of(robots), target_of(robots)
     assert target is not None
-    policy._given_up = GivenUp(1000.0, POINT, STEP)
-    policy._given_up.add(robots.k, target.point)
-    policy._target = None
+    policy.given_up = GivenUp(1000.0, POINT, STEP)
+    policy.given_up.add(robots.k, target.point)
+    policy.target = None
     robots.tick()
     assert target_of(robots) is not None
-    assert policy._given_up.places == []
+    assert policy.given_up.places == []
 
 
 def test_a_target_to_which_no_way_leads_any_more_is_dropped_at_once() -> None:
@@ -175,7 +175,7 @@ def test_a_target_to_which_no_way_leads_any_more_is_dropped_at_once() -> None:
     target = target_of(robots)
     assert target is not None
     # A wreck in the corridor: the target in the other room cannot be reached.
-    far._target = Target((40, 200), (40, 200), 10)
+    far.target = Target((40, 200), (40, 200), 10)
     discs = [(11.0, 4.0, 1.5)]
     mind.body.obstacles = lambda *_: discs  # type: ignore[method-assign]
     robots.tick()
@@ -230,7 +230,7 @@ def test_a_small_room_is_patrolled_without_a_stop() -> None:
     late = [change for change in changed if change.k * STEP > 100.0]
     assert all(change.age < 0.5 * change.old.age for change in changed)
     assert len(late) >= 25
-    assert policy_of(robots)._given_up.places == []
+    assert policy_of(robots).given_up.places == []
 
 
 # --- sensors and places ----------------------------------------------------------------------------------------

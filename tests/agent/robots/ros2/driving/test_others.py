@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from agent.build import build_mind
-from agent.own_robot import LateClock, _foreseen
+from agent.own_robot import LateClock, foreseen
 from agent.robots.ros2.driving.fence import Fence
 from agent.robots.ros2.driving.others import CARRIED_S, Other, Others
 from patrol.exchange import Sensed
@@ -57,7 +57,7 @@ def test_the_fence_knows_where_a_steady_robot_is_that_saves_on_its_radio(adaptiv
     prepared = prepare(load_scenario(raw))
     mind, sending_mind = (build_mind(prepared, number) for number in (1, 2))
     clock = LateClock()
-    others = Others(mind.belief.peers, mind.facts.radii, STEP_S, _foreseen(mind, clock))
+    others = Others(mind.belief.peers, mind.facts.radii, STEP_S, foreseen(mind, clock))
     sent = []
     for clock.k in range(40):
         there = Sensed(clock.k, Pose(20.0 + STEP_S * clock.k, 20.0, 0.0), clock_s=clock.k * STEP_S)
