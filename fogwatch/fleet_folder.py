@@ -58,7 +58,7 @@ THE_ROUTER = "router"
 AUTHORITY_FOLDER = "authority"
 _SOON_S = 30 * 86400
 _LAST_PORT = 65535
-_LOCK_S = 10.0
+LOCK_S = 10.0
 """How long to wait for another command that changes the folder, s."""
 
 
@@ -276,7 +276,7 @@ def fleet_to_change(path: Path) -> Iterator[FleetFolder]:
     """
     open_fleet_folder(path)
     descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-    until = time.monotonic() + _LOCK_S
+    until = time.monotonic() + LOCK_S
     try:
         while True:
             try:

@@ -168,11 +168,11 @@ def test_a_restarted_mind_is_a_new_one() -> None:
     prepared = prepare(scenario(robots=DISCS))
     fleet = InProcessFleet({}, mind_maker(prepared, None, shared_by(prepared)))
     fleet.start(1, 1)
-    first = fleet._minds[1]
+    first = fleet.minds[1]
     fleet.kill(1)
     assert not fleet.arrived(1)
     fleet.start(1, 2)
-    assert fleet._minds[1] is not first
+    assert fleet.minds[1] is not first
 
 
 def test_recovery_is_judged_by_the_run_without_faults() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -17,7 +16,7 @@ import fogwatch.launch.children.clerk_child
 from fogwatch.api import Result, RunOptions, execute
 from fogwatch.launch.children.children import Child, Children
 from fogwatch.launch.children.clerk_child import CLERK, ClerkChild
-from fogwatch.launch.launcher import WORLD, Launch
+from fogwatch.launch.launcher import WORLD
 from fogwatch.launch.terminal.live_table import SilentDisplay
 from patrol.journal import read_journal
 from patrol.prepare import Prepared, prepare
@@ -49,14 +48,14 @@ class Stage:
 
     Attributes:
         clerk: The launcher's side of the clerk; None before the run begins.
-        launch: The launcher; likewise.
+        started: The processes of the run by name.
         display: What the run shows.
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.clerk: ClerkChild | None = None
-        self.launch: Launch | None = None
+        self.started: dict[str, Child] = {}
         self.display = Lines()
 
     def loaded(self) -> bool:
@@ -65,9 +64,8 @@ class Stage:
 
     def kill(self, name: str) -> None:
         """Kill the clerk, or another process of the run, and wait for its end."""
-        children = self.clerk._children if name == CLERK else self.launch.children  # type: ignore[union-attr]
-        children.by_name[name].process.kill()
-        children.by_name[name].process.wait()
+        self.started[name].process.kill()
+        self.started[name].process.wait()
 
     def run(self, stop: Callable[[], bool], scenario: dict[str, Any] = PACED, **options: Any) -> Result:
         """Run a scenario until `stop` says so."""
@@ -87,18 +85,18 @@ def stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Stage:
     monkeypatch.setattr(fogwatch.launch.children.clerk_child, "AFTER_S", 0.0)
     monkeypatch.setattr(fogwatch.launch.children.clerk_child, "NICE", 0)
     monkeypatch.setattr(fogwatch.launch.children.clerk_child, "SILENT_S", PATIENCE_S)
-    begun, launched = ClerkChild.__init__, Launch.start
+    begun, spawn = ClerkChild.__init__, Children.spawn
 
     def begin(self: ClerkChild, *arguments: Any, **options: Any) -> None:
         staged.clerk = self
         begun(self, *arguments, **options)
 
-    def start(self: Launch) -> None:
-        staged.launch = self
-        launched(self)
+    def start(self: Children, name: str, *arguments: Any, **more: Any) -> Child:
+        staged.started[name] = spawn(self, name, *arguments, **more)
+        return staged.started[name]
 
     monkeypatch.setattr(ClerkChild, "__init__", begin)
-    monkeypatch.setattr(Launch, "start", start)
+    monkeypatch.setattr(Children, "spawn", start)
     return staged
 
 
@@ -157,8 +155,7 @@ def test_a_clerk_that_says_nothing_is_given_up(stage: Stage, monkeypatch: pytest
     def stop() -> bool:
         if not stage.loaded():
             return False
-        assert stage.clerk is not None
-        os.kill(stage.clerk._children.by_name[CLERK].process.pid, signal.SIGSTOP)
+        stage.started[CLERK].process.send_signal(signal.SIGSTOP)
         return True
 
     result = stage.run(stop, report=True)

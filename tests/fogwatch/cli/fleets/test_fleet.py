@@ -6,9 +6,11 @@ import json
 import os
 import shutil
 import stat
+import subprocess
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -164,16 +166,14 @@ def test_a_member_that_could_not_be_added_leaves_nothing(
 
 
 def test_a_certificate_that_could_not_be_signed_leaves_the_old_key(made: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    openssl = certificates._openssl
+    run = subprocess.run
 
-    def unsigned(*words: str) -> str:
-        if "-req" in words:
-            raise BadInput("openssl x509 failed")
-        return openssl(*words)
+    def unsigned(command: list[str], **how: Any) -> subprocess.CompletedProcess[str]:
+        return run(["openssl", "x509", "-no-such-option"] if "-req" in command else command, **how)
 
     before = {path: path.read_bytes() for path in (made / "router").iterdir()}
-    monkeypatch.setattr(certificates, "_openssl", unsigned)
-    with pytest.raises(BadInput, match="openssl"):
+    monkeypatch.setattr(subprocess, "run", unsigned)
+    with pytest.raises(BadInput, match="openssl x509 failed"):
         open_fleet_folder(made).renew_router(1)
     assert {path: path.read_bytes() for path in (made / "router").iterdir()} == before
 
@@ -193,7 +193,7 @@ def test_members_that_are_added_at_once_are_all_members(made: Path) -> None:
 def test_a_command_that_goes_on_for_ever_is_reported(
     made: Path, fogwatch: Command, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("fogwatch.fleet_folder._LOCK_S", 0.0)
+    monkeypatch.setattr("fogwatch.fleet_folder.LOCK_S", 0.0)
     with fleet_to_change(made):
         assert fogwatch("fleet", "revoke", str(made), "r1") == 2
     assert "another command is changing it" in capsys.readouterr().err
@@ -212,10 +212,8 @@ def test_no_certificate_outlives_the_authority(
     assert fogwatch("fleet", "check", "short") == 0
     assert capsys.readouterr().out.startswith("authority: valid until ")
     make_authority(Path("ended"), "f")
-    certificates._openssl(
-        *("x509", "-in", "ended/certificate.pem", "-signkey", "ended/key.pem", "-days", "0"),
-        *("-out", "ended/again.pem"),
-    )
+    words = ("x509", "-in", "ended/certificate.pem", "-signkey", "ended/key.pem", "-days", "0")
+    subprocess.run(["openssl", *words, "-out", "ended/again.pem"], check=True, capture_output=True)
     Path("ended/again.pem").replace("ended/certificate.pem")
     with pytest.raises(BadInput, match="the authority has expired, or does so within a day; make a new fleet"):
         issue(Path("ended"), Path("short/r1"), "r1.1", 1)

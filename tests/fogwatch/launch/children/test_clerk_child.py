@@ -11,16 +11,17 @@ from collections.abc import Iterator
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from fogwatch.clerk import News
 from fogwatch.launch.children import clerk_child
-from fogwatch.launch.children.children import Child
-from fogwatch.launch.children.clerk_child import CLERK, ClerkChild
+from fogwatch.launch.children.children import Child, Children
+from fogwatch.launch.children.clerk_child import ClerkChild
 from fogwatch.launch.children.clerk_messages import JUDGING, REPORT, Progress, ReportWritten, VerdictAsked
-from fogwatch.launch.folder.runfolder import RunFolder
 from fogwatch.launch.terminal.live_table import SilentDisplay
+from fogwatch.launch.folder.runfolder import RunFolder
 
 PATIENCE_S = 300.0
 
@@ -33,40 +34,36 @@ def pair() -> Iterator[tuple[Connection, Connection]]:
         yield ours, theirs
 
 
-class Unreadable:
-    """Pickles to something that cannot be had back."""
-
-    def __reduce__(self) -> tuple[type[int], tuple[str]]:
-        return int, ("no number",)
+UNREADABLE = b"\x80\x04cbuiltins\nint\n\x8c\x09no number\x85R."
+"""Pickled: int("no number")."""
 
 
-def test_a_clerk_whose_message_cannot_be_read_is_killed(tmp_path: Path, pair: tuple[Connection, Connection]) -> None:
-    """It does not heed SIGTERM, so it would go on to write its files."""
-    ours, theirs = pair
-    script = "import signal; signal.signal(signal.SIGTERM, signal.SIG_IGN); print(flush=True); signal.pause()"
-    process = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE)
-    assert process.stdout is not None
-    process.stdout.readline()
-    clerk = ClerkChild(RunFolder(tmp_path), SilentDisplay())
-    clerk._connection = ours
-    clerk._children.by_name[CLERK] = Child(CLERK, process, tmp_path / "log")
-    theirs.send(Unreadable())
-    assert clerk.report_written() is None
-    assert process.poll() == -signal.SIGKILL
-    assert not clerk.begin_report()
-    clerk.close()
-    process.stdout.close()
-
-
-def test_a_clerk_that_stops_in_the_middle_of_a_message_is_given_up(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    "message",
+    [struct.pack("!i", len(UNREADABLE)) + UNREADABLE, struct.pack("!i", 100) + b"the first part"],
+    ids=["unreadable", "cut off"],
+)
+def test_a_clerk_whose_message_cannot_be_read_is_killed(
+    message: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(clerk_child, "SILENT_S", 1.0)
+    """It does not heed SIGTERM, so it would go on to write its files."""
+    script = "import os, signal, sys; signal.signal(signal.SIGTERM, signal.SIG_IGN)\n"
+    script += f"os.write(int(sys.argv[1]), {message!r}); signal.pause()"
+    started: list[subprocess.Popen[bytes]] = []
+
+    def spawn(self: Children, name: str, _module: str, _words: list[str], log: Path, **how: Any) -> Child:
+        (talk,) = how["inherit"]
+        started.append(subprocess.Popen([sys.executable, "-c", script, str(talk)], pass_fds=[talk]))
+        return self.by_name.setdefault(name, Child(name, started[0], log))
+
+    monkeypatch.setattr(Children, "spawn", spawn)
+    monkeypatch.setattr(clerk_child, "AFTER_S", 0.0)
+    monkeypatch.setattr(clerk_child, "SILENT_S", PATIENCE_S if message.endswith(b".") else 5.0)
     clerk = ClerkChild(RunFolder(tmp_path), SilentDisplay())
-    clerk._connection, theirs = clerk_child.open_pair()
-    with theirs:
-        theirs.send(struct.pack("!i", 100) + b"the first part")
-        assert clerk.report_written() is None
+    clerk.ticking()
+    assert clerk.report_written() is None
+    assert started[0].poll() == -signal.SIGKILL
+    assert not clerk.begin_report()
     clerk.close()
 
 
