@@ -111,12 +111,13 @@ def test_frames_are_lost_as_often_as_the_example_says(lab: Lab) -> None:
     assert abs(lost / (200 * 12) - 0.5) < 4.5 * 0.5 / np.sqrt(200 * 12)
 
 
-def test_the_ideal_model_loses_nothing_and_is_not_asked(lab: Lab) -> None:
+def test_the_ideal_model_loses_nothing_and_is_not_asked(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
     world = lab.patrol(ticks=10)
     assert model_of(world.scenario, world.terrain) is None
     kind, options = model_class(world.scenario)
     assert kind is Ideal
-    world.ether._model = kind(ModelSetup(options, 1, 0.5, world.terrain))
+    monkeypatch.setattr("worldsim.world.model_of", lambda _, terrain: kind(ModelSetup(options, 1, 0.5, terrain)))
+    world = lab.patrol(ticks=10)
     assert failures((world, lab.run(world))) == {}
 
 

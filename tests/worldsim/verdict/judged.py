@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from patrol.journal import trace_hash
+from patrol.journal.records import sent_at
 from worldsim.faults.timeline import Timeline
+from worldsim.radio.fates import Fates, Sent
+from worldsim.radio.rules import RadioRules, cause
 from worldsim.verdict.common.check import Check, CheckResult, JudgedRun, Readings
 from worldsim.verdict.judge import judge
 
@@ -42,6 +48,35 @@ def change(journal: MemoryJournal, k: int, **fields: Any) -> None:
     journal.records[k] = replace(journal.records[k], **fields)
     assert journal.end
     journal.end = replace(journal.end, trace_hash=trace_hash(journal.ticks))
+
+
+Stop = Callable[[RadioRules, Sent, NDArray[np.int64], Fates], None]
+"""What stands in for `RadioRules.stop` where the radio is broken on purpose."""
+
+
+def stops(*causes: str, origins: Collection[int] | None = None) -> Stop:
+    """Rules that stop all frames, or those of some robots' radios, for the first of these causes that is active."""
+
+    def stop(rules: RadioRules, sent: Sent, _receivers: NDArray[np.int64], fates: Fates) -> None:
+        hit = np.ones(len(sent.frames), dtype=np.bool_) if origins is None else np.isin(sent.origin, list(origins))
+        for entry in rules.timeline.at(sent_at(int(sent.sequence[-1])) if sent.frames else 0):
+            if cause(entry) in causes:
+                fates.stop(hit[:, None], cause(entry))
+
+    return stop
+
+
+def spares(spared: Callable[[Sent, NDArray[np.int64]], NDArray[np.bool_]] | None = None) -> Stop:
+    """The good rules, which let some frames through all the same; unless told which, all."""
+    good = RadioRules.stop
+
+    def stop(rules: RadioRules, sent: Sent, receivers: NDArray[np.int64], fates: Fates) -> None:
+        through = fates.on_the_way & (True if spared is None else spared(sent, receivers))
+        good(rules, sent, receivers, fates)
+        fates.on_the_way |= through
+        fates.cause[through] = -1
+
+    return stop
 
 
 def check_of(kind: type[C], prepared: Prepared, journal: MemoryJournal, timeline: Timeline | None = None) -> C:

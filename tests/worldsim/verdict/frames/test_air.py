@@ -16,7 +16,7 @@ from shapely import LineString, box
 from patrol.ground.terrain import Terrain
 from patrol.journal import TickRecord
 from patrol.journal.records import sent_at
-from tests.worldsim.verdict.judged import Result, change, check_of, failures, result_of, runs
+from tests.worldsim.verdict.judged import Result, change, check_of, failures, result_of, runs, spares, stops
 from worldsim.faults.timeline import Timeline
 from worldsim.output.record import header_of
 from worldsim.radio.rules import RadioRules, arrival
@@ -105,7 +105,7 @@ def test_reach_is_told_from_true_places(run: Callable[..., Result], fault: dict[
 def test_a_radio_that_reaches_farther_fails(
     run: Callable[..., Result], fault: dict[str, Any], late: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(RadioRules, "_is_out_of_reach", lambda *_: False)
+    monkeypatch.setattr(RadioRules, "stop", spares())
     found = failures(run(fault, LATE) if late else run(fault))
     assert list(found) == ["reach"]
     assert f"got through range {fault['id']}" in found["reach"]
@@ -115,7 +115,7 @@ def test_a_radio_that_reaches_farther_fails(
 def test_a_radio_that_does_not_reach_so_far_fails(
     run: Callable[..., Result], fault: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(RadioRules, "_is_out_of_reach", lambda *_: True)
+    monkeypatch.setattr(RadioRules, "stop", stops(f"range:{fault['id']}"))
     found = failures(run({**fault, "reach": 100.0}))
     assert list(found) == ["reach"]
     assert f"was stopped by range {fault['id']} although it was within reach" in found["reach"]

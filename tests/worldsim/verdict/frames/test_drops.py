@@ -8,19 +8,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from patrol.journal.records import FORGED
-from patrol.scenario.faults.kinds import Bandwidth
-from tests.worldsim.verdict.judged import Result, change, failures, runs
-from worldsim.radio.fates import Fates, Sent
-from worldsim.radio.rules import RadioRules, cause
+from tests.worldsim.verdict.judged import Result, change, failures, runs, spares, stops
+from worldsim.radio.rules import RadioRules
 
 if TYPE_CHECKING:
     from tests.worldsim.conftest import Lab
-    from worldsim.faults.timeline import Entry
 
 QUIET = {"kind": "silence", "who": "r1", "id": "quiet"}
 SPLIT = {"kind": "partition", "groups": [["r1", "r2"], ["r3", "r4"]], "id": "split"}
@@ -34,33 +29,6 @@ DELAY = {"kind": "delay", "delay": {"constant": 1.2}, "id": "late"}
 @pytest.fixture
 def run(lab: Lab) -> Callable[..., Result]:
     return runs(lab, ticks=30)
-
-
-Stop = Callable[[RadioRules, Sent, NDArray[np.int64], Fates], None]
-
-
-def stops(*causes: str) -> Stop:
-    """Rules that stop every frame for the first of these causes that is active."""
-
-    def stop(rules: RadioRules, _sent: Sent, _receivers: NDArray[np.int64], fates: Fates) -> None:
-        for entry in rules.timeline.at(rules._k):
-            if cause(entry) in causes:
-                fates.stop(np.ones((1, 1), dtype=np.bool_), cause(entry))
-
-    return stop
-
-
-def spares(spared: Callable[[Sent, NDArray[np.int64]], NDArray[np.bool_]]) -> Stop:
-    """The good rules, which let some frames through all the same."""
-    good = RadioRules.stop
-
-    def stop(rules: RadioRules, sent: Sent, receivers: NDArray[np.int64], fates: Fates) -> None:
-        through = fates.on_the_way & spared(sent, receivers)
-        good(rules, sent, receivers, fates)
-        fates.on_the_way |= through
-        fates.cause[through] = -1
-
-    return stop
 
 
 @pytest.mark.parametrize(
@@ -122,7 +90,7 @@ def test_a_cut_that_another_cause_takes_the_place_of_fails(
 def test_a_bandwidth_that_stops_what_it_has_room_for_fails(
     run: Callable[..., Result], bytes_per_s: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(RadioRules, "_jam", lambda self, *_: self._active[Bandwidth][0])
+    monkeypatch.setattr(RadioRules, "stop", stops("bandwidth:narrow"))
     found = failures(run({**NARROW, "bytes_per_s": bytes_per_s}))
     assert found == {"bandwidth": "bandwidth narrow stopped r1 in tick 0 although it had bytes left"}
 
@@ -131,14 +99,7 @@ def test_a_bandwidth_that_what_is_forged_does_not_use_up_fails(
     run: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The forger's own frames come after those that it forges: the bucket of both is one."""
-    good = RadioRules._jam
-    taken: list[int] = []
-
-    def alternately(self: RadioRules, origin: int, size: int) -> Entry | None:
-        taken.append(origin)
-        return None if origin == 1 and taken.count(1) % 2 else good(self, origin, size)
-
-    monkeypatch.setattr(RadioRules, "_jam", alternately)
+    monkeypatch.setattr(RadioRules, "stop", spares(lambda sent, _: (sent.source == FORGED)[:, None]))
     found = failures(run({**NARROW, "who": "r1"}, INSIDER))
     assert list(found) == ["bandwidth"]
     assert found["bandwidth"].startswith("r1 exceeded 20 bytes/s in tick ")
@@ -156,7 +117,13 @@ def test_a_frame_that_is_not_too_long_and_counts_as_that_fails(
 def test_a_link_that_a_loss_is_not_about_and_that_loses_fails(
     run: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("worldsim.radio.rules._among", lambda numbers, _: np.ones_like(numbers, dtype=np.bool_))
+    good, more = RadioRules.stop, stops("loss:loss", origins=(2,))
+
+    def stop(*of: Any) -> None:
+        good(*of)
+        more(*of)
+
+    monkeypatch.setattr(RadioRules, "stop", stop)
     found = failures(run(LOSS))
     assert list(found) == ["drops"]
     assert found["drops"].endswith("for a cause that does not apply: loss:loss")

@@ -5,7 +5,7 @@ The replay's forger is then the same and finds nothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -70,8 +70,20 @@ def test_a_spoof_that_never_happens_fails(
     assert found["forgeries"].startswith(f"tick {8 if 'replay' in payload else 4}: lie ") or "replay" in payload
 
 
-def honest(forger: Forger, _entry: object, _fault: object, victim: int, k: int, poses: dict[int, Pose]) -> Pose:
-    return forger._senses.pose(victim, k, poses[victim])
+def honest() -> Any:
+    """A forger whose frames say where their victims say that they are, or are where they say nothing any more."""
+    good = Forger.forge
+
+    def forge(self: Forger, k: int, frames: Any, statuses: Any, poses: Mapping[int, Pose]) -> list[Forged]:
+        def truly(frame: bytes) -> bytes:
+            said = decode(frame)
+            sent = frames.get(said.robot)
+            true = decode(sent[0]) if sent else Position.of(said.robot, k, 0.0, poses[said.robot])
+            return encode(replace(said, x_cm=true.x_cm, y_cm=true.y_cm, heading_mrad=true.heading_mrad))
+
+        return [replace(one, frame=truly(one.frame)) for one in good(self, k, frames, statuses, poses)]
+
+    return forge
 
 
 @pytest.mark.parametrize("payload", ["freeze", {"offset": [5.0, 5.0]}], ids=str)
@@ -80,7 +92,7 @@ def test_a_spoof_that_tells_the_truth_fails(
     run: Callable[..., Result], payload: Any, others: list[dict[str, Any]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     dead = payload == "freeze" and others and others[0]["kind"] == "kill"
-    monkeypatch.setattr(Forger, "_claimed", honest)
+    monkeypatch.setattr(Forger, "forge", honest())
     found = failures(run(spoof(payload), *others))
     assert list(found) == ([] if dead else ["forgeries"])  # who is dead stays where it is
 
@@ -145,13 +157,15 @@ def test_a_forger_that_says_something_else_fails(
 
 @pytest.mark.parametrize("age", [3, 5])
 def test_a_replay_of_another_time_fails(run: Callable[..., Result], age: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    good = Forger._repeated
+    good = Forger.forge
+    sent: dict[int, Mapping[int, Sequence[bytes]]] = {}
 
-    def other(self: Forger, _age: int, victim: int) -> Iterator[bytes]:
-        return good(self, age, victim)
+    def forge(self: Forger, k: int, frames: Mapping[int, Sequence[bytes]], *of: Any) -> list[Forged]:
+        sent[k] = frames
+        right = [(one, decode(one.frame).robot) for one in good(self, k, frames, *of)]
+        return [replace(one, frame=sent[k - age][victim][0]) for one, victim in right if k >= age]
 
-    monkeypatch.setattr(Forger, "_age", lambda *_: 6)
-    monkeypatch.setattr(Forger, "_repeated", other)
+    monkeypatch.setattr(Forger, "forge", forge)
     assert failures(run(spoof({"replay": 1.7}))) == {
         "forgeries": f"tick {4}: lie does not repeat what its victims sent 4 ticks ago"
     }

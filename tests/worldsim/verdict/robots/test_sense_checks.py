@@ -9,12 +9,16 @@ import pytest
 
 from patrol.pose import Pose
 from patrol.random import gauss
+from patrol.scenario.faults.kinds import Drift
+from worldsim.faults.timeline import Timeline
 from worldsim.robots.senses import Senses
 from worldsim.verdict.judge import judge
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from patrol.ground.terrain import Terrain
+    from patrol.scenario import Scenario
     from tests.worldsim.conftest import Lab
     from worldsim.verdict.judge import Verdict
 
@@ -59,7 +63,7 @@ def test_a_drift_that_does_nothing_fails(judged: Any, monkeypatch: pytest.Monkey
 
 
 def test_a_clock_that_does_nothing_fails(judged: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Senses, "clock", lambda self, _number, k: k * self._step)
+    monkeypatch.setattr(Senses, "clock", lambda _self, _number, k: k * 0.5)
     assert senses(judged(CLOCK)) == "r1 reports the time 3 s in tick 6, but its clock shows 7 s"
 
 
@@ -69,14 +73,20 @@ def test_a_drift_of_somebody_else_fails(judged: Any, monkeypatch: pytest.MonkeyP
     assert senses(judged(BIAS)).startswith("r1 reports the place (")
 
 
-def bent(factor: float) -> Callable[..., tuple[float, float]]:
-    """Jumps of another size."""
-    jumped = Senses._jumped
+def bent(factor: float) -> Callable[..., None]:
+    """What makes senses that take the scenario's jumps for so many times longer ones."""
+    good = Senses.__init__
 
-    def longer(self: Senses, entry: Any, number: int, times: int, size: float) -> tuple[float, float]:
-        return jumped(self, entry, number, times, factor * size)
+    def make(self: Senses, scenario: Scenario, timeline: Timeline, terrain: Terrain) -> None:
+        (drift,) = scenario.faults
+        assert isinstance(drift, Drift)
+        assert drift.jump
+        jump = drift.jump.model_copy(update={"size": factor * drift.jump.size})
+        other = scenario.model_copy(update={"faults": (drift.model_copy(update={"jump": jump}),)})
+        good(self, other, Timeline(other), terrain)
+        del timeline
 
-    return longer
+    return make
 
 
 @pytest.mark.parametrize("fault", [JUMPS, BOTH])
@@ -84,7 +94,7 @@ def bent(factor: float) -> Callable[..., tuple[float, float]]:
 def test_jumps_of_another_size_fail(
     judged: Any, monkeypatch: pytest.MonkeyPatch, fault: dict[str, Any], factor: float
 ) -> None:
-    monkeypatch.setattr(Senses, "_jumped", bent(factor))
+    monkeypatch.setattr(Senses, "__init__", bent(factor))
     assert "after 1 jump of" in senses(judged(fault, ticks=120))
 
 
@@ -97,7 +107,10 @@ def test_noise_of_another_size_or_with_a_bias_fails(
 
 
 def test_a_pose_that_is_told_off_the_terrain_fails(judged: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("worldsim.robots.senses._within", lambda value, _limits: value)
+    def unbounded(_self: Senses, _number: int, k: int, true: Pose) -> Pose:
+        return Pose(true.x + 2.0 * 0.5 * k, true.y - 3.0 * 0.5 * k, true.heading)
+
+    monkeypatch.setattr(Senses, "pose", unbounded)
     assert "off the terrain" in senses(judged({**OVER, "noise": 0.0}))
 
 
