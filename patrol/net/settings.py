@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 _RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5}
 _SOCKET = 65536
-_QUEUE = 16
+QUEUE = 16
 """Messages that may wait to be sent, the most that Zenoh allows. With its 2 a busy machine dropped, of what may be, one
 in seven from the third of a burst on: at a pace, only the first two robots of a fleet received every pose. Messages of
 a burst may also share a place (`patrol.net.link.Link.post`)."""
@@ -45,7 +45,7 @@ _QUIET: dict[str, object] = {
     "transport/link/tcp/so_rcvbuf": _SOCKET,
     "transport/link/tcp/so_sndbuf": _SOCKET,
     "transport/link/tx/queue/congestion_control/drop/wait_before_drop": _DROP_US,
-    "transport/link/tx/queue/size/interactive_high": _QUEUE,
+    "transport/link/tx/queue/size/interactive_high": QUEUE,
 }
 
 

@@ -8,7 +8,7 @@ import zenoh
 
 from patrol.net.link import Link, LinkDown, _answers, open_link, open_router
 from patrol.net.mailbox import Mailbox, Presence
-from patrol.net.settings import _QUEUE, MAX_MESSAGE
+from patrol.net.settings import MAX_MESSAGE, QUEUE
 from tests.routers import PATIENCE_S, free_endpoint, routed
 
 
@@ -92,7 +92,7 @@ def test_a_burst_that_may_be_dropped_is_not(
     way: Callable[[Link, str], Callable[[bytes], None]], links: Callable[[], Link]
 ) -> None:
     """One message to each robot of a fleet, as at the beginning of a tick; many more than the queue has places."""
-    keys = [f"t/{number}" for number in range(4 * _QUEUE)]
+    keys = [f"t/{number}" for number in range(4 * QUEUE)]
     mailbox: Mailbox[int] = Mailbox(keys, whole, 100)
     receiver, sender = links(), links()
     receiver.subscribe("t/*", mailbox)

@@ -70,7 +70,8 @@ def test_its_health_says_how_old_its_odometry_is_and_whether_it_may_drive() -> N
     figures = vitals.read()
     assert 0.0 <= float(figures[ODOMETRY_AGE]) < PATIENCE_S  # type: ignore[arg-type]
     assert (figures[STOPPED], figures[UNUSABLE]) == (0.0, {})
-    bench.hardware._odometry.refuse("hash", "other fields")
+    ((_, odometry),) = bench.hub.listening["/robot1/odom"]
+    odometry.refuse("hash", "other fields")
     bench.stop.send(Bool(True))
     bench.driver.cycle()
     line = health_line(HealthReading(0.0, vitals.read()), None)

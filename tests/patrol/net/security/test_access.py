@@ -5,6 +5,7 @@ import os
 import re
 import shutil
 import stat
+import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -117,11 +118,13 @@ def test_what_the_system_clears_while_a_run_goes_on_comes_back(secrets: Secrets,
 
 
 def test_what_a_launcher_left_behind_goes_with_the_next_and_what_lives_stays(secrets: Secrets) -> None:
-    dead = Secrets("g", ["r1"])
-    os.close(dead._lock)  # as when its process ends, however that ends
-    dead._lock = -1
+    program = "import os; from fogwatch.launch.private import Secrets\n"
+    program += "print(Secrets('g', ['r1']).path, flush=True); os._exit(0)"
+    dead = subprocess.run([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True, check=True)
+    left = Path(dead.stdout.strip())
+    assert left.is_dir()
     later = Secrets("h", ["r1"])
-    assert not dead.path.exists()
+    assert not left.exists()
     assert secrets.path.exists()
     later.remove()
 

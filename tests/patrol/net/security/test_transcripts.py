@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import pytest
 
 from patrol.net.security.transcripts import (
@@ -170,20 +172,21 @@ def test_a_forged_report_hides_nothing_because_the_robots_own_comes_too(
 
 def test_a_robot_that_never_reports_takes_a_bounded_memory() -> None:
     exchange = Exchange()
+    sizes = []
     for k in range(3 * MAX_TICKS):
         exchange.tick(k)
-    assert len(exchange.world._sent) <= MAX_TICKS
-    assert len(exchange.world._acted_on) <= MAX_TICKS
+        sizes.append(len(pickle.dumps(exchange.world)))
+    assert sizes[-1] <= 1.05 * sizes[MAX_TICKS]
 
 
 def test_forged_replies_without_end_take_a_bounded_memory_and_are_found() -> None:
-    exchange = Exchange()
-    exchange.tick(0)
-    for k in range(3 * MAX_TICKS):
-        for number in range(20):
-            exchange.world.acted_on(k, REPLY_B, digest(k, REPLY_B, f"forged {number}"))
-    assert len(exchange.world._acted_on) <= MAX_TICKS
-    assert all(len(digests) <= MAX_REPLIES for places in exchange.world._acted_on.values() for digests in places)
+    exchange, bounded = Exchange(), Exchange()
+    for one, ticks, replies in ((exchange, 3 * MAX_TICKS, 20), (bounded, MAX_TICKS, MAX_REPLIES)):
+        one.tick(0)
+        for k in range(ticks):
+            for number in range(replies):
+                one.world.acted_on(k, REPLY_B, digest(k, REPLY_B, f"forged {number}"))
+    assert len(pickle.dumps(exchange.world)) <= 1.05 * len(pickle.dumps(bounded.world))
     exchange.report(LAST)
     (span,) = exchange.world.spans
     assert not span.agrees
