@@ -31,6 +31,7 @@ class ForkServer:
 
     Attributes:
         module: The module of the processes that it makes.
+        answer_s: How long it may take to fork, s; None for ever.
     """
 
     module = "agent"
@@ -49,9 +50,9 @@ class ForkServer:
         Raises:
             OSError: It cannot be started.
         """
+        self.answer_s: float | None = ANSWER_S
         self._asking = threading.Lock()  # robots are started again on a thread of its own
         self._control, theirs = socket.socketpair()
-        self._control.settimeout(ANSWER_S)
         try:
             with theirs:
                 own = theirs.fileno()
@@ -89,6 +90,7 @@ class ForkServer:
         with self._asking, suppress(OSError):
             report = None if self._child.start is None else self._child.start.report()
             if report is not None and report.ready and self._child.poll() is None:
+                self._control.settimeout(self.answer_s)
                 with log.open("ab") as output:
                     return Forked(ask_for_fork(self._control, Orders(command, environment), output.fileno()))
         self._child.process.kill()

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import gc
 import json
-import os
-import signal
+import subprocess
 import threading
 import time
 import weakref
@@ -27,9 +26,9 @@ from experiments.sweeps.pool import LocalWorkers
 from experiments.sweeps.results import RunResult, open_results
 from experiments.sweeps.runner import run_sweep
 from experiments.sweeps.stats import estimate
-from experiments.sweeps.worker import Answer, Task, metrics_of, run_task
+from experiments.sweeps.worker import Answer, Task, metrics_of, run_scenario, run_task
 from patrol.errors import BadInput
-from patrol.scenario import Scenario
+from patrol.scenario import Scenario, load_scenario
 from worldsim.world import World
 
 BASE: Mapping[str, Any] = {
@@ -193,8 +192,10 @@ def test_a_run_is_not_charged_with_what_another_thread_computes(monkeypatch: pyt
     """As on a Dask worker with several threads."""
     waiting, computed = threading.Event(), threading.Event()
 
-    def run(scenario: Mapping[str, Any]) -> tuple[dict[str, float | None], str, None]:
-        if scenario["idle"]:
+    done = run_scenario(load_scenario(BASE))
+
+    def run(scenario: Scenario) -> tuple[Outcome, Mapping[str, float | None]]:
+        if scenario.seed == 1:  # the idle one
             waiting.set()
             assert computed.wait(300.0)
         else:
@@ -203,11 +204,11 @@ def test_a_run_is_not_charged_with_what_another_thread_computes(monkeypatch: pyt
             while time.thread_time() - begun < 0.3:
                 pass
             computed.set()
-        return {}, "ab", None
+        return done
 
-    monkeypatch.setattr("experiments.sweeps.worker._run", run)
+    monkeypatch.setattr("experiments.sweeps.worker.run_scenario", run)
     monkeypatch.setattr(gc, "collect", lambda: 0)
-    tasks = [{"key": "k", "case": "c", "seed": 1, "scenario": {"idle": idle}} for idle in (True, False)]
+    tasks = [{"key": "k", "case": "c", "seed": 1, "scenario": {**BASE, "seed": seed}} for seed in (1, 2)]
     with ThreadPoolExecutor(2) as threads:
         idle, busy = threads.map(run_task, tasks)
     assert (idle["outcome"], busy["outcome"]) == ("ok", "ok")
@@ -237,18 +238,23 @@ def test_a_run_leaves_nothing_behind_in_its_worker(monkeypatch: pytest.MonkeyPat
 
 
 @pytest.mark.processes
-def test_a_worker_that_dies_fails_its_run_and_is_replaced(tmp_path: Path) -> None:
+def test_a_worker_that_dies_fails_its_run_and_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     long = plan({"long": {"duration": 100_000}, "short": {}, "brief": {"duration": 20}}, seeds=(1,))
-    workers = LocalWorkers(2)
+    started: list[subprocess.Popen[bytes]] = []
+    start = subprocess.Popen
+
+    def noted(*words: Any, **how: Any) -> subprocess.Popen[bytes]:
+        started.append(start(*words, **how))
+        return started[-1]
+
+    monkeypatch.setattr(subprocess, "Popen", noted)
 
     class Killing(Watching):
         def result(self, result: RunResult) -> None:
             super().result(result)
-            for worker in workers._workers.values():
-                if worker.task["case"] == "long":
-                    os.kill(worker._process.pid, signal.SIGKILL)
+            started[0].kill()  # it has the first run, the long one
 
-    outcome = run_sweep(long, tmp_path, workers=workers, observer=Killing())
+    outcome = run_sweep(long, tmp_path, workers=LocalWorkers(2), observer=Killing())
     (failed,) = outcome.failed
     assert failed.case == "long"
     assert failed.error == "its worker process died (killed; was there too little memory?)"

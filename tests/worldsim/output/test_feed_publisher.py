@@ -125,19 +125,21 @@ def test_answers_take_a_bounded_share_of_the_time(tmp_path: Path, monkeypatch: p
 def test_a_long_tick_keeps_no_viewer_waiting(tmp_path: Path, pace: float | None, answered: int) -> None:
     """Between the ticks nobody asks here; in each of them somebody does."""
     watched = Watched(tmp_path, pace)
+    answers: list[bytes] = []
 
     def during() -> None:
+        watched.asking.answers.clear()
         watched.asking.left = 1
         watched.feed.during()
         watched.do()
         watched.asking.left = 0
-        watched.feed._asking.clear()
         watched.now += 100.0
+        answers.extend(watched.asking.answers)
 
     with watched.journal:
         watched.run(5, during)
-    assert len(watched.asking.answers) == answered
-    for k, payload in enumerate(watched.asking.answers):
+    assert len(answers) == answered
+    for k, payload in enumerate(answers):
         so_far = read_so_far(payload)
         assert len(so_far.mfow) == k
         assert int(so_far.last_seen.max()) == k - 1

@@ -62,7 +62,11 @@ def window_of(k: int, step: float, redraw: float | None) -> int:
 
 
 class PathLoss:
-    """Loses frames by distance, walls and interference."""
+    """Loses frames by distance, walls and interference.
+
+    Attributes:
+        options: Power, losses and airtime.
+    """
 
     def __init__(self, setup: ModelSetup) -> None:
         """Draw nothing yet.
@@ -70,7 +74,7 @@ class PathLoss:
         Args:
             setup: Its options are `patrol.scenario.radio_spec.PathLossOptions`.
         """
-        self._options = setup.options
+        self.options = setup.options
         self._seed = setup.seed
         self._step = setup.step
         terrain = setup.terrain
@@ -84,7 +88,7 @@ class PathLoss:
         of_robot = air.origin != NOBODY
         if not of_robot.any():
             return np.zeros(air.on_the_way.shape, dtype=np.bool_)
-        options = self._options
+        options = self.options
         numbers = sorted({*air.receivers.tolist(), *air.origin.tolist()} - {NOBODY})
         levels = self._levels(air, numbers)
         senders = np.searchsorted(numbers, np.where(of_robot, air.origin, numbers[0]))
@@ -97,7 +101,7 @@ class PathLoss:
 
     def _levels(self, air: OnAir, numbers: list[int]) -> NDArray[np.float64]:
         """The power that each robot receives from each, dBm, float64 (senders, receivers)."""
-        options = self._options
+        options = self.options
         places = np.array([(air.poses[number].x, air.poses[number].y) for number in numbers])
         apart = places[:, None, :] - places[None, :, :]
         distance = np.maximum(np.hypot(apart[..., 0], apart[..., 1]), 1.0)
@@ -116,7 +120,7 @@ class PathLoss:
 
     def _noise(self, air: OnAir, received: NDArray[np.float64], of_robot: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Noise and interference that each frame meets at each receiver, dBm, float64 (f, r)."""
-        options = self._options
+        options = self.options
         noise = np.full(received.shape, 10.0 ** (options.noise / 10.0))
         if options.airtime > 0.0:
             sent = zip(air.source.tolist(), air.sequence.tolist(), strict=True)
@@ -133,7 +137,7 @@ class PathLoss:
 
     def _chance(self, margin: NDArray[np.float64]) -> NDArray[np.float64]:
         """With which probability a frame is received."""
-        edge = self._options.edge
+        edge = self.options.edge
         if edge == 0.0:
             return (margin >= 0.0).astype(np.float64)
         chance: NDArray[np.float64] = 1.0 / (1.0 + np.exp(np.clip(-margin / edge, -_MOST, _MOST)))

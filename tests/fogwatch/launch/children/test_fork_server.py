@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import signal
 import subprocess
@@ -9,16 +10,17 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from fogwatch.launch.children.children import Child, Children, Forked
 from fogwatch.launch.children.fork_server import FORK_SERVER, READY_S, ForkServer
 from patrol.process.exit_codes import INTERRUPTED
-from patrol.process.starting.forking import can_fork
+from patrol.process.starting.forking import ask_for_fork, can_fork
 from patrol.process.starting.readiness import StartFailure, StartPipe, StartReport
 
 pytestmark = [pytest.mark.processes, pytest.mark.skipif(not can_fork(), reason="this system has no fork server")]
@@ -256,7 +258,7 @@ def test_the_end_of_the_server_is_nobody_elses_end(office: Office) -> None:
 def test_a_server_that_stands_still_is_given_up(office: Office) -> None:
     office.made("r1")
     server = office.children.by_name[FORK_SERVER]
-    office.server._control.settimeout(0.2)
+    office.server.answer_s = 0.2
     server.process.send_signal(signal.SIGSTOP)
     assert office.starts_by_itself("r2")
     assert server.process.wait() == -signal.SIGKILL, "it makes no process later on that nobody knows of"
@@ -287,7 +289,8 @@ def test_what_the_server_makes_ends_where_it_is_no_child_of_the_launcher(
     office = Office(tmp_path)
     first = office.made("r1").process.pid
     # As on a system that lets nobody take in orphans.
-    monkeypatch.setattr("patrol.process.starting.forking._adopting_orphans", nullcontext)
+    without = SimpleNamespace(prctl=lambda *_: -1)
+    monkeypatch.setattr(ctypes, "CDLL", lambda _: without)
     try:
         by_itself = office.make("r2").process
         assert isinstance(by_itself, subprocess.Popen)
@@ -328,16 +331,23 @@ def test_a_process_that_somebody_else_has_waited_for_has_ended() -> None:
     assert (child.poll(), child.wait()) == (0, 0), "its exit code is lost, as with subprocess"
 
 
-def test_closing_it_does_not_wait_for_one_that_stands_still(office: Office) -> None:
+def test_closing_it_does_not_wait_for_one_that_stands_still(office: Office, monkeypatch: pytest.MonkeyPatch) -> None:
     office.made("r1")
     server = office.children.by_name[FORK_SERVER].process
     server.send_signal(signal.SIGSTOP)
-    office.server._control.settimeout(None)
+    office.server.answer_s = None
+    asking = threading.Event()
+
+    def ask(*of: Any) -> int:
+        asking.set()
+        return ask_for_fork(*of)
+
+    monkeypatch.setattr("fogwatch.launch.fork_server.ask_for_fork", ask)
     made: list[object] = []
     command = office.command(office.folder)
     asks = threading.Thread(target=lambda: made.append(office.server.make(command, {}, office.folder / "r2.log")))
     asks.start()
-    until(office.server._asking.locked)
+    until(asking.is_set)
     closes = threading.Thread(target=office.server.close)
     closes.start()
     try:

@@ -79,7 +79,7 @@ def with_options(**options: Any) -> Lost:
     """A model that takes other options for its own."""
 
     def lost(model: PathLoss, air: OnAir) -> NDArray[np.bool_]:
-        model._options = model._options.model_copy(update=options)
+        model.options = model.options.model_copy(update=options)
         return GOOD(model, air)
 
     return lost
