@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 from fogwatch.launch.children.children import Child, Children
+from fogwatch.launch.folder.runfolder import RunFolder
 from fogwatch.launch.launcher import ROUTER, WORLD, Launch
 from fogwatch.launch.terminal.live_table import SilentDisplay
-from fogwatch.launch.folder.runfolder import RunFolder
 from patrol.net.link import LinkDown
 from patrol.net.security.seats import SEAT
 from patrol.process.starting.readiness import StartPipe, StartReport

@@ -20,8 +20,8 @@ from fogwatch.launch.children import clerk_child
 from fogwatch.launch.children.children import Child, Children
 from fogwatch.launch.children.clerk_child import ClerkChild
 from fogwatch.launch.children.clerk_messages import JUDGING, REPORT, Progress, ReportWritten, VerdictAsked
-from fogwatch.launch.terminal.live_table import SilentDisplay
 from fogwatch.launch.folder.runfolder import RunFolder
+from fogwatch.launch.terminal.live_table import SilentDisplay
 
 PATIENCE_S = 300.0
 
