@@ -79,6 +79,14 @@ class Look:
         image: bytes = self.page.locator(selector).screenshot()
         return image
 
+    def seek(self, k: int) -> None:
+        """Have a replay's page show a tick."""
+        self.evaluate(
+            f"""() => {{ const s = document.getElementById('seek'); s.value = {k};
+                s.dispatchEvent(new Event('input')); }}"""
+        )
+        self.until(f"document.getElementById('clock').title === 'tick {k}'")
+
     def until(self, script: str, limit_s: float = PATIENCE_S) -> None:
         """Wait until a script says yes; the page's policy forbids Playwright's own way of waiting."""
         end = time.monotonic() + limit_s

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Set
 from contextlib import suppress
 from pathlib import Path
 from resource import RUSAGE_CHILDREN, RUSAGE_SELF, getrusage
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -177,6 +178,24 @@ def marked_processes(mark: str) -> dict[int, str]:
             if "multiprocessing.resource_tracker" not in command:  # lives as long as the session by design
                 found[int(folder.name)] = command
     return found
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Any]:
+    """A browser that finds nobody but this machine."""
+    from tests.browser import looking
+
+    with looking() as running:
+        yield running
+
+
+@pytest.fixture
+def endpoint() -> Iterator[str]:
+    """Where a router is that asks nobody."""
+    from tests.routers import routed
+
+    with routed() as where:
+        yield where
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -20,6 +20,7 @@ from fogwatch.fleet_folder import FleetFolder, make_fleet
 from fogwatch.launch.private import Secrets
 from patrol.net.keys import WORLD, FleetKeys, fleet_keys
 from patrol.net.link import Link, open_link, open_router
+from patrol.net.mailbox import Mailbox
 from patrol.net.open_links import open_links
 from patrol.net.security.access import FILE
 from patrol.net.security.credentials import Credentials, read_credentials, read_router, write_private
@@ -72,6 +73,16 @@ def reach_patiently(monkeypatch: pytest.MonkeyPatch) -> None:
         return open_links(router, radio, PATIENCE_S, *more)
 
     monkeypatch.setattr("monitor.live.attach.open_links", patiently)
+
+
+def take_messages(mailbox: Mailbox[bytes], count: int) -> list[tuple[str, bytes]]:
+    """Wait for so many messages; fewer where no more come."""
+    until = time.monotonic() + PATIENCE_S
+    found: list[tuple[str, bytes]] = []
+    while len(found) < count and time.monotonic() < until:
+        if (arrived := mailbox.get(0.1)) is not None:
+            found.append(arrived)
+    return found
 
 
 def await_seen(link: Link, key: str) -> None:

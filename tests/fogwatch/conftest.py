@@ -146,10 +146,16 @@ def fogwatch(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Callab
     before = {number: signal.getsignal(number) for number in numbers}
     monkeypatch.chdir(tmp_path)
 
-    def command(*arguments: str) -> int:
-        monkeypatch.setattr(sys, "argv", ["fogwatch", *arguments])
+    def command(*arguments: str | Path) -> int:
+        monkeypatch.setattr(sys, "argv", ["fogwatch", *map(str, arguments)])
         return main()
 
     yield command
     for number, handler in before.items():
         signal.signal(number, handler)
+
+
+@pytest.fixture
+def command(fogwatch: Callable[..., int]) -> Callable[..., int]:
+    """The command, for files in which `fogwatch` is the package."""
+    return fogwatch

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
 from patrol.journal import Journal, Status, read_journal
-from tests.browser import Look, browser_or_skip, looking
+from tests.browser import Look, browser_or_skip
 
 if TYPE_CHECKING:
     from tests.fogwatch.conftest import Run
@@ -23,12 +23,6 @@ FLEET: dict[str, Any] = {
     "pace": 2.0,
     "robots": {"count": 3, "model": "holonomic"},
 }
-
-
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Any]:
-    with looking() as running:
-        yield running
 
 
 def address_of(run: Run) -> str:

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -10,14 +10,7 @@ from patrol.errors import BadInput
 from patrol.net.security.access import FILE
 from patrol.process.lifeline import Ending
 from patrol.radio.fleet_key import new_key
-from tests.routers import PATIENCE_S, free_endpoint, reach_patiently, routed, world_seen, write_access
-
-
-@pytest.fixture
-def endpoint() -> Iterator[str]:
-    """Where a router is."""
-    with routed() as where:
-        yield where
+from tests.routers import PATIENCE_S, free_endpoint, reach_patiently, world_seen, write_access
 
 
 @pytest.fixture

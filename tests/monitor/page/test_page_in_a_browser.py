@@ -12,7 +12,7 @@ import pytest
 from monitor.replay.link_log import LinkLog
 from monitor.replay.past_beliefs import PastBeliefs
 from monitor.replay.player import Player
-from tests.browser import Look, browser_or_skip, looking
+from tests.browser import Look, browser_or_skip
 from tests.monitor.live.test_feed_source import FakeFeed
 from tests.monitor.pages import ServedPage
 
@@ -27,12 +27,6 @@ def page(faulty: Seen) -> Iterator[ServedPage]:
     served = ServedPage(Player(faulty.open()))
     yield served
     served.close()
-
-
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Any]:
-    with looking() as running:
-        yield running
 
 
 def colours(look: Look) -> int:
@@ -121,21 +115,13 @@ def legend(look: Look, fog: str) -> str:
     return str(look.evaluate("document.getElementById('ticks').textContent"))
 
 
-def seek(look: Look, k: int) -> None:
-    look.evaluate(
-        f"""() => {{ const s = document.getElementById('seek'); s.value = {k};
-            s.dispatchEvent(new Event('input')); }}"""
-    )
-    look.until(f"document.getElementById('clock').title === 'tick {k}'")
-
-
 def test_the_scale_does_not_depend_on_the_way_to_a_time(chromium: Any, page: ServedPage) -> None:
     shown = []
     for way in ([70, 3, 12, 0, 20], [20], [0, 5, 10, 15, 20]):
         with Look(chromium, page.address) as look:
             look.until("document.querySelectorAll('#chart .scatterlayer .trace').length === 2")
             for k in way:
-                seek(look, k)
+                look.seek(k)
             shown.append([legend(look, fog) for fog in ("d3", "3", "0")])
     assert shown[0] == shown[1] == shown[2]
     assert [text.partition("≥")[2] for text in shown[0]] == [" 10 s", " 40 s", " 40 s"]
@@ -170,7 +156,7 @@ def test_links_that_take_a_while_to_read_come_by_themselves(
     with closing(ServedPage(Player(faulty.open()))) as served, Look(chromium, served.address) as look:
         look.until("document.body.dataset.frames > 0")
         look.page.click("#tab-links")
-        seek(look, 70)
+        look.seek(70)
         look.until("document.getElementById('linktip').textContent === 'computing …'")
         assert look.evaluate("document.getElementById('matrix').hidden")
         read.set()
@@ -193,7 +179,7 @@ def test_a_belief_that_takes_a_while_is_not_shown_until_it_is_known(
         for fog in ("3", "d3"):
             known.clear()
             look.page.select_option("#layer", fog)
-            seek(look, 50 if fog == "3" else 20)
+            look.seek(50 if fog == "3" else 20)
             look.until(f"{caption} === 'computing …' && {tip}.includes('computing …')")
             assert yellows(look) == 0
             known.set()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +12,7 @@ import pytest
 from monitor.live.fog_tracker import FogTrackers
 from monitor.observation.source import Answer
 from patrol.net.messages.feed import Batch
-from tests.browser import PATIENCE_S, Look, browser_or_skip, looking
+from tests.browser import PATIENCE_S, Look, browser_or_skip
 from tests.monitor.live.test_feed_source import FakeFeed
 from tests.monitor.pages import ServedPage
 
@@ -22,12 +22,6 @@ if TYPE_CHECKING:
 pytestmark = browser_or_skip()
 
 MIDDLE = {"x": 455, "y": 300}
-
-
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Any]:
-    with looking() as running:
-        yield running
 
 
 def text_of(look: Look, name: str) -> str:

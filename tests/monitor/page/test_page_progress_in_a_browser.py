@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from contextlib import closing
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +9,7 @@ import pytest
 
 from monitor.page.survey import survey_of
 from monitor.replay.player import Player
-from tests.browser import Look, browser_or_skip, looking
+from tests.browser import Look, browser_or_skip
 from tests.monitor.live.test_feed_source import FakeFeed
 from tests.monitor.pages import ServedPage
 
@@ -22,12 +21,6 @@ pytestmark = browser_or_skip()
 SIZES = [(1280, 800), (800, 600), (390, 800)]
 
 
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Any]:
-    with looking() as running:
-        yield running
-
-
 def text(name: str) -> str:
     """A script that gives the text of an element."""
     return f"document.getElementById({name!r}).textContent"
@@ -36,14 +29,6 @@ def text(name: str) -> str:
 def hidden(name: str) -> str:
     """A script that says whether an element is hidden."""
     return f"document.getElementById({name!r}).hidden"
-
-
-def seek(look: Look, k: int) -> None:
-    look.evaluate(
-        f"""() => {{ const s = document.getElementById('seek'); s.value = {k};
-            s.dispatchEvent(new Event('input')); }}"""
-    )
-    look.until(f"document.getElementById('clock').title === 'tick {k}'")
 
 
 def pixels(look: Look, red: int, green: int, blue: int) -> int:
@@ -69,7 +54,7 @@ def test_ground_that_nobody_has_seen_looks_like_no_other(chromium: Any, trapped:
         look.until("document.body.dataset.frames > 0")
         before = None
         for k in (0, 100, run.ticks - 1):
-            seek(look, k)
+            look.seek(k)
             share = 100.0 * int(run.seen[k]) / int(run.prepared.patrolled.sum())
             look.until(f"{text('seen')} === '{int(share * 10) / 10:.1f} %' && !{hidden('seenbox')}")
             look.until(f"!{hidden('neverkey')}")
@@ -102,7 +87,7 @@ def test_the_stalest_point_has_a_mark_and_the_page_says_where(chromium: Any, tra
         look.until("document.body.dataset.frames > 0")
         assert look.evaluate(hidden("stalestbox"))  # nothing is stale at the beginning
         for k in (390, 40):
-            seek(look, k)
+            look.seek(k)
             found = survey_of(trapped.truth[k], run.prepared.patrolled, k)
             assert found is not None
             x, y = terrain.centre(found.row, found.col)
@@ -131,7 +116,7 @@ def test_a_trapped_robot_is_marked_listed_and_in_the_events(chromium: Any, trapp
     row = "document.querySelectorAll('#rows tr')[1].textContent"
     with closing(ServedPage(Player(trapped.open()))) as served, Look(chromium, served.address) as look:
         look.until("document.body.dataset.frames > 0")
-        seek(look, 380)
+        look.seek(380)
         look.until(f"{row}.includes('trapped since 0.0 s')")
         assert pixels(look, 193, 18, 31) > 20
         look.page.click("#tab-events")
@@ -139,7 +124,7 @@ def test_a_trapped_robot_is_marked_listed_and_in_the_events(chromium: Any, trapp
         look.until(f"/195 s *r2 no longer trapped after 195 s/.test({text('list')})")
         times = "[...document.querySelectorAll('#list li')].map((one) => Number(one.dataset.k))"
         assert look.evaluate(times) == sorted(look.evaluate(times), reverse=True)
-        seek(look, 300)
+        look.seek(300)
         look.page.click("#tab-robots")
         look.until(f"!{row}.includes('trapped')")
         assert pixels(look, 193, 18, 31) == 0
@@ -226,9 +211,9 @@ def test_labels_stay_within_the_map(chromium: Any, edges: Seen, width: int, heig
                 fill.call(this, text, x, y);
             };
         }""")
-        seek(look, 3)
+        look.seek(3)
         look.evaluate("window.labels.length = 0")
-        seek(look, 0)
+        look.seek(0)
         look.until("new Set(window.labels.map(([text]) => text)).size >= 5")
         drawn = dict(look.evaluate("window.labels"))
         assert {"top", "topmost-left", "lowest-right", "bottom"} < set(drawn)
@@ -239,7 +224,7 @@ def test_labels_stay_within_the_map(chromium: Any, edges: Seen, width: int, heig
 def test_nothing_lies_over_anything_else(chromium: Any, trapped: Seen, width: int, height: int) -> None:
     with closing(ServedPage(Player(trapped.open()))) as served, Look(chromium, served.address, width, height) as look:
         look.until("document.body.dataset.frames > 0")
-        seek(look, 380)
+        look.seek(380)
         look.until("document.querySelectorAll('#rows tr')[1].textContent.includes('trapped')")
         over = """() => {
             const boxes = [...document.querySelectorAll('#layer, #legendtext, #neverkey, #scale, #ticks, .zoom button,'

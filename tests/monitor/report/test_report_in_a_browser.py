@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -8,15 +7,9 @@ import pytest
 
 from monitor.report.analysis import analyse
 from monitor.report.document import write_report
-from tests.browser import PATIENCE_S, browser_or_skip, looking
+from tests.browser import PATIENCE_S, browser_or_skip
 
 pytestmark = browser_or_skip()
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with looking() as running:
-        yield running
 
 
 @pytest.fixture(scope="module")
@@ -28,8 +21,8 @@ def report(faulty: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("width", [1280, 390])
-def test_a_report_asks_nobody_fits_and_can_be_read(browser: Any, report: Path, scheme: str, width: int) -> None:
-    context = browser.new_context(color_scheme=scheme, viewport={"width": width, "height": 720})
+def test_a_report_asks_nobody_fits_and_can_be_read(chromium: Any, report: Path, scheme: str, width: int) -> None:
+    context = chromium.new_context(color_scheme=scheme, viewport={"width": width, "height": 720})
     asked, complaints = [], []
     context.on("request", lambda request: asked.append(request.url))
     page = context.new_page()

@@ -9,7 +9,7 @@ import zenoh
 from patrol.net.link import Link, LinkDown, _answers, open_link, open_router
 from patrol.net.mailbox import Mailbox, Presence
 from patrol.net.settings import MAX_MESSAGE, QUEUE
-from tests.routers import PATIENCE_S, free_endpoint, routed
+from tests.routers import PATIENCE_S, free_endpoint
 
 
 def test_an_answer_that_comes_too_late_is_nobody_s_failure() -> None:
@@ -31,12 +31,6 @@ def test_an_answer_that_comes_too_late_is_nobody_s_failure() -> None:
 def whole(payload: bytes) -> int:
     """Decodes what holds a number."""
     return int(payload)
-
-
-@pytest.fixture
-def endpoint() -> Iterator[str]:
-    with routed() as where:
-        yield where
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ from patrol.ros2.mailbox import Received, RosMailbox
 from patrol.ros2.messages import Bool, CancelRequest, CancelResponse, OccupancyGrid, Odometry, Twist, TwistStamped
 from patrol.ros2.names import LATCHED, EntityKind, NodeName
 from patrol.ros2.ports import Asked, Sender, Service
-from tests.routers import PATIENCE_S, free_endpoint, routed
+from tests.routers import PATIENCE_S, free_endpoint
 
 M = TypeVar("M")
 Join = Callable[..., ZenohRos2Link]
@@ -25,12 +25,6 @@ Join = Callable[..., ZenohRos2Link]
 FORMATS = [RmwZenoh(), RmwZenoh(7, hashed=False), Bridge(), Bridge("fleet")]
 CANCEL = Service(CANCEL_GOAL, CancelRequest, CancelResponse)
 AHEAD = TwistStamped(1_700_000_000_000_000_000, "base_link", Twist(1.0, 0.0, 0.5))
-
-
-@pytest.fixture
-def endpoint() -> Iterator[str]:
-    with routed() as where:
-        yield where
 
 
 @pytest.fixture

@@ -23,17 +23,11 @@ from patrol.ros2.messages import Path as Way
 from patrol.ros2.names import LATCHED, EntityKind, NodeName
 from patrol.ros2.ports import Asked
 from tests.ros2_bench import NAME, Bench, bench
-from tests.routers import PATIENCE_S, free_endpoint, routed
+from tests.routers import PATIENCE_S, free_endpoint
 from worldsim.ros2.node import Habits
 from worldsim.ros2.odometry import DriftingOdometry
 
 pytestmark = pytest.mark.processes
-
-
-@pytest.fixture
-def endpoint() -> Iterator[str]:
-    with routed() as where:
-        yield where
 
 
 @pytest.fixture

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import shutil
-import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +13,6 @@ from typing import Any
 import pytest
 
 import fogwatch
-from fogwatch.cli.app import main
 from patrol.journal import End, JournalWriter, Record, TickRecord, read_journal, trace_hash
 from patrol.journal.file import GrowingJournal
 
@@ -41,17 +39,6 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def folder(ran: Path, tmp_path: Path) -> Path:
     """A copy of the run, for changes."""
     return Path(shutil.copytree(ran, tmp_path / "small"))
-
-
-@pytest.fixture
-def command(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., int]:
-    monkeypatch.chdir(tmp_path)
-
-    def call(*arguments: str | Path) -> int:
-        monkeypatch.setattr(sys, "argv", ["fogwatch", *map(str, arguments)])
-        return main()
-
-    return call
 
 
 @pytest.fixture

@@ -11,7 +11,6 @@ from urllib.parse import unquote
 import pytest
 
 import fogwatch
-from fogwatch.cli.app import main
 from fogwatch.launch.folder.derived import derive
 from patrol.journal import read_journal
 from patrol.prepare import prepare
@@ -33,17 +32,6 @@ SMALL = {
 def ran(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run with a recording and a report; nobody changes it."""
     return fogwatch.run(SMALL, out=tmp_path_factory.mktemp("run") / "small", recording=True, report=True).folder
-
-
-@pytest.fixture
-def command(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., int]:
-    monkeypatch.chdir(tmp_path)
-
-    def call(*arguments: str | Path) -> int:
-        monkeypatch.setattr(sys, "argv", ["fogwatch", *map(str, arguments)])
-        return main()
-
-    return call
 
 
 def half(ran: Path, folder: Path, old: bool) -> Path:

@@ -1,14 +1,13 @@
 from __future__ import annotations
 
 import socket
-import time
 from collections.abc import Iterator
 
 import pytest
 
 from patrol.net.carriers.multicast import Group, GroupDown, open_group
 from patrol.net.mailbox import Mailbox
-from tests.routers import PATIENCE_S, free_port
+from tests.routers import free_port, take_messages
 
 
 @pytest.fixture
@@ -26,15 +25,6 @@ def box(*keys: str) -> Mailbox[bytes]:
     return Mailbox(keys, bytes, longest=8, room=4)
 
 
-def wait(mailbox: Mailbox[bytes], count: int) -> list[tuple[str, bytes]]:
-    until = time.monotonic() + PATIENCE_S
-    found: list[tuple[str, bytes]] = []
-    while len(found) < count and time.monotonic() < until:
-        if (arrived := mailbox.get(0.1)) is not None:
-            found.append(arrived)
-    return found
-
-
 def test_all_hear_a_frame_but_its_sender(members: list[Group]) -> None:
     first, second = members
     own, others = box("f/position/a", "f/position/b"), box("f/position/a", "f/position/b")
@@ -42,9 +32,9 @@ def test_all_hear_a_frame_but_its_sender(members: list[Group]) -> None:
     second.subscribe("f/position/*", others)
     post, answer = first.broadcast("f/position/a"), second.broadcast("f/position/b")
     post(b"\0one\0")
-    assert wait(others, 1) == [("f/position/a", b"\0one\0")]
+    assert take_messages(others, 1) == [("f/position/a", b"\0one\0")]
     answer(b"two")
-    assert wait(own, 1) == [("f/position/b", b"two")]
+    assert take_messages(own, 1) == [("f/position/b", b"two")]
     assert own.get() is None
     assert others.get() is None
 
@@ -56,7 +46,7 @@ def test_other_fleets_are_not_heard_and_what_is_wrong_is_counted(members: list[G
     for key, frame in (("g/position/a", b"x"), ("f/position/z", b"x"), ("f/position/a", b"much too long")):
         first.broadcast(key)(frame)
     first.broadcast("f/position/a")(b"last")
-    assert wait(mailbox, 1) == [("f/position/a", b"last")]
+    assert take_messages(mailbox, 1) == [("f/position/a", b"last")]
     assert mailbox.refused == {"unknown": 1, "oversized": 1}
 
 

@@ -22,6 +22,7 @@ from patrol.net.keys import check_radio
 from patrol.net.mailbox import Mailbox
 from patrol.pose import Pose
 from patrol.radio.message import Position, decode, encode
+from tests.routers import take_messages
 from tests.serial_lines import Modems
 from tests.worldsim.test_fleet_by_hand import Hand
 
@@ -54,15 +55,6 @@ def box() -> Mailbox[bytes]:
     return Mailbox((A, B, C), bytes, longest=64, room=8)
 
 
-def wait(mailbox: Mailbox[bytes], count: int) -> list[tuple[str, bytes]]:
-    until = time.monotonic() + PATIENCE_S
-    found: list[tuple[str, bytes]] = []
-    while len(found) < count and time.monotonic() < until:
-        if (arrived := mailbox.get(0.1)) is not None:
-            found.append(arrived)
-    return found
-
-
 def test_all_hear_a_frame_but_its_sender_and_a_contact_belongs_to_whoever_spoke_last(
     modems: Modems, lines: list[SerialLine]
 ) -> None:
@@ -75,9 +67,9 @@ def test_all_hear_a_frame_but_its_sender_and_a_contact_belongs_to_whoever_spoke_
     post(frame_of(1))
     post(contact)
     for mailbox in boxes[1:]:
-        assert wait(mailbox, 2) == [(A, frame_of(1)), (A, contact)]
+        assert take_messages(mailbox, 2) == [(A, frame_of(1)), (A, contact)]
     modems.say(0, packet(frame_of(1, 7)) + packet(contact) + packet(frame_of(3, 8)))
-    assert wait(boxes[0], 1) == [(C, frame_of(3, 8))], "its own echo is no news"
+    assert take_messages(boxes[0], 1) == [(C, frame_of(3, 8))], "its own echo is no news"
     assert bytes(modems.carried[0]) == packet(frame_of(1)) + packet(contact)
     assert len(modems.carried[0]) == len(frame_of(1)) + len(contact) + 2 * PACKET_OVERHEAD
 
@@ -88,7 +80,7 @@ def test_noise_strangers_and_contacts_of_nobody_are_not_heard(modems: Modems, li
     contact = encode(Position.of_contact(0, 0.0, 3.0, 4.0))
     modems.say(0, packet(contact) + b"AT+RESET\r\n\0" + packet(b"no frame") + packet(frame_of(9)) + packet(contact))
     modems.say(0, packet(frame_of(2)))
-    assert wait(mailbox, 1) == [(B, frame_of(2))]
+    assert take_messages(mailbox, 1) == [(B, frame_of(2))]
     assert mailbox.get() is None
 
 
@@ -149,7 +141,7 @@ def test_a_line_that_goes_down_drops_frames_and_comes_back(tmp_path: Path) -> No
     post = line.broadcast(A)
     try:
         os.write(first[0], packet(frame_of(2, 1)))
-        assert wait(mailbox, 1) == [(B, frame_of(2, 1))]
+        assert take_messages(mailbox, 1) == [(B, frame_of(2, 1))]
         device.unlink()
         os.close(first[0])
         until = time.monotonic() + PATIENCE_S
@@ -209,7 +201,7 @@ def test_positions_pass_from_one_process_to_another(modems: Modems, lines: list[
     lines[1].close()
     sender = subprocess.Popen([sys.executable, "-c", SENDER, modems.devices[1]], stdin=subprocess.PIPE)
     try:
-        heard = wait(mailbox, 10)
+        heard = take_messages(mailbox, 10)
     finally:
         sender.communicate(timeout=PATIENCE_S)
     assert sender.returncode == 0
