@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -69,8 +70,16 @@ def test_each_robot_looks_as_far_ahead_as_its_body_asks(mixed: Prepared, number:
     body = build_mind(mixed, number, shared=shared).body
     goals = body.goals  # type: ignore[attr-defined]
     assert isinstance(goals, GoalFinder)
-    assert goals._distance == pytest.approx(goal_m / 0.5)
-    assert goals._psi is shared.psi[10.0 if number == 1 else 3.0]
+    ground = shared.ground_of(mixed.terrain, mixed.fields[number])
+    lengths = replace(mixed.scenario.lengths[number], goal_distance=goal_m)
+    start = ground.join(mixed.starts[number - 1].x, mixed.starts[number - 1].y)
+    assert start
+    psi = shared.psi[10.0 if number == 1 else 3.0]
+    same, unrefined = (GoalFinder(lengths, ground, field) for field in (psi, None))
+    found, expected, plain = (
+        [finder.along(bearing, *start) for bearing in np.arange(0.0, 6.2, 0.1)] for finder in (goals, same, unrefined)
+    )
+    assert found == expected != plain
 
 
 def test_minds_from_saved_and_from_own_fields_decide_alike(mixed: Prepared, tmp_path: Path) -> None:

@@ -143,15 +143,18 @@ def test_a_belief_that_lags_is_shown_as_of_its_tick_while_it_lags_little(
     assert lags[6:] == list(range(25, 15, -1))
 
 
-def test_however_many_are_behind_each_is_served_in_turn(quiet: Seen) -> None:
+def test_however_many_are_behind_each_is_served_in_turn(quiet: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
     wire = FakeFeed(quiet)
-    source = wire.source()
+    makers: list[Callable[[Layer], FogTracker]] = []
     made: dict[Layer, FogTracker] = {}
 
-    def make(layer: Layer) -> FogTracker:
-        return made.setdefault(layer, source._tracker(layer))
+    def noted(make: Callable[[Layer], FogTracker]) -> FogTrackers:
+        makers.append(make)
+        return FogTrackers(make)
 
-    trackers = FogTrackers(make)
+    monkeypatch.setattr("monitor.live.feed_source.FogTrackers", noted)
+    source = wire.source()
+    trackers = FogTrackers(lambda layer: made.setdefault(layer, makers[0](layer)))
     for layer in (1, 2, 3):
         trackers.track(layer, 0.0)
     served = []
