@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 import fogwatch
-from fogwatch.launch import child_control
+from fogwatch.launch.children import child_control
 from patrol.journal import RobotTick, Status, TickRecord, read_journal
 from patrol.process.starting.forking import can_fork
 from tests.fleets import COARSE
