@@ -190,9 +190,9 @@ def is_group(locator: str) -> bool:
     Args:
         locator: ``udp/GROUP:PORT``, perhaps with ``#iface=NAME``.
     """
-    found = _GROUP.fullmatch(locator)
+    match = _GROUP.fullmatch(locator)
     try:
-        return found is not None and ipaddress.IPv4Address(found[1]).is_multicast
+        return match is not None and ipaddress.IPv4Address(match[1]).is_multicast
     except ValueError:
         return False
 

@@ -285,8 +285,8 @@ def close_session(session: zenoh.Session, declared: list[Any], limit_s: float) -
 
     def close() -> None:
         with suppress(zenoh.ZError):  # Zenoh gives up by itself when the other side does not answer
-            for one in reversed(declared):
-                one.undeclare()
+            for declaration in reversed(declared):
+                declaration.undeclare()
             declared.clear()
             session.close()  # type: ignore[no-untyped-call]
             closed.set()
@@ -350,19 +350,19 @@ def open_session(
         NotAdmitted: The router does not let this process in.
     """
     box: list[zenoh.Session | Exception] = []
-    done = threading.Event()
+    is_open = threading.Event()
 
     def join() -> None:
         try:
             box.append(zenoh.open(_config(settings)))
         except zenoh.ZError as error:
             box.append(error)
-        done.set()
+        is_open.set()
 
     threading.Thread(target=join, daemon=True).start()
     began = time.monotonic()
     tell_at = TELL_S[0]
-    while not done.wait(0.1):
+    while not is_open.wait(0.1):
         waited = time.monotonic() - began
         if stopped() or waited >= wait_s:
             if not stopped() and listens(router):

@@ -57,10 +57,10 @@ def answers_of(
 
     for key in keys:
         ask(key)
-    asked = len(keys)
+    unanswered = len(keys)
     # When all queries are over, what waits is still taken out.
-    while (arrived := waiting.get(wait_s + _MORE_S if asked else 0.0)) is not None:
+    while (arrived := waiting.get(wait_s + _MORE_S if unanswered else 0.0)) is not None:
         if arrived[0] == _OVER:
-            asked -= 1
+            unanswered -= 1
         else:
             yield arrived

@@ -102,7 +102,7 @@ def _steps(stages: type[S], events: type[E], table: str) -> Mapping[tuple[S, E],
     """Read a table: a row for each event, a column for each state, and the next state where an event is legal."""
     head, *rows = [line.split() for line in table.strip().splitlines()]
     columns = list(enumerate(head, 1))
-    return {(stages[at], events[on[0]]): stages[on[to]] for on in rows for to, at in columns if on[to] != "-"}
+    return {(stages[column], events[on[0]]): stages[on[to]] for on in rows for to, column in columns if on[to] != "-"}
 
 
 ROBOT = _steps(
@@ -321,8 +321,8 @@ class RobotEnd:
         """Give the mind phase A of the newest tick; None where no tick is due."""
         if self._due is None:
             return None
-        phase, heard = self._due, self._has_heard(self._due.k)
-        if not self._follow(RobotEvent.TAKEN_HEARD if heard else RobotEvent.TAKEN):
+        phase, has_heard = self._due, self._has_heard(self._due.k)
+        if not self._follow(RobotEvent.TAKEN_HEARD if has_heard else RobotEvent.TAKEN):
             return None
         self._due, self.k = None, phase.k
         return phase
@@ -367,8 +367,8 @@ class RobotEnd:
         proofs = self._offers.get(message.run)
         if isinstance(message, Hello):
             own_is_there = (self.world_present and self._unbroken) or now < self._own_news + SILENCE_S
-            other = RobotEvent.STRANGER if own_is_there else RobotEvent.OUSTED
-            return other if self._is_bound and proofs is None else RobotEvent.GREETED
+            refusal = RobotEvent.STRANGER if own_is_there else RobotEvent.OUSTED
+            return refusal if self._is_bound and proofs is None else RobotEvent.GREETED
         if (message.incarnation, message.instance) != (self._identity.incarnation, self._identity.instance):
             return RobotEvent.STRANGER
         if isinstance(message, Stop):

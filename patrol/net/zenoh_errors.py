@@ -11,8 +11,8 @@ def system_error(error: Exception) -> int | None:
     Args:
         error: Of Zenoh.
     """
-    found = re.search(r"\(os error (\d+)\)", str(error))
-    return None if found is None else int(found[1])
+    match = re.search(r"\(os error (\d+)\)", str(error))
+    return None if match is None else int(match[1])
 
 
 def first_line(error: Exception) -> str:

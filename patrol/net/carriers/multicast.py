@@ -105,8 +105,8 @@ class Group:
             key = head.decode(errors="replace")
             if key in self._own:
                 continue
-            for wanted, mailbox in list(self._subscriptions):
-                if key == wanted or (wanted.endswith("*") and key.startswith(wanted[:-1])):
+            for pattern, mailbox in list(self._subscriptions):
+                if key == pattern or (pattern.endswith("*") and key.startswith(pattern[:-1])):
                     mailbox.deliver(key, Datagram(frame))
 
 

@@ -55,7 +55,7 @@ class Unpacker:
         Yields:
             The frames that end in them.
         """
-        *ended, rest = data.split(END)
+        *ended, unfinished = data.split(END)
         for piece in ended:
             self._add(piece)
             frame = None if self._skips else _frame_in(bytes(self._begun))
@@ -65,7 +65,7 @@ class Unpacker:
                 self.spoilt += 1
             self._begun.clear()
             self._skips = False
-        self._add(rest)
+        self._add(unfinished)
 
     def _add(self, piece: bytes) -> None:
         if self._skips or len(self._begun) + len(piece) >= MAX_PACKET:
@@ -98,11 +98,11 @@ def _stuffed(body: bytes) -> bytes:
 def _unstuffed(stuffed: bytes) -> bytes | None:
     """Undo `_stuffed`; return None where the lengths do not add up."""
     runs = []
-    at = 0
-    while at < len(stuffed):
-        until = at + stuffed[at]
+    begin = 0
+    while begin < len(stuffed):
+        until = begin + stuffed[begin]
         if until > len(stuffed):
             return None
-        runs.append(stuffed[at + 1 : until])
-        at = until
+        runs.append(stuffed[begin + 1 : until])
+        begin = until
     return END.join(runs)

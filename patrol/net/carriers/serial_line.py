@@ -42,8 +42,8 @@ def is_serial(locator: str) -> bool:
     Args:
         locator: ``serial/DEVICE``, perhaps with ``#baud=SPEED``.
     """
-    found = _LOCATOR.fullmatch(locator)
-    return found is not None and _speed(found[2]) is not None
+    match = _LOCATOR.fullmatch(locator)
+    return match is not None and _speed(match[2]) is not None
 
 
 class SerialLine:
@@ -165,8 +165,8 @@ class SerialLine:
         key = self._last_caller
         if key is None or key in self._own:
             return
-        for wanted, mailbox in list(self._subscriptions):
-            if key == wanted or (wanted.endswith("*") and key.startswith(wanted[:-1])):
+        for pattern, mailbox in list(self._subscriptions):
+            if key == pattern or (pattern.endswith("*") and key.startswith(pattern[:-1])):
                 mailbox.deliver(key, Datagram(frame))
 
     def _up(self) -> bool:
@@ -195,11 +195,11 @@ def open_serial(locator: str, callers: Mapping[int, str]) -> SerialLine:
     Raises:
         SerialDown: In one line, when it cannot be opened.
     """
-    found = _LOCATOR.fullmatch(locator)
-    speed = None if found is None else _speed(found[2])
-    if found is None or speed is None:
+    match = _LOCATOR.fullmatch(locator)
+    speed = None if match is None else _speed(match[2])
+    if match is None or speed is None:
         raise SerialDown("not a serial line; write serial/dev/ttyUSB0#baud=57600")
-    return SerialLine(found[1], speed, callers)
+    return SerialLine(match[1], speed, callers)
 
 
 def _speed(baud: str | None) -> int | None:

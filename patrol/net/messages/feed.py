@@ -194,7 +194,7 @@ def so_far_bytes(so_far: SoFar) -> bytes:
     """
     ground = so_far.ground
     patrolled = ground.patrolled
-    made = {
+    grids = {
         "shape": patrolled.shape,
         "passable": _bits(ground.passable),
         "keep_out": _bits(ground.keep_out),
@@ -205,7 +205,7 @@ def so_far_bytes(so_far: SoFar) -> bytes:
         "fog_mean": so_far.fog_mean.astype("<f4").tobytes(),
     }
     names = [field.name for field in fields(_Answer)]
-    packed: bytes = msgpack.packb({name: made[name] if name in made else getattr(so_far, name) for name in names})
+    packed: bytes = msgpack.packb({name: grids[name] if name in grids else getattr(so_far, name) for name in names})
     return packed
 
 
@@ -254,13 +254,13 @@ def _so_far(answer: _Answer, ground: Ground) -> SoFar:
     if not patrolled.any():
         raise Malformed("no patrolled ground")
     last_seen = np.full(patrolled.shape, -1, dtype=np.int32)
-    seen = np.frombuffer(_inflated(answer.seen, 4 * int(patrolled.sum())), dtype="<i4")
-    last_seen[patrolled] = seen
+    latest = np.frombuffer(_inflated(answer.seen, 4 * int(patrolled.sum())), dtype="<i4")
+    last_seen[patrolled] = latest
     mfow, fog_mean = _curve(answer.mfow), _curve(answer.fog_mean)
     ticks = answer.every * len(mfow)
     if len(mfow) != len(fog_mean) or ticks > MAX_TICKS_BEFORE + answer.every:
         raise Malformed("no curves")
-    if int(seen.min()) < -1 or int(seen.max()) >= max(ticks, 1) or ticks - answer.every >= max(answer.number, 1):
+    if int(latest.min()) < -1 or int(latest.max()) >= max(ticks, 1) or ticks - answer.every >= max(answer.number, 1):
         raise Malformed("points seen after the last tick")
     return SoFar(
         number=answer.number,

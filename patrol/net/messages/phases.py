@@ -111,8 +111,8 @@ class PhaseA(Head):
     @classmethod
     def columns(cls) -> Mapping[str, Any]:  # noqa: D102 - of `Row`
         pose = {"x": Finite, "y": Finite, "heading": Finite}
-        seen = {"bumped": Flag, "contacts": _Contacts, "clock_s": Finite}
-        return {**Head.columns(), **pose, **seen, "proof": _Proof, "digest": bytes}
+        senses = {"bumped": Flag, "contacts": _Contacts, "clock_s": Finite}
+        return {**Head.columns(), **pose, **senses, "proof": _Proof, "digest": bytes}
 
     @classmethod
     def from_values(cls, *values: Any) -> Self:  # noqa: D102
@@ -123,10 +123,10 @@ class PhaseA(Head):
         sensed, pose = self.sensed, self.sensed.pose
         if sensed.k != self.k:
             raise ValueError(f"a phase A of tick {self.k} cannot say what was sensed at tick {sensed.k}")
-        place = float(pose.x), float(pose.y), float(pose.heading)
+        pose_values = float(pose.x), float(pose.y), float(pose.heading)
         contacts = [float(value) for contact in sensed.contacts for value in contact]
-        seen = bool(sensed.bumped), contacts, float(sensed.clock_s)
-        return self.incarnation, self.instance, self.k, self.run, *place, *seen, self.proof, self.digest
+        senses = bool(sensed.bumped), contacts, float(sensed.clock_s)
+        return self.incarnation, self.instance, self.k, self.run, *pose_values, *senses, self.proof, self.digest
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,8 +212,8 @@ class ReplyB(Head):
     def to_values(self) -> tuple[Any, ...]:  # noqa: D102
         reply = self.reply
         goal = None if reply.goal is None else (float(reply.goal[0]), float(reply.goal[1]))
-        told = str(reply.state), goal, float(reply.decision_ms), int(reply.rejected)
-        return self.incarnation, self.instance, self.k, self.run, *pack_command(reply.command), *told, self.digest
+        notes = str(reply.state), goal, float(reply.decision_ms), int(reply.rejected)
+        return self.incarnation, self.instance, self.k, self.run, *pack_command(reply.command), *notes, self.digest
 
 
 @dataclass(frozen=True, slots=True)

@@ -121,9 +121,9 @@ class StopOrders:
 
     def _obey(self, carry_out: Callable[[Order], Outcome]) -> None:
         while True:
-            if (asked := self._waiting.get(_WAIT_S)) is None:
+            if (message := self._waiting.get(_WAIT_S)) is None:
                 continue
-            question = asked[1]
+            question = message[1]
             try:
                 order = Order(question.payload.decode("ascii", "replace"))
             except ValueError:

@@ -210,19 +210,19 @@ class Watcher:
         self._sum += record.mfow
         self._max = max(self._max, record.mfow)
         now = self._now()
-        done = record.k + 1
-        if now < self._due and done < self._ticks:
+        ticks_done = record.k + 1
+        if now < self._due and ticks_done < self._ticks:
             return None
         self._due = now + SHOW_S
         return Metrics(
-            k=done,
+            k=ticks_done,
             ticks=self._ticks,
-            time_s=done * self._step,
+            time_s=ticks_done * self._step,
             mfow_s=record.mfow * self._step,
-            mfow_mean_s=self._sum / done * self._step,
+            mfow_mean_s=self._sum / ticks_done * self._step,
             mfow_max_s=self._max * self._step,
             seen_share=record.seen / self._points,
-            ticks_per_s=self._rate(now, done),
+            ticks_per_s=self._rate(now, ticks_done),
             robots=tuple(
                 RobotView(self._names[row.number], int(row.status), row.state, row.x, row.y, row.heading)
                 for row in record.robots

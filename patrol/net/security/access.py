@@ -85,15 +85,15 @@ def read_access(path: Path, option: str) -> Access:
     Raises:
         BadInput: When there is no such file, or it gives no right to control the fleet.
     """
-    found = _read(path, option, OPERATOR)
-    if isinstance(found, Access):
-        return found
-    if found.token is None:
-        kind = found.role.kind
+    access = _read(path, option, OPERATOR)
+    if isinstance(access, Access):
+        return access
+    if access.token is None:
+        kind = access.role.kind
         raise BadInput(
             f"{option}: {path}: a {kind}'s credentials give no right to control the fleet; name an operator's"
         )
-    return Access(found.fleet, found.router, found.token, found)
+    return Access(access.fleet, access.router, access.token, access)
 
 
 def credentials_at(path: Path, option: str, role: Role) -> Credentials:
@@ -107,19 +107,19 @@ def credentials_at(path: Path, option: str, role: Role) -> Credentials:
     Raises:
         BadInput: When there are none.
     """
-    found = _read(path, option, role)
-    if isinstance(found, Access):
+    access = _read(path, option, role)
+    if isinstance(access, Access):
         raise BadInput(f"{option}: {path}: holds no credentials; its router asks nobody for any")
-    return found
+    return access
 
 
 def _read(path: Path, option: str, role: Role) -> Access | Credentials:
     file = path
     if path.is_dir():
         if (path / MEMBER).exists():
-            if found := next((name for name in _OF_A_RUN if (path / name).exists()), None):
+            if run_file := next((name for name in _OF_A_RUN if (path / name).exists()), None):
                 raise BadInput(
-                    f"{option}: {path}: holds a member's credentials beside a run's {found}; if the credentials are "
+                    f"{option}: {path}: holds a member's credentials beside a run's {run_file}; if the credentials are "
                     f"yours, name their file, {path / MEMBER}"
                 )
             return read_credentials(path, option)
@@ -127,8 +127,8 @@ def _read(path: Path, option: str, role: Role) -> Access | Credentials:
     try:
         says = read_object(file, option)
     except BadInput as bad:
-        gone = " (it is removed when the run is over)" if path.is_dir() and not file.exists() else ""
-        raise BadInput(f"{bad}{gone}") from None
+        removal_note = " (it is removed when the run is over)" if path.is_dir() and not file.exists() else ""
+        raise BadInput(f"{bad}{removal_note}") from None
     if "role" in says:
         if file.name == FILE:
             raise BadInput(f"{option}: {file}: holds a member's credentials; if they are yours, give it another name")

@@ -253,21 +253,21 @@ class ControlClient:
         until = self.now() + wait_s
         fleet, nonce = self.keys.fleet, self.random(NONCE)
         strangers = 0
-        for given in self.link.answers(self.keys.control(CHALLENGE), nonce, MAX_ANSWER, wait_s):
-            if (found := self._ticket(given, nonce)) is not None:
+        for received in self.link.answers(self.keys.control(CHALLENGE), nonce, MAX_ANSWER, wait_s):
+            if (run_and_ticket := self._ticket(received, nonce)) is not None:
                 break
             strangers += 1
         else:
             raise Unanswered(self._why(strangers, wait_s))
-        run, ticket = found
+        run, ticket = run_and_ticket
         text = json.dumps(dict(control)).encode()
         request = _mac(self.token, b"request", fleet, run, nonce, ticket, text)
         request += struct.pack("<Q", run) + nonce + ticket + text
         left_s = max(until - self.now(), 0.001)
-        for given in self.link.answers(self.keys.control(ASK), request, MAX_ANSWER, left_s):
-            mac, said = given[:_MAC], given[_MAC:]
-            right = _mac(self.token, b"answer", fleet, run, nonce, ticket, text, said)
-            if hmac.compare_digest(mac, right) and (answer := _answer(said)) is not None:
+        for received in self.link.answers(self.keys.control(ASK), request, MAX_ANSWER, left_s):
+            mac, answer_bytes = received[:_MAC], received[_MAC:]
+            right = _mac(self.token, b"answer", fleet, run, nonce, ticket, text, answer_bytes)
+            if hmac.compare_digest(mac, right) and (answer := _answer(answer_bytes)) is not None:
                 return Operated(answer, strangers)
             strangers += 1
         raise Unanswered(self._why(strangers, wait_s))

@@ -143,7 +143,7 @@ def read_credentials(path: Path, option: str) -> Credentials:
         for name in (AUTHORITY, CERTIFICATE):
             if not (folder / name).is_file():
                 raise BadInput(f"{option}: {folder / name}: no such file, and {file} has no password; {_REMEDY}")
-    found = Credentials(
+    credentials = Credentials(
         fleet_keys(_text(says, "fleet's name", "fleet", where), f"{where}: fleet").fleet,
         check_locator(_text(says, "router's address", "router", where), f"{where}: router"),
         role,
@@ -151,8 +151,8 @@ def read_credentials(path: Path, option: str) -> Credentials:
         token,
         folder,
     )
-    found.check_router(found.router, f"{where}: router")
-    return found
+    credentials.check_router(credentials.router, f"{where}: router")
+    return credentials
 
 
 @dataclass(frozen=True, slots=True)
@@ -298,8 +298,8 @@ def _exposed(file: Path, mode: int) -> bool:
     A service manager gives a service its secrets in a folder of their own, by an access list that names the service's
     user. Such a list shows in the mode as a right of the group to read.
     """
-    given = os.environ.get(GIVEN)
-    allowed = 0o040 if given and file.parent == Path(given) else 0
+    given_folder = os.environ.get(GIVEN)
+    allowed = 0o040 if given_folder and file.parent == Path(given_folder) else 0
     return bool(mode & 0o077 & ~allowed)
 
 

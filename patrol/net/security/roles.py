@@ -208,10 +208,10 @@ def access_control(keys: FleetKeys, members: Mapping[str, Role], known_by: str) 
         policies.append({"subjects": [name], "rules": [rule["id"] for rule in own]})
     subjects = [{"id": name, known_by: [name]} for name in members]
     if known_by == COMMON_NAMES:
-        other = router_name(keys.fleet)
-        rules.append(_everything(other, keys))
-        policies.append({"subjects": [other], "rules": [other]})
-        subjects.append({"id": other, known_by: [other]})
+        router_rule = router_name(keys.fleet)
+        rules.append(_everything(router_rule, keys))
+        policies.append({"subjects": [router_rule], "rules": [router_rule]})
+        subjects.append({"id": router_rule, known_by: [router_rule]})
     return {
         "enabled": True,
         "default_permission": "deny",
@@ -252,7 +252,7 @@ def rules_of(name: str, rights: Rights, anything: tuple[str, ...]) -> list[dict[
     Returns:
         The rules, as Zenoh's configuration takes them.
     """
-    wanted = (
+    rule_parts = (
         ("publish", "ingress", ("put",), rights.publish),
         ("subscribe", "ingress", ("declare_subscriber",), rights.hear),
         ("hear", "egress", ("put",), rights.hear),
@@ -270,12 +270,12 @@ def rules_of(name: str, rights: Rights, anything: tuple[str, ...]) -> list[dict[
     )
     return [
         {
-            "id": f"{name} {what}",
+            "id": f"{name} {part}",
             "permission": "allow",
             "flows": [flow],
             "messages": list(messages),
             "key_exprs": list(expressions),
         }
-        for what, flow, messages, expressions in wanted
+        for part, flow, messages, expressions in rule_parts
         if expressions
     ]

@@ -44,7 +44,7 @@ def own_instance(environment: Mapping[str, str]) -> int:
     Returns:
         A number from 1 to 2^63 - 1.
     """
-    given = environment.get(SEAT, "")
-    if given.isascii() and given.isdigit() and len(given) < 20 and 0 < int(given) <= _LARGEST:
-        return int(given)
+    seat = environment.get(SEAT, "")
+    if seat.isascii() and seat.isdigit() and len(seat) < 20 and 0 < int(seat) <= _LARGEST:
+        return int(seat)
     return int.from_bytes(os.urandom(8), "big") >> 1 | 1

@@ -38,9 +38,9 @@ class TickChain:
         links = ticks // self.stride + 2
         self._links = bytearray(PROOF * links)
         link = secret
-        for place in range(links - 1, -1, -1):
+        for index in range(links - 1, -1, -1):
             link = _before(link)
-            self._links[PROOF * place : PROOF * (place + 1)] = link
+            self._links[PROOF * index : PROOF * (index + 1)] = link
 
     def proof(self, begun: int) -> bytes:
         """Return the proof that so many ticks have begun.
@@ -48,8 +48,8 @@ class TickChain:
         Args:
             begun: Number of ticks.
         """
-        place = begun // self.stride
-        return bytes(self._links[PROOF * place : PROOF * (place + 1)])
+        index = begun // self.stride
+        return bytes(self._links[PROOF * index : PROOF * (index + 1)])
 
 
 class TickProofs:
@@ -77,15 +77,15 @@ class TickProofs:
             proof: The proof.
             now: Time, s.
         """
-        place = begun // self._stride
-        hashes = place - self._place
+        index = begun // self._stride
+        hashes = index - self._place
         if abs(hashes) > LONGEST or not self._affords(abs(hashes), now):
             return False
         if hashes < 0:
             return _hashed(self._proof, -hashes) == proof
         if _hashed(proof, hashes) != self._proof:
             return False
-        self._place, self._proof = place, proof
+        self._place, self._proof = index, proof
         return True
 
     def _affords(self, hashes: int, now: float) -> bool:

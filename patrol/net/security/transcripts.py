@@ -89,8 +89,8 @@ class RobotTranscript:
         self._lines = {k: digests for k, digests in self._lines.items() if k > until}
         pieces = [tuple(lines[first : first + MAX_LINES]) for first in range(0, len(lines), MAX_LINES)] or [()]
         reports = []
-        for place, piece in enumerate(pieces, 1):
-            last = until if place == len(pieces) else piece[-1].k
+        for piece_number, piece in enumerate(pieces, 1):
+            last = until if piece_number == len(pieces) else piece[-1].k
             reports.append((self._since, last, piece))
             self._since = max(self._since, min(last + 1, LAST))
         return reports
@@ -216,17 +216,17 @@ class WorldTranscript:
         for k in ticks:
             says = by_tick.get(k, (b"",) * PLACES)
             ours = self._sent.get(k, [b"", b""])
-            for place in (PHASE_A, PHASE_B):
-                if says[place] and k > self._forgotten:
-                    phases[0].append(says[place])
-                    phases[1].append(ours[place])
-                    ours[place] = b""  # no robot acts on a phase twice
-            for place, digests in enumerate(self._acted_on.get(k, ()), REPLY_A):
-                given = _apart(says[place])
+            for phase in (PHASE_A, PHASE_B):
+                if says[phase] and k > self._forgotten:
+                    phases[0].append(says[phase])
+                    phases[1].append(ours[phase])
+                    ours[phase] = b""  # no robot acts on a phase twice
+            for phase, digests in enumerate(self._acted_on.get(k, ()), REPLY_A):
+                reported = _apart(says[phase])
                 for digest in digests:
-                    if digest in given or k >= since:
+                    if digest in reported or k >= since:
                         digests[digest] = True
-                        replies[0].append(digest if digest in given else says[place])
+                        replies[0].append(digest if digest in reported else says[phase])
                         replies[1].append(digest)
         if phases[0] or replies[0]:
             self.messages += len(phases[0]) + len(replies[0])
@@ -254,13 +254,13 @@ def as_notes(transcripts: Mapping[tuple[int, int], WorldTranscript]) -> list[dic
         {
             "robot": robot,
             "incarnation": incarnation,
-            "asked": one.asked,
-            "messages": one.messages,
-            "missed": one.missed,
-            "closed": one.closed,
-            "spans": [[span.first, span.last, *span.phases, *span.replies] for span in one.spans],
+            "asked": transcript.asked,
+            "messages": transcript.messages,
+            "missed": transcript.missed,
+            "closed": transcript.closed,
+            "spans": [[span.first, span.last, *span.phases, *span.replies] for span in transcript.spans],
         }
-        for (robot, incarnation), one in sorted(transcripts.items())
+        for (robot, incarnation), transcript in sorted(transcripts.items())
     ]
 
 
@@ -271,7 +271,7 @@ def _uncovered(places: Iterable[Mapping[bytes, bool]]) -> int:
 def _apart(digests: bytes) -> Sequence[bytes]:
     if len(digests) == DIGEST:
         return (digests,)
-    return [digests[place : place + DIGEST] for place in range(0, len(digests), DIGEST)]
+    return [digests[begin : begin + DIGEST] for begin in range(0, len(digests), DIGEST)]
 
 
 def _hashed(by_robot: Sequence[bytes], by_world: Sequence[bytes]) -> tuple[str, str]:
@@ -280,7 +280,7 @@ def _hashed(by_robot: Sequence[bytes], by_world: Sequence[bytes]) -> tuple[str, 
 
 
 def _hash(digests: Sequence[bytes]) -> str:
-    return hashlib.blake2b(b"".join([_LENGTHS[len(one)] + one for one in digests]), digest_size=16).hexdigest()
+    return hashlib.blake2b(b"".join([_LENGTHS[len(digest)] + digest for digest in digests]), digest_size=16).hexdigest()
 
 
 def _chained(before: str, after: str) -> str:
