@@ -166,8 +166,8 @@ def read_control(says: object) -> Control:
             case "extra_forbidden":
                 remedy = did_you_mean(field, tuple(fields)) if fields else f"{do} takes no value; leave it out"
                 raise BadInput(f"control: {field}: unknown key; {remedy}") from None
-        what = problem.get("ctx", {}).get("what")
-        problem_text = f"expected {what}" if what else problem["msg"][:1].lower() + problem["msg"][1:]
+        expected = problem.get("ctx", {}).get("what")
+        problem_text = f"expected {expected}" if expected else problem["msg"][:1].lower() + problem["msg"][1:]
         raise BadInput(f"control: {field} = {quoted(problem['input'])}: {problem_text}") from None
 
 
@@ -290,8 +290,8 @@ def intruders_there(scenario: Scenario, k: int) -> tuple[tuple[float, float, str
         k: The tick.
     """
     return tuple(
-        (*intruder.place, intruder_name(place))
-        for place, intruder in enumerate(scenario.intruders)
+        (*intruder.place, intruder_name(index))
+        for index, intruder in enumerate(scenario.intruders)
         if intruder.is_there(k * scenario.step)
     )
 
@@ -304,10 +304,10 @@ def _with_fault(scenario: Scenario, k: int, control: AddFault) -> tuple[Scenario
     if control.instead is not None and not _is_over(scenario, k, control.instead):
         scenario = _healed(scenario, k, control.instead)
     entry = dict(control.fault)
-    at = entry.get("at", 0.0)
-    if isinstance(at, bool) or not isinstance(at, int | float) or not 0.0 <= at < math.inf:
-        raise BadInput(f"control: fault.at = {quoted(at)}: expected seconds from now, 0 or more")
-    begin = k + tick_of(at, scenario.step)
+    delay_s = entry.get("at", 0.0)
+    if isinstance(delay_s, bool) or not isinstance(delay_s, int | float) or not 0.0 <= delay_s < math.inf:
+        raise BadInput(f"control: fault.at = {quoted(delay_s)}: expected seconds from now, 0 or more")
+    begin = k + tick_of(delay_s, scenario.step)
     entry["at"] = _time_of(begin, scenario.step)
     entry.setdefault("id", _fresh([fault.id for fault in scenario.faults]))
     mapping = _mapping(scenario)
@@ -323,7 +323,7 @@ def _healed(scenario: Scenario, k: int, name: str) -> Scenario:
         raise BadInput(f"control: id = {name}: this run has more than {MOST_FAULTS} faults, and none can be ended")
     if (number := _intruder_of(scenario, name)) is not None:
         return _without_intruder(scenario, k, number)
-    place, fault = _find(scenario, name)
+    index, fault = _find(scenario, name)
     if not isinstance(fault, Lasting):
         raise BadInput(f"control: id = {name}: a {fault.kind} happens at once and does not end")
     begin = tick_of(fault.at, scenario.step)
@@ -333,10 +333,10 @@ def _healed(scenario: Scenario, k: int, name: str) -> Scenario:
         raise BadInput(f"control: id = {name}: it has ended already")
     mapping = _mapping(scenario)
     if begin == k:
-        mapping["faults"][place] = nothing(name, fault.at, scenario.step, scenario.roster[0].name)
+        mapping["faults"][index] = nothing(name, fault.at, scenario.step, scenario.roster[0].name)
     else:
-        mapping["faults"][place]["for"] = (k - begin) * scenario.step
-    return _loaded(mapping, place)
+        mapping["faults"][index]["for"] = (k - begin) * scenario.step
+    return _loaded(mapping, index)
 
 
 def _intruder_of(scenario: Scenario, name: str) -> int | None:
@@ -344,8 +344,8 @@ def _intruder_of(scenario: Scenario, name: str) -> int | None:
     number = name.removeprefix(_INTRUDER)
     if number == name or not number.isdecimal() or any(fault.id == name for fault in scenario.faults):
         return None
-    place = int(number) - 1
-    return place if 0 <= place < len(scenario.intruders) and name == intruder_name(place) else None
+    index = int(number) - 1
+    return index if 0 <= index < len(scenario.intruders) and name == intruder_name(index) else None
 
 
 def _without_intruder(scenario: Scenario, k: int, place: int) -> Scenario:
@@ -375,11 +375,11 @@ def _has_ended(fault: Lasting, step: float, k: int) -> bool:
 
 
 def _find(scenario: Scenario, name: str) -> tuple[int, Any]:
-    for place, fault in enumerate(scenario.faults):
+    for index, fault in enumerate(scenario.faults):
         if fault.id == name:
-            return place, fault
+            return index, fault
     names = [str(fault.id) for fault in scenario.faults]
-    names += [intruder_name(place) for place in range(len(scenario.intruders))]
+    names += [intruder_name(index) for index in range(len(scenario.intruders))]
     raise BadInput(f"control: id = {name}: no such fault or intruder; the latest are {', '.join(names[-8:]) or 'none'}")
 
 

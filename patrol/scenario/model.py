@@ -126,10 +126,10 @@ class Scenario(Section):
         if self.factor is None:
             limit = "direct radio waits for no tick, and pace is lockstep; set pace to realtime or to a factor"
             raise wrong("radio.via", limit)
-        for place, fault in enumerate(self.faults):
+        for index, fault in enumerate(self.faults):
             if fault.acts_on == "frames":
                 limit = f"{fault.kind} acts on frames in the ether, and radio.via is direct; disturb the network itself"
-                raise wrong(f"faults.{place}", limit)
+                raise wrong(f"faults.{index}", limit)
 
     def _check_roster(self) -> None:
         if all(spec.spare for spec in self.roster):
@@ -140,10 +140,10 @@ class Scenario(Section):
                 raise wrong(
                     f"{spec.section}.name", f"robot {names[spec.name]} has the name {spec.name} too; rename one"
                 )
-            if spec.speed * self.step > (most := 2.0 * self.sensor.range):
+            if spec.speed * self.step > (longest_leap := 2.0 * self.sensor.range):
                 leap = f"a stride of {spec.speed * self.step:g} m leaps over ground that a sensor with a range of "
-                remedy = f"give at most {most / self.step:g}, a shorter step or a longer sensor.range"
-                limit = f"{leap}{most / 2.0:g} m never sees; {remedy}"
+                remedy = f"give at most {longest_leap / self.step:g}, a shorter step or a longer sensor.range"
+                limit = f"{leap}{longest_leap / 2.0:g} m never sees; {remedy}"
                 raise wrong(f"{spec.section}.speed", limit, spec.speed)
 
 

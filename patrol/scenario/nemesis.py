@@ -51,8 +51,8 @@ def drawn_faults(scenario: Scenario) -> list[dict[str, Any]]:
     seed = scenario.seed if spec.seed is None else spec.seed
     kinds = tuple(DRAWN) if spec.kinds == "all" else spec.kinds
     robots = RobotsHit([robot.name for robot in scenario.roster if not robot.spare], _coming_and_going(scenario))
-    taken = {fault.id for fault in scenario.faults}
-    found: list[dict[str, Any]] = []
+    taken_ids = {fault.id for fault in scenario.faults}
+    drawn: list[dict[str, Any]] = []
     for slot in range(math.ceil(end / width)):
         draws = Draws(seed, Purpose.NEMESIS, slot)
         first = math.ceil(slot * width)
@@ -60,19 +60,19 @@ def drawn_faults(scenario: Scenario) -> list[dict[str, Any]]:
         length = max(1, round(width * draws.between(SHORTEST, LONGEST)))
         if begin < end:
             when = When(step, begin, min(end, begin + length))
-            found += _numbered(draw_fault(draws, kinds, robots, when), slot + 1, taken)
-    return found
+            drawn += _numbered(draw_fault(draws, kinds, robots, when), slot + 1, taken_ids)
+    return drawn
 
 
 def _coming_and_going(scenario: Scenario) -> set[str]:
     """Find the robots that the scenario's own faults may let join or leave."""
     names = {robot.name for robot in scenario.roster}
-    found: set[str] = set()
+    coming_and_going: set[str] = set()
     for fault in scenario.faults:
         if isinstance(fault, Join | Leave):
             who = {fault.who} if isinstance(fault.who, str) else fault.who if isinstance(fault.who, tuple) else names
-            found |= names.intersection(who) or names
-    return found
+            coming_and_going |= names.intersection(who) or names
+    return coming_and_going
 
 
 def _numbered(faults: list[dict[str, Any]], number: int, taken: set[str | None]) -> list[dict[str, Any]]:
@@ -80,4 +80,4 @@ def _numbered(faults: list[dict[str, Any]], number: int, taken: set[str | None])
     name = f"n{number}"
     while taken.intersection((name, f"{name}-heals")):
         name = f"{name}x"
-    return [{"id": name if place == 0 else f"{name}-heals", **fault} for place, fault in enumerate(faults)]
+    return [{"id": name if index == 0 else f"{name}-heals", **fault} for index, fault in enumerate(faults)]

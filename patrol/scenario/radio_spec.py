@@ -166,8 +166,8 @@ class RadioSpec(Section):
         per_s = self.budget.bits_per_s / robots
         overhead, longest = self.budget.overhead, self.longest_frame
         contact = longest_frame(0, tagged=self.key is not None)
-        most = max(per_s * max(_BUCKET_S, step), BITS * float(longest + contact + 2 * overhead))
-        return Share(per_tick=per_s * step, most=most, overhead=overhead, frame=longest)
+        largest_saving = max(per_s * max(_BUCKET_S, step), BITS * float(longest + contact + 2 * overhead))
+        return Share(per_tick=per_s * step, most=largest_saving, overhead=overhead, frame=longest)
 
 
 class IdealRadio(RadioSpec):

@@ -48,8 +48,8 @@ def roster_of(robots: RobotGroup | tuple[RobotEntry, ...]) -> list[RobotSpec]:
         robots: The scenario's section `robots`.
     """
     if not isinstance(robots, tuple):
-        given = () if robots.starts == "random" else robots.starts
-        poses = [*map(_pose, given), *[None] * (robots.whole - len(given))]
+        starts = () if robots.starts == "random" else robots.starts
+        poses = [*map(_pose, starts), *[None] * (robots.whole - len(starts))]
         return [_spec(number, robots, pose, number > robots.count) for number, pose in enumerate(poses, start=1)]
     return [
         _spec(

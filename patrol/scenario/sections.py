@@ -80,8 +80,8 @@ class RobotGroup(Body):
     @model_validator(mode="after")
     def _no_more_than_there_may_be(self) -> Self:
         if self.whole > MAX_ROBOTS:
-            most = MAX_ROBOTS - self.count
-            raise wrong("spare", f"there may be {MAX_ROBOTS} robots in all; give at most {most}", self.spare)
+            most_spares = MAX_ROBOTS - self.count
+            raise wrong("spare", f"there may be {MAX_ROBOTS} robots in all; give at most {most_spares}", self.spare)
         return self
 
     @property

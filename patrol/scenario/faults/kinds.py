@@ -58,8 +58,8 @@ class Wait(Section):
     @property
     def values(self) -> tuple[float, ...]:
         """Its one or two parameters, in s."""
-        given = getattr(self, self.shape)
-        return given if isinstance(given, tuple) else (given,)
+        parameters = getattr(self, self.shape)
+        return parameters if isinstance(parameters, tuple) else (parameters,)
 
     @model_validator(mode="after")
     def _one_of_four(self) -> Self:
@@ -189,8 +189,8 @@ class Loss(OnLinks):
     @model_validator(mode="after")
     def _bursts_can_be_that_long(self) -> Self:
         if self.mean_burst is not None and self.rate * (1.0 + self.mean_burst) > self.mean_burst * (1.0 + 1e-12):
-            most = self.mean_burst / (1.0 + self.mean_burst)
-            limit = f"bursts of {self.mean_burst:g} on average cannot lose more than {most:.4g} of the frames"
+            most_lost = self.mean_burst / (1.0 + self.mean_burst)
+            limit = f"bursts of {self.mean_burst:g} on average cannot lose more than {most_lost:.4g} of the frames"
             raise wrong("rate", f"{limit}; give less, or a longer mean_burst", self.rate)
         return self
 
@@ -360,12 +360,12 @@ def _has_a_kind(fault: Any) -> Any:
     """Refuse what no kind's model would take, in words that name the key `kind`."""
     if isinstance(fault, Fault):
         return fault
-    known = ", ".join(KINDS)
+    known_kinds = ", ".join(KINDS)
     if not isinstance(fault, Mapping):
-        raise wrong("", f"expected a fault such as {{kind: kill, at: 60, who: one}}, with kind one of {known}")
+        raise wrong("", f"expected a fault such as {{kind: kill, at: 60, who: one}}, with kind one of {known_kinds}")
     kind = fault.get("kind")
     if kind is None:
-        raise wrong("kind", f"missing; give one of {known}")
+        raise wrong("kind", f"missing; give one of {known_kinds}")
     if not isinstance(kind, str) or kind not in KINDS:
         raise wrong("kind", f"{kind} is not a kind of fault; {did_you_mean(str(kind), tuple(KINDS))}")
     if kind in INSTANT and "for" in fault:
@@ -381,9 +381,9 @@ def _named(faults: Sequence[Fault]) -> tuple[Fault, ...]:
     """Give those without an id one by their place; no two may have the same."""
     named = [f if f.id is not None else f.model_copy(update={"id": f"f{i}"}) for i, f in enumerate(faults, start=1)]
     places: dict[str | None, int] = {}
-    for place, fault in enumerate(named):
-        if (other := places.setdefault(fault.id, place)) != place:
-            raise wrong(f"{place}.id", f"faults.{other} has the id {fault.id} too; rename one")
+    for index, fault in enumerate(named):
+        if (first_index := places.setdefault(fault.id, index)) != index:
+            raise wrong(f"{index}.id", f"faults.{first_index} has the id {fault.id} too; rename one")
     return tuple(named)
 
 

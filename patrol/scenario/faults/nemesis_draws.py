@@ -89,8 +89,8 @@ def draw_fault(draws: Draws, kinds: Sequence[str], robots: RobotsHit, when: When
         The fault and what heals it, as entries of a scenario's `faults` without ids; empty when none can happen.
     """
     for kind in draws.shuffled(kinds):
-        if found := DRAWN[kind](draws, robots, when):
-            return [{"kind": kind} | found[0], *found[1:]]
+        if drawn := DRAWN[kind](draws, robots, when):
+            return [{"kind": kind} | drawn[0], *drawn[1:]]
     return []
 
 
@@ -165,8 +165,8 @@ def _partition(draws: Draws, robots: RobotsHit, when: When) -> Found:
     if len(robots.names) < 2:
         return []
     first = draws.some(robots.names, len(robots.names) - 1)
-    rest = [name for name in robots.names if name not in first]
-    more = [draws.some(rest, len(rest))] if draws.share() < 0.5 else []
+    outside = [name for name in robots.names if name not in first]
+    more = [draws.some(outside, len(outside))] if draws.share() < 0.5 else []
     groups: Any = draws.choice([first, *more], [first, *more], "halves", "one")
     return [{**when.lasting, "groups": groups, "direction": draws.choice("both", "one-way")}]
 

@@ -50,8 +50,8 @@ def check_faults(
         PydanticCustomError: For the first such fault.
     """
     fleet = len(names) - len(spares)
-    for place, fault in enumerate(faults):
-        where = f"faults.{place}"
+    for index, fault in enumerate(faults):
+        where = f"faults.{index}"
         if tick_of(fault.at, step) >= ticks:
             latest = max(fault.at for fault in faults)
             ends = (
@@ -65,9 +65,9 @@ def check_faults(
         if isinstance(fault, Partition):
             _check_partition(fault, names, fleet, f"{where}.groups")
         if isinstance(fault, Spoof) and fault.by != STRANGER:
-            _check_insider(fault, names, spares, (seed, place, Target.AS))
+            _check_insider(fault, names, spares, (seed, index, Target.AS))
         if isinstance(fault, OnLinks):
-            _check_links(fault, names, spares, seed, place)
+            _check_links(fault, names, spares, seed, index)
 
 
 def _check_partition(fault: Partition, names: Sequence[str], fleet: int, where: str) -> None:
@@ -92,8 +92,8 @@ def _check_links(fault: OnLinks, names: Sequence[str], spares: frozenset[int], s
 
 def _check_insider(fault: Spoof, names: Sequence[str], spares: frozenset[int], drawing: Drawing) -> None:
     """Raise unless a robot forges in another's name; invented robots have names of their own."""
-    seed, place, _ = drawing
-    where = f"faults.{place}"
+    seed, index, _ = drawing
+    where = f"faults.{index}"
     check_name(fault.by, names, f"{where}.by")
     if isinstance(fault.payload, Forgery) and fault.payload.invented is not None:
         return
@@ -108,11 +108,11 @@ def _check_insider(fault: Spoof, names: Sequence[str], spares: frozenset[int], d
 def _check_groups(groups: tuple[tuple[str, ...], ...], names: Sequence[str], where: str) -> None:
     homes: dict[str, int] = {}
     for index, group in enumerate(groups):
-        for place, name in enumerate(group):
-            check_name(name, names, f"{where}.{index}.{place}")
+        for member, name in enumerate(group):
+            check_name(name, names, f"{where}.{index}.{member}")
             if name in homes:
                 twice = "listed twice" if homes[name] == index else f"in group {homes[name]} too"
-                raise wrong(f"{where}.{index}.{place}", f"{name} is {twice}; a robot is in one group")
+                raise wrong(f"{where}.{index}.{member}", f"{name} is {twice}; a robot is in one group")
             homes[name] = index
     if len(groups) == 1 and len(homes) == len(names):
         raise wrong(where, "one group holds all robots, so nobody is cut off; leave some out")

@@ -105,10 +105,10 @@ def _describe(
             return f"{where}: missing; give {note or 'it'}"
         case "crossed":
             return f"{where}{context['value']}: {context['problem']}"
-    what = _expected(problem, section)
+    expected = _expected(problem, section)
     if context.get("bare") and note:
-        what = f"{what} ({note})"
-    return f"{where} = {quoted(problem['input'])}: {what}"
+        expected = f"{expected} ({note})"
+    return f"{where} = {quoted(problem['input'])}: {expected}"
 
 
 def _location(problem: ErrorDetails) -> list[int | str]:
@@ -126,9 +126,9 @@ def _expected(problem: ErrorDetails, section: type[Section]) -> str:
         case "expected":
             return f"expected {context['what']}"
         case "literal_error":
-            known = context["expected"].replace("'", "")
-            near = get_close_matches(str(problem["input"]).lower(), re.split(r", | or ", known), n=1, cutoff=0.6)
-            return f"expected {known}{f'; did you mean {near[0]}?' if near else ''}"
+            allowed = context["expected"].replace("'", "")
+            near = get_close_matches(str(problem["input"]).lower(), re.split(r", | or ", allowed), n=1, cutoff=0.6)
+            return f"expected {allowed}{f'; did you mean {near[0]}?' if near else ''}"
         case "model_type":
             return f"expected keys and values ({', '.join(_keys(section))})"
         case "too_long":
@@ -168,8 +168,8 @@ def _known_at(location: Sequence[int | str]) -> tuple[type[Section], str]:
         if part.startswith("="):
             section, tag = _alternative(top, part, section), part
             continue
-        known = _fields(section).get(part)
-        note = (known.description or "") if known else ""
+        field = _fields(section).get(part)
+        note = (field.description or "") if field else ""
         if section is Scenario:
             top = part
             section = _SECTIONS.get(part, Scenario)
@@ -206,13 +206,13 @@ def _nearest_key(key: str, section: type[Section]) -> str:
         *_SECTIONS.items(),
         ("patrol.options", PotentialFieldOptions),
         *(("radio.options", options) for options in MODEL_OPTIONS.values()),
-        *((f"radio.{name}", other) for name, other in _OF_RADIO.items()),
+        *((f"radio.{name}", other_section) for name, other_section in _OF_RADIO.items()),
         ("", Scenario),
     ]
     spelled = {
         name: f"{home}.{name}" if home else f"{name} at the top level"
-        for home, other in everywhere
-        for name in _keys(other)
+        for home, other_section in everywhere
+        for name in _keys(other_section)
     }
     spelled |= {name: name for name in _keys(section)}
     near = get_close_matches(key.lower(), spelled, n=1, cutoff=0.6)

@@ -323,7 +323,7 @@ def _resolve(
 def _line_of_field(text: str, location: Sequence[int | str]) -> int | None:
     """Find the line of a field, or of the one around it; in 0.2, a policy's settings stand in the section `patrol`."""
     places = [location, [*location[:1], *location[2:]]] if location[1:2] == ["options"] else [location]
-    return max((line for place in places if (line := line_of(text, place)) is not None), default=None)
+    return max((line for location_part in places if (line := line_of(text, location_part)) is not None), default=None)
 
 
 def _read_mapping(path: Path) -> tuple[dict[str, Any], str]:

@@ -93,9 +93,9 @@ def translate_patrol(patrol: Mapping[str, Any]) -> dict[str, Any]:
         section["avoidance"], stated["fuzzy"] = "none", True
     if of_0_2:
         stated = _with_effect(stated, policy)
-    given = section.get("options")
-    if stated and (given is None or isinstance(given, Mapping)):
-        section["options"] = {**stated, **(given or {})}
+    options = section.get("options")
+    if stated and (options is None or isinstance(options, Mapping)):
+        section["options"] = {**stated, **(options or {})}
     return section
 
 
