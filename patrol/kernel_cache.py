@@ -102,8 +102,8 @@ def cache_home() -> Path:
     Raises:
         BadInput: No such folder is known, or another user may write to it: what lies there is code that is executed.
     """
-    if given := os.environ.get("NUMBA_CACHE_DIR"):
-        home = Path(given) / "fogwatch"
+    if numba_folder := os.environ.get("NUMBA_CACHE_DIR"):
+        home = Path(numba_folder) / "fogwatch"
     else:
         try:
             home = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "fogwatch" / "kernels"
@@ -274,12 +274,12 @@ def _platform() -> tuple[str, ...]:
 
 def _settings() -> tuple[object, ...]:
     """Return numba's settings: variables of the environment, and a file in the current folder."""
-    given = [item for item in os.environ.items() if item[0].startswith("NUMBA_") and item[0] not in WITHOUT_EFFECT]
+    variables = [item for item in os.environ.items() if item[0].startswith("NUMBA_") and item[0] not in WITHOUT_EFFECT]
     try:
         file = Path(".numba_config.yaml").read_bytes()
     except OSError:
         file = b""
-    return (*sorted(given), file)
+    return (*sorted(variables), file)
 
 
 def _is_intact(entry: Path) -> bool:

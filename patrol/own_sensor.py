@@ -98,9 +98,9 @@ def make_footprint(spec: SensorSpec, terrain: Terrain, remembered: int) -> Footp
         return footprint_of(terrain, spec.range, spec.angle, spec.line_of_sight, spec.quality, remembered)
     named = sensor_named(spec)
     _check_allowed(named)
-    found = find(named)
-    setup = SensorSetup(terrain, spec.range, spec.line_of_sight, options_of(named, found))
-    return Footprint(setup, CheckedSensor(found, setup, named.field), remembered)
+    sensor_class = find(named)
+    setup = SensorSetup(terrain, spec.range, spec.line_of_sight, options_of(named, sensor_class))
+    return Footprint(setup, CheckedSensor(sensor_class, setup, named.field), remembered)
 
 
 class CheckedSensor:
@@ -186,10 +186,10 @@ class CheckedSensor:
         return value
 
     def _failed(self, what: str, error: BaseException) -> SensorFailed:
-        at = error.__traceback__
-        while at is not None and at.tb_next is not None:
-            at = at.tb_next
-        where = "" if at is None else f" ({PurePath(at.tb_frame.f_code.co_filename).name}:{at.tb_lineno})"
+        frame = error.__traceback__
+        while frame is not None and frame.tb_next is not None:
+            frame = frame.tb_next
+        where = "" if frame is None else f" ({PurePath(frame.tb_frame.f_code.co_filename).name}:{frame.tb_lineno})"
         return SensorFailed(f"{self._name}: {what} {type(error).__name__}: {error}{where}; correct it")
 
 

@@ -95,9 +95,9 @@ class Prepared:
                 places[id(fields)] = f"body-{len(places) + 1}"
                 fields.save(folder / places[id(fields)])
         for number, split in (self.regions or {}).items():
-            place = folder / places[id(self.fields[number])] / REGIONS
-            if not place.exists():
-                split.save(place)
+            split_folder = folder / places[id(self.fields[number])] / REGIONS
+            if not split_folder.exists():
+                split.save(split_folder)
         facts = {
             "name": self.terrain.name,
             "point": self.terrain.point,
@@ -122,13 +122,13 @@ class Prepared:
         x, y = facts["origin"]
         passable, keep_out, free, blocked = (load_grid(folder / f"{name}.npy") for name in GROUND)
         terrain = Terrain(facts["name"], passable, facts["point"], (x, y), keep_out).with_grids(free, blocked)
-        bodies = {place: StaticFields.load(folder / place) for place in sorted(set(facts["fields"].values()))}
+        bodies = {part: StaticFields.load(folder / part) for part in sorted(set(facts["fields"].values()))}
         return Prepared(
             scenario=scenario,
             terrain=terrain,
             starts=tuple(Pose(*start) for start in facts["starts"]),
-            fields={int(number): bodies[place] for number, place in facts["fields"].items()},
-            regions=_load_regions(scenario, folder, {int(number): place for number, place in facts["fields"].items()}),
+            fields={int(number): bodies[part] for number, part in facts["fields"].items()},
+            regions=_load_regions(scenario, folder, {int(number): part for number, part in facts["fields"].items()}),
         )
 
 
@@ -236,8 +236,8 @@ def _split(scenario: Scenario, terrain: Terrain, by_radius: Mapping[float, Stati
     from patrol.regions.split import regions_by_hand, split_regions  # here: most robots need none
 
     everywhere = np.logical_or.reduce([fields.reach for fields in by_radius.values()])
-    given = scenario.patrol.regions
-    split = split_regions(terrain, everywhere) if given is None else regions_by_hand(terrain, given, everywhere)
+    polygons = scenario.patrol.regions
+    split = split_regions(terrain, everywhere) if polygons is None else regions_by_hand(terrain, polygons, everywhere)
     return {radius: split.for_body(terrain, fields.reach) for radius, fields in by_radius.items()}
 
 
@@ -247,5 +247,5 @@ def _load_regions(scenario: Scenario, folder: Path, places: Mapping[int, str]) -
         return None
     from patrol.regions.split import RegionSplit
 
-    splits = {place: RegionSplit.load(folder / place / REGIONS) for place in sorted(set(places.values()))}
-    return {number: splits[place] for number, place in places.items()}
+    splits = {name: RegionSplit.load(folder / name / REGIONS) for name in sorted(set(places.values()))}
+    return {number: splits[name] for number, name in places.items()}

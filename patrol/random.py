@@ -127,7 +127,7 @@ class Draws:
         Args:
             what: The values.
         """
-        return [what[place] for _, place in sorted((self.share(), place) for place in range(len(what)))]
+        return [what[index] for _, index in sorted((self.share(), index) for index in range(len(what)))]
 
     def some(self, names: Sequence[str], most: int) -> list[str]:
         """Draw some of the names, sorted.

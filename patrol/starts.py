@@ -75,7 +75,7 @@ def place_starts(terrain: Terrain, roster: Sequence[RobotSpec], seed: int) -> li
         for spec in sorted(waiting, key=lambda spec: (spec.spare, -spec.radius, spec.number)):
             pose = _place(terrain, spec, seed, places, list(placed.values()))
             if pose is None:
-                fleet = sum(not one.spare for one in roster)
+                fleet = sum(not robot.spare for robot in roster)
                 raise BadInput(no_room_for_all(terrain, spec.radius, fleet, len(placed)))
             placed[spec.number] = (pose, spec.radius)
     return [placed[spec.number][0] for spec in roster]
@@ -99,8 +99,8 @@ def starting_part(terrain: Terrain, radius: float, first: Pose | None = None) ->
     if not cspace.any():
         raise BadInput(fits_nowhere(terrain, radius, radius == DEFAULT_RADIUS))
     labels, count = parts_of(cspace)
-    at = None if first is None else anchor(terrain, cspace, first.x, first.y)
-    part = preferred_part(terrain, labels, count, radius) if at is None else int(labels[at])
+    start_point = None if first is None else anchor(terrain, cspace, first.x, first.y)
+    part = preferred_part(terrain, labels, count, radius) if start_point is None else int(labels[start_point])
     mask: BoolGrid = labels == part
     return mask
 
@@ -141,8 +141,8 @@ def _check_explicit(terrain: Terrain, spec: RobotSpec, start: Pose, placed: dict
         raise BadInput(
             f"{where}: a wall or the edge is {clear:.3g} m away, nearer than the radius of {spec.radius:g} m; move it"
         )
-    for number, (other, radius) in placed.items():
-        gap = math.hypot(other.x - start.x, other.y - start.y)
+    for number, (other_pose, radius) in placed.items():
+        gap = math.hypot(other_pose.x - start.x, other_pose.y - start.y)
         if gap < radius + spec.radius - TOLERANCE:
             raise BadInput(f"{where}: overlaps robot {number}, {gap:.3g} m away; move one")
 
@@ -202,15 +202,15 @@ def _place(
     for attempt in range(1, DRAWS + 1):
         index = places[int(draw(seed, Purpose.START, spec.number, attempt) * places.size)]
         x, y = terrain.centre(*divmod(int(index), terrain.width))
-        if all(_apart(x, y, spec.radius, other, radius, terrain.point) for other, radius in placed):
+        if all(_apart(x, y, spec.radius, other_pose, radius, terrain.point) for other_pose, radius in placed):
             return Pose(x, y, heading)
-    left = np.ones(places.size, dtype=np.bool_)
+    is_free = np.ones(places.size, dtype=np.bool_)
     xs = terrain.origin[0] + (places % terrain.width + 0.5) * terrain.point
     ys = terrain.origin[1] + (places // terrain.width + 0.5) * terrain.point
-    for other, radius in placed:
+    for other_pose, radius in placed:
         spaced = radius + spec.radius + SPACING * terrain.point
-        left &= np.hypot(xs - other.x, ys - other.y) >= spaced - TOLERANCE
-    open_places = np.flatnonzero(left)
+        is_free &= np.hypot(xs - other_pose.x, ys - other_pose.y) >= spaced - TOLERANCE
+    open_places = np.flatnonzero(is_free)
     if open_places.size == 0:
         if not spec.spare:
             return None

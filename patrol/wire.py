@@ -117,8 +117,8 @@ def _maker(kind: type[Row]) -> Callable[[tuple[Any, ...]], Row]:
     def fill(values: tuple[Any, ...]) -> Row:
         row: Any = unfrozen(*values)
         row.__class__ = kind
-        made: Row = row
-        return made
+        filled: Row = row
+        return filled
 
     return fill
 
@@ -222,9 +222,9 @@ class _Sparing:
         """Take the value that is next, in the shape that its schema has."""
         schema = _shape(schema)
         if schema["type"] == "dataclass-args":
-            known = {field["name"]: field["schema"] for field in schema["fields"]}
+            schemas_by_name = {field["name"]: field["schema"] for field in schema["fields"]}
             names = (self._value() for _ in range(self._length("map", _MAX_FIELDS)))
-            return {name: self.take(known.get(name, _SINGLE)) for name in names}
+            return {name: self.take(schemas_by_name.get(name, _SINGLE)) for name in names}
         if schema["type"] != "tuple":
             return self._value()
         items = schema["items_schema"]
@@ -244,8 +244,8 @@ class _Sparing:
 
     def _value(self) -> Any:
         """Take the number, text, bytes, truth value or None that is next."""
-        at = self._unpacker.tell()
-        if at >= len(self._payload) or self._payload[at] in _HOLDS:
+        offset = self._unpacker.tell()
+        if offset >= len(self._payload) or self._payload[offset] in _HOLDS:
             raise Malformed("not a single value")
         try:
             return self._unpacker.unpack()
@@ -291,17 +291,17 @@ def _shape(schema: Any) -> Any:
 def _why(error: ValidationError, schema: Any) -> str:
     """Give the first error in one line, without the value, which may be long."""
     first = error.errors(include_url=False, include_context=False, include_input=False)[0]
-    place = []
+    path = []
     for part in first["loc"]:
         schema, name = _shape(schema), part
         if schema["type"] == "tuple" and isinstance(part, int):
             name = schema.get("metadata", {}).get("names", {part: part})[part]
             schema = schema["items_schema"][0 if "variadic_item_index" in schema else part]
         else:
-            known = {field["name"]: field["schema"] for field in schema.get("fields", ())}
-            schema = known.get(part, _SINGLE)
-        place.append(printable(str(name))[:_LONGEST_NAME])
-    return ": ".join(filter(None, (".".join(place), first["msg"].removeprefix("Value error, "))))
+            schemas_by_name = {field["name"]: field["schema"] for field in schema.get("fields", ())}
+            schema = schemas_by_name.get(part, _SINGLE)
+        path.append(printable(str(name))[:_LONGEST_NAME])
+    return ": ".join(filter(None, (".".join(path), first["msg"].removeprefix("Value error, "))))
 
 
 def _refuse_extension(code: int, _data: bytes) -> object:

@@ -14,8 +14,8 @@ from patrol.values.section import absolute
 
 def class_file(text: str) -> Path | None:
     """Return the file in ``./file.py:Class``; None for a class that comes from an installed package."""
-    place, colon, _ = text.rpartition(":")
-    return Path(place) if colon and (place.endswith(".py") or "/" in place) else None
+    file, colon, _ = text.rpartition(":")
+    return Path(file) if colon and (file.endswith(".py") or "/" in file) else None
 
 
 def beside(text: str, info: ValidationInfo) -> str:

@@ -90,10 +90,10 @@ def find(named: NamedClass) -> type[Any]:
         BadInput: It cannot be found or loaded, its file is not the one that the scenario was resolved with, or it is
             no class with the method that it needs.
     """
-    found = _load(named)
-    if not inspect.isclass(found) or not callable(getattr(found, named.sort.method, None)):
+    named_type = _load(named)
+    if not inspect.isclass(named_type) or not callable(getattr(named_type, named.sort.method, None)):
         raise no_class(named)
-    return found
+    return named_type
 
 
 def options_of(named: NamedClass, found: type[Any]) -> Any:
@@ -109,23 +109,23 @@ def options_of(named: NamedClass, found: type[Any]) -> Any:
     Raises:
         BadInput: The class does not take them.
     """
-    given, field = dict(named.options), f"{named.sort.section}.options"
+    options, field = dict(named.options), f"{named.sort.section}.options"
     model = getattr(found, "Options", None)
     if not (inspect.isclass(model) and issubclass(model, BaseModel)):
-        if given:
-            raise BadInput(f"{field} = {given}: {named.name} takes no options; leave them out")
+        if options:
+            raise BadInput(f"{field} = {options}: {named.name} takes no options; leave them out")
         return {}
-    known = ", ".join(model.model_fields) or "none"
-    for name, value in given.items():
+    known_options = ", ".join(model.model_fields) or "none"
+    for name, value in options.items():
         if name not in model.model_fields and model.model_config.get("extra") != "allow":
-            raise BadInput(f"{field}.{name} = {value!r}: unknown key; {named.name} has the options {known}")
+            raise BadInput(f"{field}.{name} = {value!r}: unknown key; {named.name} has the options {known_options}")
     try:
-        return model.model_validate(given)
+        return model.model_validate(options)
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in (field, *first["loc"]))
         value = first["input"]
-        raise BadInput(f"{where} = {value!r}: {first['msg']}; {named.name} has the options {known}") from None
+        raise BadInput(f"{where} = {value!r}: {first['msg']}; {named.name} has the options {known_options}") from None
 
 
 def entry_point_of(named: NamedClass) -> EntryPoint:
@@ -186,12 +186,12 @@ def absent_class(named: NamedClass, name: str, classes: list[str]) -> BadInput:
 
 def _load(named: NamedClass) -> Any:
     """Import whatever the name stands for, of any type."""
-    place, colon, name = named.sort.built_in.get(named.name, named.name).rpartition(":")
+    module_name, colon, name = named.sort.built_in.get(named.name, named.name).rpartition(":")
     if not colon:
         return _load_entry_point(named)
     path = class_file(named.name)
     try:
-        module = importlib.import_module(place) if path is None else _module_of(path, named)
+        module = importlib.import_module(module_name) if path is None else _module_of(path, named)
     except BadInput:
         raise
     except ModuleNotFoundError as error:
@@ -200,7 +200,7 @@ def _load(named: NamedClass) -> Any:
         raise BadInput(f"{named.field}: raises {type(error).__name__}: {error}; correct it") from error
     if not hasattr(module, name):
         method = named.sort.method
-        classes = [one for one, value in vars(module).items() if inspect.isclass(value) and hasattr(value, method)]
+        classes = [key for key, value in vars(module).items() if inspect.isclass(value) and hasattr(value, method)]
         raise absent_class(named, name, classes)
     return getattr(module, name)
 

@@ -36,15 +36,15 @@ def check_without_running(named: NamedClass) -> None:
     sort = named.sort
     if named.name in sort.built_in:
         return
-    place, colon, name = named.name.rpartition(":")
+    module_name, colon, name = named.name.rpartition(":")
     if not colon:
         point = entry_point_of(named)
-        place, name = point.module, point.attr
+        module_name, name = point.module, point.attr
     path = class_file(named.name)
     if path is not None:
         check_digest(path, named)
     else:
-        path = _source_of(place, named)
+        path = _source_of(module_name, named)
     if path is None:
         return  # it is compiled
     source = class_source(path, sort.field)
@@ -84,15 +84,15 @@ def _check_class(source: bytes, name: str, named: NamedClass) -> None:
     method = named.sort.method
     bound: dict[str, ast.stmt] = {}
     for statement in _statements(module.body):
-        for one in _names_bound(statement):
-            bound[one] = statement
+        for key in _names_bound(statement):
+            bound[key] = statement
     if "*" in bound:
         return  # of what another module holds
     if name not in bound:
-        classes = [one for one, made in bound.items() if isinstance(made, ast.ClassDef) and _may_have(made, method)]
+        classes = [key for key, node in bound.items() if isinstance(node, ast.ClassDef) and _may_have(node, method)]
         raise absent_class(named, name, classes)
-    made = bound[name]
-    if isinstance(made, _Function) or (isinstance(made, ast.ClassDef) and not _may_have(made, method)):
+    node = bound[name]
+    if isinstance(node, _Function) or (isinstance(node, ast.ClassDef) and not _may_have(node, method)):
         raise no_class(named)
 
 

@@ -25,15 +25,15 @@ def refuse_half_characters(value: Any, source: str) -> None:
         BadInput: One line that names the field and the value.
     """
     waiting: list[tuple[str, Any]] = [("", value)]
-    seen: set[int] = set()
+    seen_ids: set[int] = set()
     while waiting:
         field, part = waiting.pop()
         inner: list[tuple[Any, Any]] = []
         if isinstance(part, str) and _is_half(part):
             where = f"{source}: {field} = " if field else f"{source}: "
             raise BadInput(f"{where}{quoted(part)}: {REMEDY}")
-        if isinstance(part, Mapping | list | tuple) and id(part) not in seen:
-            seen.add(id(part))
+        if isinstance(part, Mapping | list | tuple) and id(part) not in seen_ids:
+            seen_ids.add(id(part))
             inner = list(part.items() if isinstance(part, Mapping) else enumerate(part))
         for key, child in reversed(inner):
             if isinstance(key, str) and _is_half(key):

@@ -77,17 +77,17 @@ def open_untrusted(path: Path, kind: Kind) -> BinaryIO:
             why in a few words.
     """
     try:
-        place = os.open(path, os.O_PATH | os.O_CLOEXEC)  # finds the file without opening it
+        path_only = os.open(path, os.O_PATH | os.O_CLOEXEC)  # finds the file without opening it
     except ValueError:
         raise FileRefused(errno.EINVAL, "has a null character in its name", str(path)) from None
     try:
-        check_regular(place, path, kind)
+        check_regular(path_only, path, kind)
         # By its descriptor, so that it is the file that was checked, whatever the path leads to by now.
-        return os.fdopen(os.open(f"/proc/self/fd/{place}", os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb")
+        return os.fdopen(os.open(f"/proc/self/fd/{path_only}", os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb")
     except OSError as error:
         raise type(error)(error.errno, error.strerror, str(path)) from None
     finally:
-        os.close(place)
+        os.close(path_only)
 
 
 def check_regular(descriptor: int, path: Path, kind: Kind) -> None:
@@ -105,8 +105,8 @@ def check_regular(descriptor: int, path: Path, kind: Kind) -> None:
     if stat.S_ISDIR(facts.st_mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     if not stat.S_ISREG(facts.st_mode):
-        what = next((name for holds, name in _NAMES if holds(facts.st_mode)), "something else")
-        raise FileRefused(errno.EINVAL, f"is {what}; give a regular file", str(path))
+        kind_of_file = next((name for holds, name in _NAMES if holds(facts.st_mode)), "something else")
+        raise FileRefused(errno.EINVAL, f"is {kind_of_file}; give a regular file", str(path))
     if facts.st_size > kind.most:
         raise _too_large(path, kind)
 

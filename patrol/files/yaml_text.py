@@ -78,15 +78,15 @@ class _Loader(yaml.SafeLoader):
             raise _problem(f"more than {MOST_NODES} entries, what aliases stand for included", event)
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
-        seen: set[tuple[str, str]] = set()
+        seen_keys: set[tuple[str, str]] = set()
         for key, _ in node.value:
             if key.tag == f"{_TAG}merge":
                 raise _problem("merge keys (<<) are not read; write the entries out", key)
             name = (key.tag, key.value) if isinstance(key, yaml.ScalarNode) else None
-            if name in seen:
+            if name in seen_keys:
                 raise _problem(f"{key.value} occurs twice", key)
             if name is not None:
-                seen.add(name)
+                seen_keys.add(name)
         return super().construct_mapping(node, deep)
 
 
@@ -209,13 +209,13 @@ def line_of(text: str, location: Sequence[int | str]) -> int | None:
     line = None
     for part in location:
         if isinstance(node, yaml.MappingNode):
-            found = next(((key, value) for key, value in node.value if key.value == str(part)), None)
+            entry = next(((key, value) for key, value in node.value if key.value == str(part)), None)
         elif isinstance(node, yaml.SequenceNode) and isinstance(part, int) and part < len(node.value):
-            found = (node.value[part], node.value[part])
+            entry = (node.value[part], node.value[part])
         else:
-            found = None
-        if found is None:
+            entry = None
+        if entry is None:
             break
-        line = found[0].start_mark.line + 1
-        node = found[1]
+        line = entry[0].start_mark.line + 1
+        node = entry[1]
     return line

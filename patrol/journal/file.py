@@ -96,9 +96,9 @@ class JournalWriter:
         return _FRAME.pack(len(payload), zlib.crc32(payload)) + payload
 
     def _put(self, data: bytes) -> None:
-        rest = memoryview(data)
-        while rest:
-            rest = rest[self._file.write(rest) :]
+        unwritten = memoryview(data)
+        while unwritten:
+            unwritten = unwritten[self._file.write(unwritten) :]
 
 
 class _Rest(NamedTuple):
@@ -264,8 +264,8 @@ class _Records:
         try:
             return decode(payload, self._robots)
         except Malformed as error:
-            what = f"record {number} is damaged or of another version ({error})"
-            raise BadInput(f"{self.path}: {what}; {REMEDY}") from None
+            problem = f"record {number} is damaged or of another version ({error})"
+            raise BadInput(f"{self.path}: {problem}; {REMEDY}") from None
 
 
 def pack(record: Record) -> bytes:

@@ -216,9 +216,9 @@ def to_others(sources: tuple[int, ...], receivers: tuple[int, ...]) -> ToOthers:
         receivers: All that a frame can reach, ascending.
     """
     of, to = np.array(sources, dtype=np.int64), np.array(receivers, dtype=np.int64)
-    others = of[:, None] != to[None, :]
-    frame, receiver = np.nonzero(others)
-    reaches = np.ascontiguousarray(others.T)
+    is_other = of[:, None] != to[None, :]
+    frame, receiver = np.nonzero(is_other)
+    reaches = np.ascontiguousarray(is_other.T)
     reaches.flags.writeable = False
     return ToOthers(pairs_of(frame, of[frame], to[receiver]), reaches)
 
@@ -265,10 +265,10 @@ def drops_of(rows: Iterable[tuple[int, int, int, str]]) -> Drops:
     """Make columns of rows of (source, destination, sequence, cause), likewise."""
     if isinstance(rows, Drops):
         return rows
-    given = tuple(rows)
-    causes = tuple(dict.fromkeys(cause for *_, cause in given))
+    links_and_causes = tuple(rows)
+    causes = tuple(dict.fromkeys(cause for *_, cause in links_and_causes))
     number = {cause: index for index, cause in enumerate(causes)}
-    columns = _columns(tuple((*link, number[cause]) for *link, cause in given), 4)
+    columns = _columns(tuple((*link, number[cause]) for *link, cause in links_and_causes), 4)
     return Drops(columns[0], columns[1], columns[2], columns[3], causes)
 
 

@@ -42,7 +42,7 @@ class TraceHash:
         Args:
             record: Of the tick.
         """
-        robots = [one for one in record.robots if one.status is not Status.ABSENT or one.number not in self._spares]
+        robots = [row for row in record.robots if row.status is not Status.ABSENT or row.number not in self._spares]
         parts = [_COUNTED.pack(record.k, len(robots))]
         parts += [
             _ROBOT.pack(robot.number, robot.status, robot.x, robot.y, robot.heading, robot.c0, robot.c1)
@@ -72,7 +72,7 @@ def _packed(links: Links) -> bytes:
         words |= source
         words |= sequence << 32
         return words.astype("<i8", copy=False).tobytes()
-    shape = "".join("HHI" if one <= MAX_SHORT else "HHQ" for one in sequence.tolist())
+    shape = "".join("HHI" if sequence_number <= MAX_SHORT else "HHQ" for sequence_number in sequence.tolist())
     rows = zip(source.tolist(), destination.tolist(), sequence.tolist(), strict=True)
     return struct.Struct("<" + shape).pack(*chain.from_iterable(rows))
 

@@ -119,14 +119,14 @@ def best_tour(prepared: Prepared) -> BestTour:
     for spec in scenario.roster:
         groups.setdefault(id(grounds[spec.number]), []).append(spec.number)
     specs = {spec.number: spec for spec in scenario.roster}
-    left = prepared.patrolled.copy()
+    uncovered = prepared.patrolled.copy()
     parts = []
     for robots in sorted(groups.values(), key=lambda robots: -specs[robots[0]].radius):
         own = grounds[robots[0]]
-        wanted = own.patrolled & left
-        left &= ~own.patrolled
-        if wanted.any():
-            length_m = _length(terrain, own, wanted, prepared.fields[robots[0]].proxy, footprint, identity)
+        part_ground = own.patrolled & uncovered
+        uncovered &= ~own.patrolled
+        if part_ground.any():
+            length_m = _length(terrain, own, part_ground, prepared.fields[robots[0]].proxy, footprint, identity)
             speed = min(specs[number].speed for number in robots)
             parts.append(PartTour(tuple(robots), speed, length_m))
     return BestTour(tuple(parts))

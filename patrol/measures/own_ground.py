@@ -39,25 +39,25 @@ def own_grounds(prepared: Prepared) -> dict[int, OwnGround]:
     """
     terrain = prepared.terrain
     labels: dict[int, NDArray[np.int32]] = {}
-    made: dict[tuple[int, int], OwnGround] = {}
+    own_by_part: dict[tuple[int, int], OwnGround] = {}
     grounds = {}
     for spec, start in zip(prepared.scenario.roster, prepared.starts, strict=True):
         fields = prepared.fields[spec.number]
         body = id(fields)
         if body not in labels:
             labels[body], _ = parts_of(np.ascontiguousarray(fields.reach))
-        at = anchor(terrain, fields.cspace, start.x, start.y)
-        part = 0 if at is None else int(labels[body][at])
-        if (body, part) not in made:
+        start_point = anchor(terrain, fields.cspace, start.x, start.y)
+        part = 0 if start_point is None else int(labels[body][start_point])
+        if (body, part) not in own_by_part:
             reach = frozen_grid(labels[body] == part) if part else fields.reach
-            made[body, part] = OwnGround(reach, _seen_from(fields, reach))
-        grounds[spec.number] = made[body, part]
+            own_by_part[body, part] = OwnGround(reach, _seen_from(fields, reach))
+        grounds[spec.number] = own_by_part[body, part]
     return grounds
 
 
 def _seen_from(fields: StaticFields, part: BoolGrid) -> BoolGrid:
     """Find the patrolled points in a part of the reachable ground, and those whose nearest seeing point lies in it."""
     hidden = fields.proxy >= 0
-    seen = np.array(part)
-    seen[hidden] = part.reshape(-1)[fields.proxy[hidden]]
-    return frozen_grid(seen)
+    seen_from_part = np.array(part)
+    seen_from_part[hidden] = part.reshape(-1)[fields.proxy[hidden]]
+    return frozen_grid(seen_from_part)

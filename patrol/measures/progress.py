@@ -124,13 +124,13 @@ class Traps:
         terrain = self._prepared.terrain
         for number, (stay, since) in self._to_look_at(k).items():
             grid = last_seen()
-            at = stalest_outside(replace(stay, since=since), terrain, self._ground(number), grid)
-            if at is None:
+            stale_point = stalest_outside(replace(stay, since=since), terrain, self._ground(number), grid)
+            if stale_point is None:
                 self._all_seen[number, stay.since] = k
                 if number in self.open:
                     news.append(replace(self.open.pop(number), until=k, all_seen=True))
             elif number not in self.open:
-                self.open[number] = Trap(number, stay, since, terrain.centre(*at), int(grid[at]))
+                self.open[number] = Trap(number, stay, since, terrain.centre(*stale_point), int(grid[stale_point]))
                 news.append(self.open[number])
         return news
 
@@ -144,12 +144,12 @@ class Traps:
 
     def _to_look_at(self, k: int) -> dict[int, tuple[Stay, int]]:
         """Find the robots that are trapped or may be, by number: their stays, and the ticks from which these count."""
-        found = {}
+        stays = {}
         for number, stay in self.stays.long(k).items():
             since = self._all_seen.get((number, stay.since), stay.since)
             if number in self.open or k - since >= self._ticks:
-                found[number] = stay, since
-        return found
+                stays[number] = stay, since
+        return stays
 
     def _ground(self, number: int) -> BoolGrid:
         if self._grounds is None:
@@ -200,5 +200,5 @@ def stalest_outside(
         return None
     ages = last_seen.reshape(-1)[stale]
     oldest = ages == ages.min()
-    at = int(stale[oldest][np.argmin(square[oldest])])
-    return at // terrain.width, at % terrain.width
+    stalest = int(stale[oldest][np.argmin(square[oldest])])
+    return stalest // terrain.width, stalest % terrain.width

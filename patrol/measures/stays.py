@@ -106,7 +106,7 @@ class _Box:
         if max(self.right - self.left, self.top - self.bottom) > 2.0 * radius:
             return False
         centre = self.centre
-        return all(math.dist(centre, place) <= radius for place in places)
+        return all(math.dist(centre, position) <= radius for position in places)
 
 
 class _Track:

@@ -125,16 +125,16 @@ class Intake:
     def positions(self, number: int) -> list[Position]:
         """Return the positions and contacts that one listener has accepted, in their order."""
         places = np.flatnonzero(self.accepted[self.listeners.index(number)]).tolist()
-        return [said for place in places if (said := self.said[place]) is not None]
+        return [position for index in places if (position := self.said[index]) is not None]
 
     def looks(self, number: int) -> list[tuple[int, Pose]]:
         """Return the looks that one listener learns of, tick and pose, in their order."""
         row = self.listeners.index(number)
         plain = np.flatnonzero(self.plain[row]).tolist()
-        found = [(place, self.tick, said.pose) for place in plain if (said := self.said[place]) is not None]
-        found += [(place, tick, pose) for at, place, tick, pose in self.past if at == row]
-        found.sort(key=itemgetter(0))
-        return [(tick, pose) for _, tick, pose in found]
+        looks = [(index, self.tick, position.pose) for index in plain if (position := self.said[index]) is not None]
+        looks += [(index, tick, pose) for listener, index, tick, pose in self.past if listener == row]
+        looks.sort(key=itemgetter(0))
+        return [(tick, pose) for _, tick, pose in looks]
 
 
 class Inboxes:
@@ -197,27 +197,27 @@ class Inboxes:
         rules, listeners = self.rules, tuple(heard)
         frames, reaches = _as_table(heard)
         decoded = {frame: self._read(frame, tick) for frame in frames}
-        said = tuple(decoded[frame][0] for frame in frames)
+        positions = tuple(decoded[frame][0] for frame in frames)
         facts = np.array([decoded[frame][1] for frame in frames], dtype=FRAME)
         fate, looks = np.zeros_like(reaches), np.zeros_like(reaches)
         since = np.zeros(reaches.shape, dtype=np.int32)
         rows = np.array([self._row[number] for number in listeners], dtype=np.int64)
         now = (tick, rules.step, rules.speed, rules.ahead is not None, rules.trail_every, SPAN)
         is_past = hear(self._cells, self._refused, rows, self._own, facts, reaches, *now, fate, looks, since)
-        past = list(self._past(tick, said, looks, since)) if is_past else []
-        return Intake(tick, listeners, said, reaches, fate == ACCEPTED, looks == 1, past)
+        past = list(self._past(tick, positions, looks, since)) if is_past else []
+        return Intake(tick, listeners, positions, reaches, fate == ACCEPTED, looks == 1, past)
 
     def _past(
         self, tick: int, said: Sequence[Position | None], looks: NDArray[np.uint8], since: NDArray[np.int32]
     ) -> Iterator[tuple[int, int, int, Pose]]:
-        for row, place in np.argwhere(looks > 1).tolist():
-            position, bits = said[place], int(looks[row, place])
+        for row, column in np.argwhere(looks > 1).tolist():
+            position, bits = said[column], int(looks[row, column])
             if position is None:
                 continue
-            then = tick - int(since[row, place]) if bits & THEN else tick
+            then = tick - int(since[row, column]) if bits & THEN else tick
             for back, (x, y) in enumerate(((position.pose.x, position.pose.y), *position.past)):
                 if bits >> back & 1:
-                    yield row, place, then - back * self.rules.trail_every, Pose(x, y, position.pose.heading)
+                    yield row, column, then - back * self.rules.trail_every, Pose(x, y, position.pose.heading)
 
     def _read(self, frame: bytes, tick: int) -> tuple[Position | None, tuple[int, ...]]:
         """Decode a frame, and give it as the kernel takes it: with the reason where no listener accepts it."""
@@ -230,8 +230,8 @@ class Inboxes:
         sender = self._column.get(position.robot, NO_SENDER)
         kind = _CODES[reason] if reason else REPORT if position.robot == CONTACT else POSITION
         back = position.trail[0] if position.trail else (0, 0)
-        place = position.x_cm, position.y_cm, position.heading_mrad
-        return position, (kind, sender, position.sequence, *place, *back, len(position.trail))
+        rounded_pose = position.x_cm, position.y_cm, position.heading_mrad
+        return position, (kind, sender, position.sequence, *rounded_pose, *back, len(position.trail))
 
     def _refusal(self, position: Position, tick: int) -> RejectReason | None:
         """Why no listener accepts a position, or None."""
@@ -246,9 +246,9 @@ class Inboxes:
 
     def _with_plausible_trail(self, position: Position) -> Position:
         """Return the position with as much of its trail as a robot can have driven."""
-        for place, (dx, dy) in enumerate(position.trail):
+        for length, (dx, dy) in enumerate(position.trail):
             if math.hypot(dx, dy) > self._longest_step_cm:
-                return replace(position, trail=position.trail[:place])
+                return replace(position, trail=position.trail[:length])
         return position
 
 
@@ -268,8 +268,8 @@ class Peers(Mapping[int, Peer]):
         self._since = since
 
     def __getitem__(self, number: int) -> Peer:
-        said = self.said(number)
-        return Peer(said.sequence, said.pose, self._cells["at"].item(self._column[number]))
+        newest = self.said(number)
+        return Peer(newest.sequence, newest.pose, self._cells["at"].item(self._column[number]))
 
     def __iter__(self) -> Iterator[int]:
         return compress(self._column, self._known.tolist())
@@ -292,8 +292,8 @@ class Peers(Mapping[int, Peer]):
     @property
     def places(self) -> NDArray[np.float64]:
         """float64 (len, 2), x and y of each in m, by number."""
-        found = np.empty((len(self._column), 2), dtype=np.float64)
-        return found[: places_heard(self._cells, self._since, CM_PER_M, found)]
+        places = np.empty((len(self._column), 2), dtype=np.float64)
+        return places[: places_heard(self._cells, self._since, CM_PER_M, places)]
 
     def lately(self, since: int) -> Peers:
         """List those that were heard at a tick or later."""
@@ -309,8 +309,8 @@ class Peers(Mapping[int, Peer]):
 
     @property
     def _known(self) -> NDArray[np.bool_]:
-        heard: NDArray[np.bool_] = self._cells["sequence"] != NOTHING
-        return heard if self._since <= 0 else heard & (self._cells["at"] >= self._since)
+        is_heard: NDArray[np.bool_] = self._cells["sequence"] != NOTHING
+        return is_heard if self._since <= 0 else is_heard & (self._cells["at"] >= self._since)
 
 
 def _as_table(heard: Mapping[int, Sequence[bytes]]) -> tuple[Sequence[bytes], NDArray[np.uint8]]:

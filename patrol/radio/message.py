@@ -286,11 +286,11 @@ def decode(frame: bytes, key: bytes | None = None) -> Position:
     if values[0] != VERSION:
         raise Rejected(RejectReason.VERSION, f"version {values[0]}, this is version {VERSION}")
     tagged = type(values[-1]) is bytes
-    rest = values[_FIELDS : len(values) - tagged]
-    if len(values) < _FIELDS + tagged or len(rest) > 1:
+    trail_values = values[_FIELDS : len(values) - tagged]
+    if len(values) < _FIELDS + tagged or len(trail_values) > 1:
         raise Rejected(RejectReason.MALFORMED, "wrong number of values")
     try:
-        trail = _trail(rest[0]) if rest else ()
+        trail = _trail(trail_values[0]) if trail_values else ()
         position = Position(*values[1:_FIELDS], trail=trail)  # type: ignore[misc]  # as many numbers as fields
     except ValueError as error:
         raise Rejected(RejectReason.MALFORMED, str(error)) from None

@@ -44,14 +44,14 @@ class Predictor:
         Returns:
             The pose, m and rad; the heading is that of the frame.
         """
-        here = last.pose
+        start = last.pose
         if not last.trail or ticks <= 0:
-            return here
+            return start
         back_x, back_y = last.trail[0]
         ahead = min(ticks, self._horizon) / self._trail_every
-        there = Pose(here.x - ahead * cm_to_m(back_x), here.y - ahead * cm_to_m(back_y), here.heading)
-        share = free_fraction(self._terrain, here, there, _POINT)
-        return Pose(here.x + share * (there.x - here.x), here.y + share * (there.y - here.y), here.heading)
+        end = Pose(start.x - ahead * cm_to_m(back_x), start.y - ahead * cm_to_m(back_y), start.heading)
+        share = free_fraction(self._terrain, start, end, _POINT)
+        return Pose(start.x + share * (end.x - start.x), start.y + share * (end.y - start.y), start.heading)
 
     def error(self, last: Position, now: Position) -> float:
         """Return the error of a prediction.

@@ -26,11 +26,11 @@ def count_frames(
             dropped in a later tick.
         delivered: Integers (n, n), sender by receiver; changed in place.
     """
-    here = [place[row.number] for row in record.robots if row.status.is_present and row.number in place]
+    present = [place[row.number] for row in record.robots if row.status.is_present and row.number in place]
     for source, frames in Counter(source for source, _ in record.frames).items():
         if source in place:
             origin = place[source]
-            sent[origin, [to for to in here if to != origin]] += frames
+            sent[origin, [to for to in present if to != origin]] += frames
     for source, to, _, _ in record.copies:
         if source in place and to in place:
             sent[place[source], place[to]] += 1

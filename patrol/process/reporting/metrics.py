@@ -226,8 +226,8 @@ class MetricsServer:
 
     def _metrics(self) -> bytes:
         now = time.monotonic()
-        made, text = self._text
-        if now - made > KEEP_S:
+        made_s, text = self._text
+        if now - made_s > KEEP_S:
             text = render(self._vitals.read(), self._labels)
             self._text = now, text
         return text

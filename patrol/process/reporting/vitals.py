@@ -128,28 +128,28 @@ class Vitals:
 
     def read(self) -> dict[Figure, Value]:
         """Read all figures that are known now."""
-        found: dict[Figure, Value] = {}
+        values: dict[Figure, Value] = {}
         beat = self._beat
         if beat is not None:
-            found |= beat.figures
-            found |= {TICKS: beat.ticks, SINCE_TICK: self._now() - beat.at}
+            values |= beat.figures
+            values |= {TICKS: beat.ticks, SINCE_TICK: self._now() - beat.at}
         for figure, read in list(self._probes):
             with suppress(Exception):  # what it is read from may be closing; the others still count
                 if (value := read()) is not None:
-                    found[figure] = _sum(found.get(figure), value)
-        return found | self._of_the_process()
+                    values[figure] = _sum(values.get(figure), value)
+        return values | self._of_the_process()
 
     def _of_the_process(self) -> dict[Figure, Value]:
-        found: dict[Figure, Value] = {
+        values: dict[Figure, Value] = {
             VERSION: {self._version: 1},
             STARTED: self._began,
             PROCESSOR: time.process_time(),
             THREADS: threading.active_count(),
         }
         with suppress(OSError, ValueError, LookupError):  # only Linux shows these
-            found[MEMORY] = _resident_bytes()
-            found[FILES] = sum(1 for _ in Path("/proc/self/fd").iterdir())
-        return found
+            values[MEMORY] = _resident_bytes()
+            values[FILES] = sum(1 for _ in Path("/proc/self/fd").iterdir())
+        return values
 
 
 def version() -> str:

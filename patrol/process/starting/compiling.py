@@ -114,7 +114,7 @@ def compile_modules(modules: Mapping[str, Path], show: Callable[[Compiled], None
     """
     todo = sorted((_work(name, source) for name, source in modules.items()), key=lambda work: work.size)
     of, size = sum(work.kernels for work in todo), sum(work.size for work in todo)
-    done: list[_Work] = []
+    ended: list[_Work] = []
     begun = time.monotonic()
     workers: list[_Worker] = []
     with selectors.DefaultSelector() as answers:
@@ -124,18 +124,18 @@ def compile_modules(modules: Mapping[str, Path], show: Callable[[Compiled], None
                 worker.give(todo.pop())
                 assert worker.process.stdout is not None
                 answers.register(worker.process.stdout, selectors.EVENT_READ, worker)
-            while len(done) < len(modules):
+            while len(ended) < len(modules):
                 for key, _ in answers.select(LOOK_S):
                     worker = key.data
-                    done.append(worker.finish())
+                    ended.append(worker.finish())
                     if todo:
                         worker.give(todo.pop())
                     else:
                         answers.unregister(key.fileobj)
-                half_done = [worker.work for worker in workers if worker.work is not None and worker.work not in done]
-                share = (sum(work.size for work in done) + 0.5 * sum(work.size for work in half_done)) / size
-                left_s = None if not done else (time.monotonic() - begun) * (1.0 - share) / share
-                show(Compiled(sum(work.kernels for work in done), of, left_s))
+                half_done = [worker.work for worker in workers if worker.work is not None and worker.work not in ended]
+                share = (sum(work.size for work in ended) + 0.5 * sum(work.size for work in half_done)) / size
+                left_s = None if not ended else (time.monotonic() - begun) * (1.0 - share) / share
+                show(Compiled(sum(work.kernels for work in ended), of, left_s))
         finally:
             for worker in workers:
                 worker.end()

@@ -95,9 +95,9 @@ def serve_forks(descriptor: int) -> tuple[Orders, int] | None:
 
 def _become(own: socket.socket) -> tuple[Orders, int] | None:
     """Fork once more and end; in the new process, return what it is told. Nothing returns to the server from here."""
-    if (made := os.fork()) != 0:
+    if (new_pid := os.fork()) != 0:
         try:
-            own.sendall(made.to_bytes(_PID_BYTES, "little"))
+            own.sendall(new_pid.to_bytes(_PID_BYTES, "little"))
         finally:
             os._exit(0)
     os.setsid()

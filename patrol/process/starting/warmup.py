@@ -69,14 +69,14 @@ def kernel_files(package: str) -> dict[str, Path]:
     Returns:
         Files by the module's full name.
     """
-    found = {}
+    files = {}
     spec = find_spec(package)
     for folder in (spec.submodule_search_locations if spec else None) or ():
         for path in sorted(Path(folder).rglob(f"{KERNELS}/*.py")):
             parts = path.relative_to(folder).with_suffix("").parts
             if parts[-1] != "__init__":
-                found[".".join((package, *parts))] = path
-    return found
+                files[".".join((package, *parts))] = path
+    return files
 
 
 def progress_line(compiled: Compiled) -> str:
@@ -85,8 +85,8 @@ def progress_line(compiled: Compiled) -> str:
     Args:
         compiled: The progress.
     """
-    left = "" if compiled.left_s is None else f", about {max(round(compiled.left_s), 1)} s to go"
-    return f"compiling the kernels: {compiled.kernels} of {compiled.of}{left}"
+    time_left = "" if compiled.left_s is None else f", about {max(round(compiled.left_s), 1)} s to go"
+    return f"compiling the kernels: {compiled.kernels} of {compiled.of}{time_left}"
 
 
 def _lines(say: Callable[[str], None]) -> Callable[[Compiled], None]:

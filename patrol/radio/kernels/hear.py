@@ -152,9 +152,9 @@ def _judge_position(cell, frame, tick, step, speed, knows_ticks, span):
                 return wrong
         begins = outdated
     newer = np.uint64(-ago)
-    kept = not begins and -ago < span
-    cell.used = (cell.used << newer if kept else _NONE) | _ONE
-    cell.looks = cell.looks << newer if kept else _NONE
+    in_window = not begins and -ago < span
+    cell.used = (cell.used << newer if in_window else _NONE) | _ONE
+    cell.looks = cell.looks << newer if in_window else _NONE
     start = tick * step - number * step
     cell.start = start if begins else min(start, cell.start)
     cell.sequence, cell.at, cell.doubts = number, tick, 0
@@ -234,15 +234,15 @@ def hear(cells, refused, rows, own, frames, reaches, tick, step, speed, knows_ti
                     ago = cell.sequence - frame.sequence
                     then = cell.at - ago
                     news = 0
-                    for place in range(frame.trail + 1):
-                        back = place * every
+                    for trail_index in range(frame.trail + 1):
+                        back = trail_index * every
                         if back > min(then, frame.sequence) or ago + back >= span:
                             break
                         # A look counts once, however often it is told of: with quality below 1 ages would change.
                         bit = _ONE << np.uint64(ago + back)
                         if not cell.looks & bit:
                             cell.looks |= bit
-                            news |= 1 << place
+                            news |= 1 << trail_index
                     if news != 0 and then != tick:
                         since[m, f] = tick - then
                         news |= THEN
