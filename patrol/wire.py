@@ -42,7 +42,7 @@ _MAX_FIELDS = 64
 """Fields of a map that is read sparingly, with room for those of later versions."""
 _LONGEST_NAME = 60
 _MAX_ENTRIES = 1 << 17
-"""Of any map: a message has one for each robot at most, and a few more."""
+"""Entries of any map: a message has one for each robot at most, and a few more."""
 
 
 def _check_printable(text: str) -> str:

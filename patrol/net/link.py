@@ -91,7 +91,7 @@ class Link:
             key: To publish under.
             waits: Whether to wait where a queue is full, or to drop. One receiver that has stopped reading then holds
                 up its router, and with it everything that this link sends.
-            together: For who sends to many at a time: what is sent while an earlier message still waits travels with
+            together: For a sender to many at a time: what is sent while an earlier message still waits travels with
                 it, in pieces of up to 64 KiB. Each message on its own takes a place in the queue: of a burst to 50
                 robots, a busy machine dropped what came after the 16th (`patrol.net.settings`).
         """
@@ -109,7 +109,7 @@ class Link:
         """Make a publisher for a direct radio: sends at once, to all others; a message is lost rather than late.
 
         Positions of many robots that wait on their way travel together, as those of `post` may: otherwise a router
-        dropped, on a busy machine, what came after the 16th of those who send at the same time.
+        dropped, on a busy machine, what came after the 16th of those that send at the same time.
 
         Args:
             key: To publish under.
@@ -321,7 +321,7 @@ def open_link(
         wait_s: How long to wait for it.
         waiting: Called as `TELL_S` says, with the seconds waited, while no router answers.
         stopped: Whether to give up.
-        credentials: Prove who this is; None for a router that asks for none.
+        credentials: Prove this process's identity; None for a router that asks for none.
 
     Raises:
         LinkDown: When no router has answered after `wait_s`, or `stopped` says so.
@@ -392,7 +392,7 @@ def open_router(listen: str, security: RouterSecurity | None = None, others: Seq
 
     Args:
         listen: The locator to listen at.
-        security: Says who may connect and do what; None to allow everything.
+        security: The rights to connect and to act; None to allow everything.
         others: Locators of the fleet's routers at other sites, to connect to.
 
     Raises:

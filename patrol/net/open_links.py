@@ -38,7 +38,7 @@ def open_links(
         wait_s: How long to wait for each.
         say: Takes a line now and then while the process waits.
         stopped: Whether to give up.
-        credentials: Prove who this is, at both routers; None for routers that ask for none.
+        credentials: Prove this process's identity at both routers; None for routers that ask for none.
         callers: The keys under which the robots send, by their numbers, for a serial line, which carries no keys.
 
     Returns:

@@ -55,7 +55,7 @@ def client_settings(router: str, lease_s: float, credentials: Credentials | None
     Args:
         router: Its locator.
         lease_s: How long the client may be silent before the router drops it, s.
-        credentials: Prove who this is; None for a router that asks for none.
+        credentials: Prove this process's identity; None for a router that asks for none.
     """
     return {
         **_QUIET,
@@ -77,7 +77,7 @@ def router_settings(
 
     Args:
         listen: The locator.
-        security: Says who may connect and do what; None to allow everything.
+        security: The rights to connect and to act; None to allow everything.
         others: Locators of routers of the same fleet, at other sites, to connect to; one that is not there, or goes, is
             tried again for ever.
     """

@@ -109,7 +109,7 @@ class Meeting:
     Attributes:
         router: The router's locator.
         keys: The fleet's keys.
-        credentials: Prove to the router who this is; None for a router that asks for none.
+        credentials: Prove this process's identity to the router; None for a router that asks for none.
     """
 
     router: str

@@ -16,7 +16,7 @@ Theory of operation
     says only where the sender was then. A sender's sequences go on with time, also over a restart of the sender, so its
     window outlives it.
 
-    A contact, an intruder's position, does not say who reports it and may be reported by several at once. It must lie
+    A contact, an intruder's position, does not name its reporter and may be reported by several at once. It must lie
     on the terrain, and its sequence must be one that some robot of the roster would send about now, going on from that
     robot's last accepted frame.
 
@@ -151,7 +151,7 @@ class Inboxes:
         """Nothing heard yet.
 
         Args:
-            listeners: The numbers of all who may listen; one that is of no robot listens only.
+            listeners: The numbers of all that may listen; one that is of no robot listens only.
             rules: The fleet's.
         """
         self.rules = rules

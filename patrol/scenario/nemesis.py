@@ -1,8 +1,8 @@
 """The nemesis: random faults, drawn into a concrete timeline when a scenario is loaded.
 
 In each interval one fault begins, at a drawn tick and of a drawn kind, and lasts for 0.3 to 2 intervals. All have ended
-before the quiet window at the end of the run: who was killed is started again, who was paused goes on, and who left
-joins again. A robot suffers one process fault at a time, and there is always one that suffers none.
+before the quiet window at the end of the run: killed robots are started again, paused ones go on, and those that
+left join again. A robot suffers one process fault at a time, and there is always one that suffers none.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Positions by multicast, without Zenoh: one datagram each, to all who can hear it.
+"""Positions by multicast, without Zenoh: one datagram each, to all processes that can hear it.
 
 A datagram is the key, a zero byte, and the frame. Subscriptions are not announced, so nothing needs to arrive before a
 frame does, and nothing but frames is ever sent. Zenoh's own multicast needs no router either, but its members pass

@@ -48,7 +48,7 @@ class Access:
         fleet: Its name.
         router: Its locator.
         token: The right to control it.
-        credentials: Prove to the router who this is; None for a router that asks for none.
+        credentials: Prove this process's identity to the router; None for a router that asks for none.
     """
 
     fleet: str

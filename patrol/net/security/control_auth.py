@@ -11,7 +11,7 @@ reading along gives nothing that is of use in another exchange, and an answer wi
 
 A ticket is the time at which it was made, and a MAC of it and the nonce under a key that the world alone has. The
 world stores nothing for it, so asking for tickets takes none of its memory. It stores the nonces of requests that it
-has obeyed, which only those who have the token can make it do, with the answers. A request that comes twice gets the
+has obeyed, which only holders of the token can make it do, with the answers. A request that comes twice gets the
 answer of the first time and is not carried out again.
 """
 
@@ -207,7 +207,7 @@ class Operated:
 
     Attributes:
         answer: The world's.
-        strangers: Answers of others, who do not know the token, that came before it.
+        strangers: Answers without a valid MAC that came before it.
     """
 
     answer: Answer

@@ -52,7 +52,7 @@ class Log:
         self._prefix = f"{process}: " if prefix is None else prefix
 
     def debug(self, line: str) -> None:
-        """Report what only those who look for a mistake want to know.
+        """Report details for the search for a mistake.
 
         Args:
             line: One line.

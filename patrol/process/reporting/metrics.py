@@ -123,7 +123,7 @@ class _Connection:
 
 
 class MetricsServer:
-    """Answers those who ask for metrics, from now until `close`."""
+    """Answers requests for metrics, from now until `close`."""
 
     def __init__(self, listening: socket.socket, vitals: Vitals, labels: Mapping[str, str]) -> None:
         """Begin.

@@ -1,6 +1,6 @@
 """The figures that show how a process does, for its health lines and its metrics.
 
-A process's loop leaves its figures after each tick (`Vitals.beat`); it never waits for those who read them. What no
+A process's loop leaves its figures after each tick (`Vitals.beat`); it never waits for readers. What no
 loop can leave, because it is of interest when the loop hangs, is read by the reader (`Vitals.probe`).
 """
 

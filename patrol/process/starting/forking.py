@@ -89,7 +89,7 @@ def serve_forks(descriptor: int) -> tuple[Orders, int] | None:
                 control.close()
                 return _become(own)
             if os.waitpid(between, 0)[1] == 0:
-                with suppress(OSError):  # who asked has gone, which the next request tells
+                with suppress(OSError):  # the asking process has gone, which the next request tells
                     own.sendall(_MADE)
 
 
@@ -101,7 +101,7 @@ def _become(own: socket.socket) -> tuple[Orders, int] | None:
         finally:
             os._exit(0)
     os.setsid()
-    with suppress(OSError, ValueError):  # who asked has gone, perhaps in the middle of the orders
+    with suppress(OSError, ValueError):  # the asking process has gone, perhaps in the middle of the orders
         message, descriptors, _, _ = socket.recv_fds(own, _CHUNK, 1)
         while more := own.recv(_CHUNK):
             message += more
