@@ -83,7 +83,7 @@ class FleetKeys:
         """Key of operators' requests, which the world answers.
 
         Args:
-            what: Such as `patrol.scenario.controls.ASK`.
+            what: Such as `patrol.net.security.control_auth.ASK`.
         """
         return f"{ROOT}/{self.fleet}/control/{what}"
 

@@ -1,7 +1,7 @@
 """Kernels of the region method: paths are straight within a region and pass to the next one at connections.
 
-Regions are given by their parts (see `patrol.regions.RegionSplit`): within a part a body can go straight from any point
-to any other, and each connection joins two parts. Places are rows and columns of the terrain's points.
+Regions are given by their parts (see `patrol.regions.split.RegionSplit`): within a part a body can go straight from
+any point to any other, and each connection joins two parts. Places are rows and columns of the terrain's points.
 """
 
 from __future__ import annotations
@@ -168,7 +168,7 @@ def last_legs(
     Of equally long paths the one through the first source is taken.
 
     Args:
-        state: uint8 (m, n), as in `agent.routes.kernels.wave.advance`, in two dimensions; changed in place.
+        state: uint8 (m, n), see `agent.routes.kernels.wave.HEMMED`; changed in place.
         length: int32 (m, n), path lengths rounded to the nearest hundredth of a point; filled in.
         bend: int32 (m, n), flat index into the window of each path's first bend; filled in.
         parts: int32 (h, w), each point's part, -1 for none.
