@@ -276,5 +276,4 @@ def _columns(rows: Sequence[Sequence[int]], wide: int) -> NDArray[np.int64]:
     return np.ascontiguousarray(np.array(rows, dtype=np.int64).reshape(-1, wide).T)
 
 
-NO_LINKS = links_of(())
 NO_DROPS = drops_of(())

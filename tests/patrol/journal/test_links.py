@@ -7,7 +7,6 @@ import pytest
 
 from patrol.journal.links import (
     NO_DROPS,
-    NO_LINKS,
     WholeLinks,
     drops_of,
     joined,
@@ -26,12 +25,12 @@ def test_columns_read_like_the_rows_they_were_made_of() -> None:
     assert tuple(links) == ROWS == links[:]
     assert (links[0], links[-1], links[1:3]) == (ROWS[0], ROWS[-1], ROWS[1:3])
     assert tuple(drops) == DROPPED == drops[:]
-    assert (len(links), len(drops), len(NO_LINKS), len(NO_DROPS)) == (4, 3, 0, 0)
+    assert (len(links), len(drops), len(links_of(())), len(NO_DROPS)) == (4, 3, 0, 0)
     assert links_of(links) is links
     assert [*links, *drops][4] == DROPPED[0]
     assert ROWS[1] in links
     with pytest.raises(StopIteration):
-        next(iter(NO_LINKS))
+        next(iter(links_of(())))
 
 
 def test_columns_equal_rows_and_each_other_in_the_same_order_only() -> None:
