@@ -26,14 +26,14 @@ from patrol.scenario.radio_spec import IdealRadio, Radio, check_radio_spec
 from patrol.scenario.robots import RobotSpec, roster_of
 from patrol.scenario.sections import IntruderSpec, RobotGroup, Robots, SensorSpec, TerrainSpec
 from patrol.values.section import Section, wrong
-from patrol.values.types import AUTO, Name, Pace, Positive, Seed
+from patrol.values.types import AUTO, BUILTINS, Name, Pace, Positive, Seed
 
 
 class Scenario(Section):
     """Everything that decides how a run goes."""
 
     name: Name = Field("scenario", description="default: the file's or the terrain's name")
-    terrain: TerrainSpec = Field(description="{builtin: open | yards | clutter | site} or {map: FILE.yaml}")
+    terrain: TerrainSpec = Field(description=f"{{builtin: {' | '.join(BUILTINS)}}} or {{map: FILE.yaml}}")
     point: Positive = Field(0.1, description="m, side of one point of the grid")
     step: Positive = Field(0.5, description="s per tick")
     duration: Positive = Field(5000.0, description="simulated s")

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Self
 from pydantic import ConfigDict, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from patrol.classes.class_file import beside, class_file
+from patrol.pose import MODELS
 from patrol.values.section import Section, absolute, wrong
 from patrol.values.types import (
     MAX_ROBOTS,
@@ -58,7 +59,7 @@ class TerrainSpec(Section):
 class Body(Section):
     """The body of a robot."""
 
-    model: Kind = Field("car", description="body model: car | differential | holonomic")
+    model: Kind = Field("car", description=f"body model: {' | '.join(MODELS)}")
     speed: Positive = Field(4.4, description="m/s, top speed")
     radius: Positive = Field(DEFAULT_RADIUS, description="m, of the round body")
     turning_radius: Positive = Field(3.5, description="m, tightest turn of a car (unused by other models)")

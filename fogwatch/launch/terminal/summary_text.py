@@ -89,7 +89,7 @@ def measures(summary: Summary) -> list[str]:
     lines.append(_bounds(summary, text.pop("best_tour_s")))
     lines += _stalest(summary)
     coverage = f"coverage    {text.pop('seen_share')} of {summary.patrolled_area_m2:.0f} m² to patrol"
-    lines += [f"{metric.title:<12}{text[key]}" for key, metric in metrics_of(Summary) if key in text]
+    lines += [f"{metric.title:<11} {text[key]}" for key, metric in metrics_of(Summary) if key in text]
     lines.append(coverage)
     lines += _radio(summary)
     if summary.intruders:
