@@ -287,7 +287,8 @@ class Peers(Mapping[int, Peer]):
         if cell["sequence"] == NOTHING or cell["at"] < self._since:
             raise KeyError(number)
         sequence, _, _, _, _, x, y, heading, back_x, back_y, *_ = cell.item()
-        return Position(number, sequence, 0, x, y, heading, ((back_x, back_y),) if back_x or back_y else ())
+        trail = ((back_x, back_y),) if back_x or back_y else ()
+        return Position(number, sequence, 0, x, y, heading, trail=trail)
 
     @property
     def places(self) -> NDArray[np.float64]:
