@@ -72,9 +72,9 @@ class Result:
     def __repr__(self) -> str:
         mean, bound = self.summary["mfow_mean_s"], self.summary["bound_s"]
         mfow = "no ticks" if mean is None else f"MFoW mean {mean:.1f} s (bound {bound:.1f} s)"
-        done = f"{self.summary['simulated_s']:g} s simulated{', interrupted' if self.interrupted else ''}"
+        simulated = f"{self.summary['simulated_s']:g} s simulated{', interrupted' if self.interrupted else ''}"
         verdict = f"{self.verdict.outcome}{', with warnings' if self.verdict.warnings else ''}"
-        return f"<Result {self.summary['name']}: {mfow}, {done}, verdict {verdict}, in {self.folder}>"
+        return f"<Result {self.summary['name']}: {mfow}, {simulated}, verdict {verdict}, in {self.folder}>"
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,8 +204,8 @@ def execute(scenario: Scenario, options: RunOptions) -> Result:
         fleet_key(resolved.radio.key)  # an error in it is reported before any process starts
         return (_in_this_process if options.in_process else _as_processes)(resolved, folder, options)
     except (BadInput, KeyboardInterrupt) as error:
-        begun = folder.journal.exists()  # the ticks of a run that has begun are kept
-        if folder.path.exists() and not begun and not isinstance(error, PolicyNotMade):
+        has_begun = folder.journal.exists()  # the ticks of a run that has begun are kept
+        if folder.path.exists() and not has_begun and not isinstance(error, PolicyNotMade):
             folder.discard()
             if isinstance(error, BadInput):
                 raise BadInput(folder.naming_the_given_map(str(error), scenario)) from None
@@ -230,14 +230,14 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions)
 
     prepared = prepare(scenario)
     _announce(scenario, folder, options)
-    shown: list[LiveProgress] = []
+    progresses: list[LiveProgress] = []
     _begin(options)
     baseline_s = _baseline(prepared, options)
     with closing(TicksTable(folder.ticks, scenario.step)) as table:
 
         def watch(world: World) -> Callable[[TickRecord], None]:
             progress = LiveProgress(world, time.monotonic)
-            shown.append(progress)
+            progresses.append(progress)
 
             def on_tick(record: TickRecord) -> None:
                 table.tick(record)
@@ -250,11 +250,11 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions)
             return on_tick
 
         def on_event(event: Event) -> None:
-            options.display.notice(shown[0].event(event))
+            options.display.notice(progresses[0].event(event))
 
         def on_failure(number: int, reason: str, error: BaseException | None) -> None:
             log = folder.keep_failure(name := scenario.roster[number - 1].name, reason, error)
-            if not shown:  # the mind of a run that has not begun
+            if not progresses:  # the mind of a run that has not begun
                 raise PolicyNotMade(reason, log)
             options.display.say(f"{name}: {reason}; more in {log}")
 
@@ -293,7 +293,7 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
     absent = [names[number - 1] for number in Timeline(scenario).starts_absent]
     handle = os.open(folder.path, os.O_RDONLY | os.O_DIRECTORY)
     # A recovery is judged by a second run, of which a clerk does not know.
-    clerk = ClerkChild(folder, options.display, wanted=not _needs_second_run(scenario, options))
+    clerk = ClerkChild(folder, options.display, enabled=not _needs_second_run(scenario, options))
     launch = Launch(
         folder,
         fleet,
@@ -387,7 +387,7 @@ def _announce(scenario: Scenario, folder: RunFolder, options: RunOptions) -> Non
 
 
 def _baseline(prepared: Prepared, options: RunOptions) -> float | None:
-    """The mean MFoW (s) without faults; None where it is not wanted, or one process cannot find it out."""
+    """Return the mean MFoW (s) without faults; None where it is not wanted, or one process cannot find it out."""
     scenario = prepared.scenario
     if not _needs_second_run(scenario, options) or options.stop():
         return None
@@ -424,7 +424,7 @@ def _write_static(prepared: Prepared, folder: RunFolder) -> None:
 
 
 def _unfinished(static: Path) -> Path:
-    """The folder in which static fields are written until they are complete."""
+    """Return the folder in which static fields are written until they are complete."""
     return static.with_suffix(".part")
 
 
@@ -448,8 +448,8 @@ def _result(
     except OSError as error:
         options.display.say(f"{folder.summary}: cannot be written ({error.strerror}); the summary is shown only")
     interrupted = journal.end is not None and journal.end.reason == INTERRUPTED
-    wanted = Wanted(options.picture, options.recording, options.report)
+    files = Wanted(options.picture, options.recording, options.report)
     if summary.ticks:
-        interrupted |= not write_files(folder, prepared, journal, summary, wanted, options.display, clerk)
+        interrupted |= not write_files(folder, prepared, journal, summary, files, options.display, clerk)
     mfow_s = np.array([record.mfow for record in journal.ticks], dtype=np.float64) * prepared.scenario.step
     return Result(summary.document(), folder.path, mfow_s, verdict, interrupted)

@@ -41,22 +41,22 @@ from worldsim.faults.lifecycle import process_name
 ROUTER, WORLD = "the router", "the world"
 """Names that no robot can have."""
 LOGS = {ROUTER: "router", WORLD: "world", PAGE: "page", FORK_SERVER: "fork-server"}
-"""What their logs are called."""
+"""Names of their logs."""
 NOT_JUDGED = (PAGE, FORK_SERVER)
-"""Whose exit codes say nothing about the run."""
+"""Children without influence on the run: their exit codes are not judged."""
 
 AGENT = "agent"
 """The module that a robot's process runs."""
 LATEST = 9999
-"""As often as a robot may be started until its command line is cut short in `ps`."""
+"""Largest incarnation that fits into the process title."""
 ROUTER_S = 60.0
-"""How long a router may take to listen, on a machine with much else to do; one that ends is noticed at once."""
+"""Longest time until a router listens, on a machine with much else to do; one that ends is noticed at once."""
 BEGIN_S = 5.0
-"""How long a world that is interrupted may take until it either ends or has a run to end in order."""
+"""Longest time until an interrupted world either ends or has a run to end in order."""
 PAGE_WAIT_S = "86400"
-"""How long the page waits for the world, which may have a large map to work on."""
+"""Time that the page waits for the world, which may have a large map to work on, s."""
 MOST_ROUTERS = 20
-"""How often a router is started, for a free port or after it has died."""
+"""Largest number of starts of a router, for a free port or after it has died."""
 _TICK_S = 0.05
 
 
@@ -72,7 +72,7 @@ class Launch:
         folder: The run folder.
         fleet: A name that no other run has, so that two on one router never meet.
         robots: The robots' names, in the order of their numbers.
-        display: Who is shown how the run goes.
+        display: Shows how the run goes.
         stop: Asked all the time whether to end the run.
         port: TCP port of the router; None for a free one.
         urgent: Asked whether to end by force at once.
@@ -81,9 +81,9 @@ class Launch:
         key: The file of the fleet's key, with which the page checks the tags of messages; None without one.
         alike: Whether the agents load the same, so that they may come from one process that has loaded it.
         kernels: Kernel modules that agents need beside those that all agents load.
-        clerk: Judges the run while it goes on; None for nobody.
+        clerk: Judges the run while it goes on; None without one.
         children: The processes.
-        interrupted: Whether the run ends because somebody asked for it.
+        interrupted: Whether the run ends because it was asked to.
     """
 
     folder: RunFolder
@@ -168,7 +168,7 @@ class Launch:
             link.close()
 
     def finish(self) -> Mapping[str, int | None]:
-        """End whatever is left, in order.
+        """End what is left, in order.
 
         Returns:
             The exit codes by name (`worldsim.faults.lifecycle.process_name`), negative for signals.
@@ -238,7 +238,7 @@ class Launch:
         return self._secrets
 
     def _common_arguments(self, credentials: Path) -> list[str]:
-        """The arguments that world and agents share. The credentials say where the fleet meets, and are no secret."""
+        """Return the arguments that world and agents share. The path of the credentials is no secret."""
         common = ["--credentials", str(credentials), "--scenario", str(self.folder.scenario)]
         return [*common, "--static", str(self.folder.static)]
 
@@ -268,19 +268,19 @@ class Launch:
     def _watch(self, link: Link) -> None:
         keys = fleet_keys(self.fleet)
         metrics, events = keys.truth(METRICS), keys.truth(EVENTS)
-        seen = Mailbox([metrics], partial(read, Metrics), longest_metrics(len(self.robots)), room=1)
-        heard = Mailbox([events], partial(read, Notice), MAX_NOTICE)
-        link.subscribe(metrics, seen)
-        link.subscribe(events, heard)
+        measures = Mailbox([metrics], partial(read, Metrics), longest_metrics(len(self.robots)), room=1)
+        notices = Mailbox([events], partial(read, Notice), MAX_NOTICE)
+        link.subscribe(metrics, measures)
+        link.subscribe(events, notices)
         while self.children.by_name[WORLD].poll() is None:
             if self.stop():
                 self.interrupted = True
                 break
-            if (arrived := seen.get(_TICK_S)) is not None:
+            if (arrived := measures.get(_TICK_S)) is not None:
                 self.display.metrics(arrived[1])
                 if self.clerk is not None:
                     self.clerk.ticking()
-            while (news := heard.get()) is not None:
+            while (news := notices.get()) is not None:
                 self.display.notice(news[1])
             self._check_children()
 

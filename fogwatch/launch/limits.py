@@ -1,4 +1,4 @@
-"""What a fleet of processes needs of the machine: memory, and files that are open at once."""
+"""The needs of a fleet of processes: memory, and files that are open at once."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ from patrol.net.security.roles import OPERATOR, VIEWER, WORLD_ROLE, Role, robot_
 _LOCK = "lock"
 _PART = "part-"
 _ABANDONED_S = 3600.0
-"""Age beyond which a folder without its name belongs to nobody any more, s."""
+"""Age beyond which a folder without its name is in use no more, s."""
 
 
 class Secrets:
@@ -98,7 +98,7 @@ class Secrets:
         self._keep()
 
     def of_robot(self, name: str) -> Path:
-        """The credentials of a robot.
+        """Return the credentials of a robot.
 
         Args:
             name: The robot's name.
@@ -139,7 +139,7 @@ class Secrets:
                     replace_private(file, as_json(credentials))
 
     def _make(self) -> Path:
-        """The new folder, locked as long as this process lives. It gets its name last, so no sweep finds it open."""
+        """Make the folder, locked as long as this process lives. It gets its name last, so no sweep finds it open."""
         root = _root()
         _sweep(root)
         part = root / f"{_PART}{self.name}"
@@ -159,7 +159,7 @@ class Secrets:
 
 
 def _root() -> Path:
-    """A folder that private folders can be made in; the first that this user may make or has made."""
+    """Find a folder that private folders can be made in; the first that this user may make or has made."""
     tried = []
     for root in private_roots():
         with suppress(OSError):

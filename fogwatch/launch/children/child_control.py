@@ -17,7 +17,7 @@ from fogwatch.launch.children.children import Child, Children
 from worldsim.fleet.process_control import ENDED, Request, answer_line
 
 GOODBYE_S = 30.0
-"""How long processes may take to leave by themselves once the run is over; killed, they would fail the verdict."""
+"""Longest time until processes leave by themselves once the run is over; killed, they would fail the verdict."""
 
 
 class ProcessControlServer:
@@ -57,7 +57,7 @@ class ProcessControlServer:
     def _answer(self, line: bytes) -> bytes:
         try:
             return answer_line(state=self._perform(Request.read(line)))
-        except Exception as error:  # noqa: BLE001 - the world reports whatever went wrong
+        except Exception as error:  # noqa: BLE001 - the world reports any failure
             return answer_line(f"{type(error).__name__}: {error}")
 
     def _perform(self, request: Request) -> str:
@@ -94,7 +94,7 @@ def pause(child: Child) -> None:
     """Send SIGSTOP and wait until the process is stopped.
 
     Args:
-        child: Whose process.
+        child: The child.
     """
     child.process.send_signal(signal.SIGSTOP)
     with suppress(ChildProcessError):  # it has ended by itself
@@ -105,7 +105,7 @@ def state_of(child: Child) -> str:
     """Return the state of a process by proc(5), T where it is stopped; empty where there is no proc.
 
     Args:
-        child: Whose process.
+        child: The child.
     """
     try:
         stat = Path(f"/proc/{child.process.pid}/stat").read_text(encoding="ascii", errors="replace")

@@ -27,7 +27,7 @@ TRACEBACK = b"Traceback (most recent call last):"
 LOG_LINES = 5
 """Lines of a child's log that are quoted when it has ended."""
 TERM_S = 20.0
-"""How long a process may take to heed a signal before it is killed, which fails the verdict."""
+"""Time for a process to heed a signal before it is killed, which fails the verdict."""
 _POLL_S = 0.01
 
 
@@ -53,10 +53,10 @@ class Forked:
         with self._reaping:
             if self._code is None:
                 try:
-                    ended, status = os.waitpid(self.pid, os.WNOHANG)
+                    pid, status = os.waitpid(self.pid, os.WNOHANG)
                 except ChildProcessError:  # its exit code is lost, which counts as 0, as subprocess has it
-                    ended, status = self.pid, 0
-                if ended:
+                    pid, status = self.pid, 0
+                if pid:
                     self._code = os.waitstatus_to_exitcode(status)
             return self._code
 
@@ -79,7 +79,7 @@ class Forked:
 
 
 class Forks(Protocol):
-    """What makes children of one module from a process that has loaded it (`fogwatch.launch.children.fork_server`).
+    """A maker of children of one module, from a process that has loaded it (`fogwatch.launch.children.fork_server`).
 
     Attributes:
         module: The module.
@@ -136,17 +136,17 @@ class Child:
         return None if self.start is None else self.start.await_report(limit_s, stopped)
 
     def log_tail(self) -> str:
-        """The last lines of its log, indented, for people; what could disturb a terminal is escaped."""
+        """Return the last lines of its log, indented, for people; what could disturb a terminal is escaped."""
         return "\n".join(f"    {line}" for line in self._last_lines(LOG_LINES))
 
     def last_words(self) -> str:
-        """The last line of its log, without its name in front; empty when the log is."""
+        """Return the last line of its log, without its name in front; empty when the log is."""
         lines = self._last_lines(1)
         return lines[0].strip().removeprefix(f"{self.name}: ") if lines else ""
 
     @property
     def has_traceback(self) -> bool:
-        """Whether its log holds a traceback."""
+        """True if its log holds a traceback."""
         try:
             return TRACEBACK in self.log.read_bytes()
         except OSError:
@@ -160,13 +160,13 @@ class Child:
         return [printable(line.expandtabs()) for line in lines[-count:] if line.strip()]
 
     def describe_exit(self) -> str:
-        """How it ended, in words: by an exit code or a signal."""
+        """Say in words how it ended: by an exit code or a signal."""
         if self.code is not None and self.code < 0:
             return f"{self.name} was killed by {signal.Signals(-self.code).name}"
         return f"{self.name} ended with exit code {self.code}"
 
     def describe_end(self) -> str:
-        """How it ended, and the end of its log, for people."""
+        """Say in words how it ended, with the end of its log."""
         tail = self.log_tail()
         return self.describe_exit() + (f"; the end of its log ({self.log}):\n{tail}" if tail else "")
 
@@ -182,7 +182,7 @@ class Children:
     Attributes:
         by_name: The latest child of each name.
         former: Earlier children of robots that were started again.
-        forks: What makes children of its module; None where all are started by themselves.
+        forks: Makes children of its module; None where all are started by themselves.
     """
 
     def __init__(self, urgent: Callable[[], bool]) -> None:
@@ -226,9 +226,9 @@ class Children:
         """
         command = self.command(module, arguments)
         if self.forks is not None and module == self.forks.module:
-            made = self.forks.make(command, environment, log)
-            if made is not None:
-                return self._take_in(Child(name, made, log))
+            forked = self.forks.make(command, environment, log)
+            if forked is not None:
+                return self._take_in(Child(name, forked, log))
         descriptors = [self._lifeline[0], *inherit]
         start = StartPipe() if reports_start else None
         if start is not None:
@@ -260,7 +260,7 @@ class Children:
         return child
 
     def command(self, module: str, arguments: Sequence[str]) -> list[str]:
-        """The command line of a child, which tells it to heed the lifeline.
+        """Return the command line of a child, which tells it to heed the lifeline.
 
         Args:
             module: The module that it runs, as ``python -m`` names it.
@@ -310,7 +310,7 @@ class Children:
             self.by_name[name].poll()
 
     def close(self) -> None:
-        """Close all pipes; whoever still lives leaves now, since its lifeline has ended."""
+        """Close all pipes; children that still live leave now, since their lifeline has ended."""
         for child in self.by_name.values():
             child.close()
         for end in self._lifeline:

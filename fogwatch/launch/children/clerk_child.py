@@ -1,6 +1,6 @@
 """The launcher's side of the clerk: started once a run has gone on for a while, and asked when it has ended.
 
-Whatever becomes of the clerk, the run goes on, and the launcher can do without it.
+If the clerk fails, the run goes on, and the launcher can do without it.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from fogwatch.launch.terminal.live_table import RunDisplay
 CLERK = "the clerk"
 """A name that no robot can have."""
 AFTER_S = 5.0
-"""How long a run has gone on when its clerk is started, s: a shorter one is judged before a process has started."""
+"""Age of a run when its clerk is started, s: a shorter one is judged before a process has started."""
 SILENT_S = 20.0
 """A clerk that says nothing for this long is given up, s: one that works says so several times in a second."""
 NICE = 5
-"""How much lower the clerk's priority is than the fleet's: it takes what the fleet leaves."""
+"""Nice value added to the clerk's: it takes the processor time that the fleet leaves."""
 _POLL_S = 0.1
 
 Answer = TypeVar("Answer", Judged, ReportWritten)
@@ -34,20 +34,20 @@ Answer = TypeVar("Answer", Judged, ReportWritten)
 class ClerkChild:
     """The clerk of one run, which may never be started, or die at any time."""
 
-    def __init__(self, folder: RunFolder, display: RunDisplay, wanted: bool = True) -> None:
+    def __init__(self, folder: RunFolder, display: RunDisplay, enabled: bool = True) -> None:
         """Start nothing yet.
 
         Args:
             folder: The run folder.
             display: Shows how far the clerk is.
-            wanted: Whether there is to be a clerk at all.
+            enabled: Whether there is to be a clerk at all.
         """
         self._folder = folder
         self._display = display
         self._children = Children(lambda: False)
         self._connection: Connection | None = None
         self._due: float | None = None
-        self._started = not wanted
+        self._started = not enabled
 
     def ticking(self) -> None:
         """Take note that the run goes on; start the clerk when it is time."""
@@ -79,7 +79,7 @@ class ClerkChild:
         """Wait for the verdict.
 
         Returns:
-            What the clerk says; None without a working clerk.
+            The clerk's answer; None without a working clerk.
         """
         return self._await(Judged)
 
@@ -98,9 +98,9 @@ class ClerkChild:
         Returns:
             How that went; None where the clerk is gone.
         """
-        written = self._await(ReportWritten)
+        outcome = self._await(ReportWritten)
         self._display.progress(REPORT, 1.0)
-        return written
+        return outcome
 
     def close(self) -> None:
         """End the clerk; a file that it has not completed is gone then."""
@@ -126,7 +126,7 @@ class ClerkChild:
                 self._give_up()
 
     def _await(self, kind: type[Answer]) -> Answer | None:
-        """The clerk's next message of a kind; progress that comes before is shown."""
+        """Wait for the clerk's next message of a kind, and show the progress that comes before."""
         until = time.monotonic() + SILENT_S
         while self._connection is not None:
             try:

@@ -1,4 +1,4 @@
-"""What a launcher and the clerk of its run say to each other."""
+"""The messages between a launcher and the clerk of its run."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ class ReportAsked:
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """How far the clerk is with what it was asked for.
+    """The progress of the clerk with a request.
 
     Attributes:
-        step: What it does, as the display calls it.
-        share: How much of that is done, 0 to 1; None when unknown.
+        step: The work, as the display calls it.
+        share: The share of it that is done, 0 to 1; None when unknown.
     """
 
     step: str

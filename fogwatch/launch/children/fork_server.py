@@ -19,11 +19,11 @@ from patrol.process.starting.forking import Orders, ask_for_fork
 FORK_SERVER = "the fork server"
 """A name that no robot can have."""
 READY_S = 60.0
-"""How long the launcher waits for it to load, on a machine with much else to do."""
+"""Longest wait of the launcher until it has loaded, on a machine with much else to do."""
 ANSWER_S = 10.0
-"""How long it may take to fork."""
+"""Longest time for a fork."""
 OF_MINDS = MappingProxyType({"OPENBLAS_NUM_THREADS": "1"})
-"""In the environment of all minds of ours: OpenBLAS would have threads, and no mind does linear algebra."""
+"""Environment of all built-in minds: OpenBLAS would have threads, and no mind does linear algebra."""
 
 
 class ForkServer:
@@ -97,7 +97,7 @@ class ForkServer:
         return None
 
     def close(self) -> None:
-        """End it; what it has made goes on. Whoever asks it for a child meanwhile gets none."""
-        self._child.process.kill()  # first: so nobody waits for its answer any more
+        """End it; its children go on. A request for a child meanwhile returns none."""
+        self._child.process.kill()  # first: so no thread waits for its answer any more
         with self._asking:
             self._control.close()

@@ -14,7 +14,7 @@ from patrol.process.exit_codes import INTERRUPTED
 PAGE = "the page"
 """A name that no robot can have."""
 MOST_RESTARTS = 3
-"""How often a page that has died is started again."""
+"""Largest number of restarts of a page that has died."""
 
 
 class PageChild:
@@ -53,14 +53,14 @@ class PageChild:
         page = self._children.by_name.get(PAGE)
         if page is None or page.start is None or self._over:
             return
-        ended = page.poll() is not None
+        has_ended = page.poll() is not None
         # One that has ended may have been ready: its address is the one to serve again.
         if not self._announced and (report := page.start.report()) is not None and report.address:
             self._announced = True
             if self._address != report.address:
                 self._address = report.address
                 self._say(f"page: {report.address}?key={self._key}")
-        if ended:
+        if has_ended:
             self._restart(page)
 
     def _restart(self, page: Child) -> None:
@@ -73,7 +73,7 @@ class PageChild:
         port = self._address.rpartition(":")[2].strip("/")
         self._spawn(["--page-port", port] if port and self._announced else [])
 
-    def _spawn(self, more: Sequence[str]) -> None:
+    def _spawn(self, extra: Sequence[str]) -> None:
         self._announced = False
-        arguments, key = [*self._arguments, *more], {KEY: self._key}
+        arguments, key = [*self._arguments, *extra], {KEY: self._key}
         self._children.spawn(PAGE, "monitor", arguments, self._log, reports_start=True, environment=key)

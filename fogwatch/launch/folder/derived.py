@@ -64,7 +64,7 @@ def write_files(
     prepared: Prepared,
     journal: Journal,
     summary: Summary,
-    wanted: Wanted,
+    files: Wanted,
     display: RunDisplay,
     clerk: ClerkChild | None,
 ) -> bool:
@@ -75,31 +75,31 @@ def write_files(
         prepared: The run's scenario with its static fields.
         journal: The run's journal.
         summary: The summary.
-        wanted: Which files.
+        files: The files to write.
         display: Shows the progress.
-        clerk: Writes the report meanwhile, if it can; None for nobody.
+        clerk: Writes the report meanwhile, if it can; None without one.
 
     Returns:
         False when a signal has ended it.
     """
     try:
-        recording = folder.recording if wanted.recording else None
-        report = folder.report if wanted.report else None
+        recording = folder.recording if files.recording else None
+        report = folder.report if files.report else None
         by_clerk = report is not None and clerk is not None and clerk.begin_report()
         _shown(journal, prepared, summary, recording, None if by_clerk else report, display)
-        if wanted.picture:
+        if files.picture:
             display.progress(PICTURE)
             _draw(folder, prepared, display.say)
             display.progress(PICTURE, 1.0)
         if by_clerk and clerk is not None:
-            written = clerk.report_written()
-            if written is None:
+            outcome = clerk.report_written()
+            if outcome is None:
                 _shown(journal, prepared, summary, None, report, display)
-            elif written.problem:
-                display.say(written.problem)
+            elif outcome.problem:
+                display.say(outcome.problem)
     except InterruptedBySignal:
-        later = f"`fogwatch report {folder.path}` and `fogwatch record {folder.path}` write report and recording"
-        display.say(f"interrupted: not all files are written; {later}")
+        commands = f"`fogwatch report {folder.path}` and `fogwatch record {folder.path}` write report and recording"
+        display.say(f"interrupted: not all files are written; {commands}")
         return False
     return True
 
@@ -146,8 +146,8 @@ def derive(
     except BadInput as error:
         say(f"no recording or no report: {error}")
     except OSError as error:
-        again = f"`fogwatch record {journal.path.parent}` and `fogwatch report {journal.path.parent}`"
-        say(f"no recording or no report: cannot be written ({error.strerror}); make room, then: {again}")
+        commands = f"`fogwatch record {journal.path.parent}` and `fogwatch report {journal.path.parent}`"
+        say(f"no recording or no report: cannot be written ({error.strerror}); make room, then: {commands}")
 
 
 def _derive(

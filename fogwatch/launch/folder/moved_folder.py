@@ -11,7 +11,7 @@ from fogwatch.launch.folder.runfolder import RunFolder
 
 
 def found_again(folder: RunFolder, handle: int, say: Callable[[str], None]) -> RunFolder:
-    """The run's folder, wherever it is now.
+    """Find the run's folder, which may have been moved.
 
     Args:
         folder: As it was called when the run began.
@@ -32,8 +32,8 @@ def found_again(folder: RunFolder, handle: int, say: Callable[[str], None]) -> R
             say(f"{folder.path}: the run's folder was moved away or deleted, with all that it held")
             return folder
         say(f"{folder.path}: the run's folder was moved to {moved}; the summary is written there")
-        found = replace(folder, path=moved)
-        found.access.unlink(missing_ok=True)
-        return found
+        moved_folder = replace(folder, path=moved)
+        moved_folder.access.unlink(missing_ok=True)
+        return moved_folder
     finally:
         os.close(handle)

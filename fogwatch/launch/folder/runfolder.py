@@ -114,7 +114,7 @@ class RunFolder:
         return self.path / "logs"
 
     def log(self, name: str) -> Path:
-        """The output of one process.
+        """Return the file for the output of one process.
 
         Args:
             name: The log's name, without its ending.
@@ -122,7 +122,7 @@ class RunFolder:
         return self.logs / f"{name}.log"
 
     def robot_log(self, name: str) -> Path:
-        """The log of a robot, whichever process its mind is in.
+        """Return the log of a robot, whose mind may be in this process or its own.
 
         Args:
             name: The robot's name.
@@ -161,7 +161,7 @@ class RunFolder:
         write_whole(self.summary, f"{json.dumps(summary.document(), indent=2)}\n")
 
     def naming_the_given_map(self, error: str, scenario: Scenario) -> str:
-        """An error that names the map that was given, and not its copy in this folder.
+        """Name the map that was given in an error, in place of its copy in this folder.
 
         Args:
             error: The error.
@@ -169,8 +169,8 @@ class RunFolder:
         """
         if scenario.terrain.map is None:
             return error
-        given = scenario.base / scenario.terrain.map
-        return error.replace(str(self.path / MAP / given.name), str(given))
+        original = scenario.base / scenario.terrain.map
+        return error.replace(str(self.path / MAP / original.name), str(original))
 
     def discard(self) -> None:
         """Remove all files again, since the run could not begin; the folder too, if this run made it."""
@@ -244,12 +244,12 @@ def _is_empty(path: Path, out: Path | None) -> bool:
 
 
 def _unusable(path: Path, out: Path | None, error: OSError) -> BadInput:
-    shown = f"--out {out}" if out else path
-    return BadInput(f"{shown}: cannot be written ({error.strerror}); choose another folder")
+    name = f"--out {out}" if out else path
+    return BadInput(f"{name}: cannot be written ({error.strerror}); choose another folder")
 
 
 def untaken(first: Path) -> Path:
-    """A path that does not exist yet.
+    """Return a path that does not exist yet.
 
     Args:
         first: The path to try first; later ones have a number appended.

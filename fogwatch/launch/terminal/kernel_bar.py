@@ -13,11 +13,11 @@ from patrol.process.starting.compiling import Compiled
 from patrol.process.starting.warmup import progress_line
 
 WIDTH = 30
-"""Of the bar, in characters."""
+"""Width of the bar, in characters."""
 
 
 def kernel_bar(console: Console) -> Callable[[Compiled], None] | None:
-    """A function that draws the bar over the last one, and removes it in the end; None where there is no terminal.
+    """Return a function that draws the bar over the last one, and removes it in the end; None without a terminal.
 
     Args:
         console: Where to draw it.

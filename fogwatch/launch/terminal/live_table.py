@@ -169,8 +169,8 @@ class LiveTable:
 
     def progress(self, step: str, share: float | None = None) -> None:
         """Show a bar for each step that goes on, instead of the table."""
-        begun, _ = self._steps.get(step, (time.monotonic(), None))
-        self._steps[step] = begun, share
+        began, _ = self._steps.get(step, (time.monotonic(), None))
+        self._steps[step] = began, share
         if share == 1.0:
             del self._steps[step]
         self._show(_StepBars(self._steps))
@@ -181,11 +181,11 @@ class LiveTable:
             self._live.stop()
             self._started = False
 
-    def _show(self, shown: RenderableType) -> None:
+    def _show(self, content: RenderableType) -> None:
         if not self._started:
             self._live.start()
             self._started = True
-        self._live.update(shown)
+        self._live.update(content)
 
 
 class _StepBars:
@@ -202,16 +202,16 @@ class _StepBars:
     def __rich__(self) -> Table:
         rows = Table.grid(padding=(0, 1))
         now = time.monotonic()
-        for step, (begun, share) in self._steps.items():
+        for step, (began, share) in self._steps.items():
             bar = ProgressBar(total=1.0, completed=share or 0.0, width=30, pulse=share is None, animation_time=now)
-            rows.add_row(Text(step), bar, duration_text(now - begun))
+            rows.add_row(Text(step), bar, duration_text(now - began))
         return rows
 
 
 class GuardedDisplay:
     """A display whose failures do not reach the run.
 
-    Whatever the other display raises is counted, and reported once through it; the run goes on.
+    Any error of the other display is counted, and reported once through it; the run goes on.
 
     Attributes:
         shown: The other display.
@@ -267,7 +267,7 @@ class _QuietOnBrokenPipe(Console):
 
 
 def make_display(quiet: bool) -> RunDisplay:
-    """The display that suits the standard error: a live table on a terminal, else plain lines.
+    """Make the display that suits the standard error: a live table on a terminal, else plain lines.
 
     Args:
         quiet: Whether to show nothing at all.
@@ -279,7 +279,7 @@ def make_display(quiet: bool) -> RunDisplay:
 
 
 def headline(metrics: Metrics) -> str:
-    """The measures of a run so far in one line.
+    """Write the measures of a run so far in one line.
 
     Args:
         metrics: The measures.
@@ -305,10 +305,10 @@ def duration_text(seconds: float) -> str:
     Args:
         seconds: The duration in s.
     """
-    whole = round(seconds)
-    if whole < 60:
-        return f"{whole} s"
-    minutes, rest = divmod(whole, 60)
+    total_s = round(seconds)
+    if total_s < 60:
+        return f"{total_s} s"
+    minutes, rest = divmod(total_s, 60)
     if minutes < 60:
         return f"{minutes} min {rest:02d} s"
     return f"{minutes // 60} h {minutes % 60:02d} min"
@@ -325,7 +325,7 @@ def _news(notice: Notice) -> str:
 
 
 def _standing(metrics: Metrics) -> str:
-    """How many robots are alive, and the statuses of the others that are or were there."""
+    """Write how many robots are alive, and the statuses of the others that are or were there."""
     count = Counter(robot.status for robot in metrics.robots)
     usual = (Status.ALIVE, Status.ABSENT)  # most of the absent ones are spare, and never asked for
     others = [f"{count[status]} {status.name.lower()}" for status in Status if status not in usual and count[status]]
@@ -340,14 +340,14 @@ def _table(metrics: Metrics) -> Table:
     robots = Table(box=None, padding=(0, 2), header_style="bold")
     for head in ("robot", "state", "x m", "y m"):
         robots.add_column(head, justify="right" if head.endswith(" m") else "left")
-    came = [robot for robot in metrics.robots if robot.status != Status.ABSENT]
-    for robot in came[:MOST_ROBOTS]:
+    present = [robot for robot in metrics.robots if robot.status != Status.ABSENT]
+    for robot in present[:MOST_ROBOTS]:
         status = Status(robot.status)
         alive = status is Status.ALIVE
         state = robot.state or "waiting" if alive else status.name.lower()
         style = _STYLES.get(state, "") if alive else STATUS_STYLES[status]
         robots.add_row(Text(robot.name), Text(state, style), f"{robot.x:.1f}", f"{robot.y:.1f}")
     outer.add_row(robots)
-    if len(came) > MOST_ROBOTS:
-        outer.add_row(f"and {len(came) - MOST_ROBOTS} more robots")
+    if len(present) > MOST_ROBOTS:
+        outer.add_row(f"and {len(present) - MOST_ROBOTS} more robots")
     return outer

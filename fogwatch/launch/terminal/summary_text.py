@@ -34,10 +34,10 @@ def print_summary(console: Console, summary: Summary, folder: Path) -> None:
     """
     for line in measures(summary):
         console.print(line, markup=False, highlight=False, soft_wrap=True)
-    came = {name: robot for name, robot in summary.robots.items() if robot.status != ABSENT}
-    console.print(_robots(came))
-    if len(came) > MOST_ROBOTS:
-        console.print(f"and {len(came) - MOST_ROBOTS} more robots, which are in summary.json", highlight=False)
+    present = {name: robot for name, robot in summary.robots.items() if robot.status != ABSENT}
+    console.print(_robots(present))
+    if len(present) > MOST_ROBOTS:
+        console.print(f"and {len(present) - MOST_ROBOTS} more robots, which are in summary.json", highlight=False)
     if summary.verdict is not None:
         print_verdict(console, summary.verdict)
     if summary.trace_hash:  # a run that was cut off has none
@@ -167,11 +167,11 @@ def _stalest(summary: Summary) -> list[str]:
 
 
 def _robots(robots: Mapping[str, RobotFigures]) -> Table:
-    shown = [(key, metric) for key, metric in metrics_of(RobotFigures) if metric.title]
+    columns = [(key, metric) for key, metric in metrics_of(RobotFigures) if metric.title]
     table = Table("robot", "status", box=None, padding=(0, 2, 0, 0), header_style="bold")
-    for _, metric in shown:
+    for _, metric in columns:
         table.add_column(f"{metric.title} {metric.unit}".rstrip(), justify="right")
     for name, robot in list(robots.items())[:MOST_ROBOTS]:
         status = Text(robot.status, STATUS_STYLES[Status[robot.status.upper()]])
-        table.add_row(name, status, *(metric.number(getattr(robot, key)) for key, metric in shown))
+        table.add_row(name, status, *(metric.number(getattr(robot, key)) for key, metric in columns))
     return table
