@@ -1,9 +1,9 @@
-"""What the checks of `fogwatch.testing` share."""
+"""Parts that the checks of `fogwatch.testing` share."""
 
 from __future__ import annotations
 
 import inspect
-import random  # noqa: TID251 - its state is what a class must not depend on
+import random  # noqa: TID251 - a class must not depend on its state
 import sys
 from types import ModuleType
 from typing import Any
@@ -14,7 +14,7 @@ from patrol.classes.named_class import ClassSort, NamedClass, find
 from patrol.errors import BadInput
 
 _MODULE = "fogwatch_checked"
-"""A module that holds the classes under check, so that a scenario can name them wherever they were made."""
+"""A module that holds the classes under check, so that a scenario can name them."""
 
 
 class RuleBroken(AssertionError):
@@ -24,42 +24,42 @@ class RuleBroken(AssertionError):
     """
 
 
-def class_of(given: type[Any] | str, sort: ClassSort) -> type[Any]:
-    """The class to be checked.
+def class_of(checked: type[Any] | str, sort: ClassSort) -> type[Any]:
+    """Find the class to be checked.
 
     Args:
-        given: The class, or its name as in a scenario.
+        checked: The class, or its name as in a scenario.
         sort: What it should be.
 
     Raises:
         RuleBroken: There is no such class, or it lacks its method.
     """
-    if not isinstance(given, str):
-        if not inspect.isclass(given) or not callable(getattr(given, sort.method, None)):
-            raise RuleBroken(f"{given!r}: is not a class with a method {sort.call}; give one, or its name")
-        return given
+    if not isinstance(checked, str):
+        if not inspect.isclass(checked) or not callable(getattr(checked, sort.method, None)):
+            raise RuleBroken(f"{checked!r}: is not a class with a method {sort.call}; give one, or its name")
+        return checked
     try:
-        return find(NamedClass(sort, given, None, {}))
+        return find(NamedClass(sort, checked, None, {}))
     except BadInput as error:
         raise RuleBroken(str(error)) from error.__cause__
 
 
-def put_up(made: type[Any]) -> str:
-    """Put a class where a scenario finds it, wherever it was made.
+def put_up(checked: type[Any]) -> str:
+    """Put a class where a scenario finds it.
 
     Args:
-        made: The class.
+        checked: The class.
 
     Returns:
         Its name for a scenario.
     """
     module = sys.modules.setdefault(_MODULE, ModuleType(_MODULE))
-    setattr(module, made.__name__, made)
-    return f"{_MODULE}:{made.__name__}"
+    setattr(module, checked.__name__, checked)
+    return f"{_MODULE}:{checked.__name__}"
 
 
 def disturb_chance(number: int) -> None:
-    """Put the generators that nothing in a fleet may use into another state.
+    """Change the state of the generators that nothing in a fleet may use.
 
     Args:
         number: Of the state.

@@ -43,15 +43,15 @@ SITUATIONS: Mapping[str, Mapping[str, Any]] = {
     },
     "beside an intruder": {"intruders": [{"place": [40, 20], "at": 5, "for": 10}]},
 }
-"""What is changed in the fleet, by what its robots are in it."""
+"""Changes of the fleet, by situation."""
 
 
 @dataclass(frozen=True, slots=True)
 class PolicyReport:
-    """What a policy did.
+    """The figures of a policy under check.
 
     Attributes:
-        decisions: How many it took.
+        decisions: Number that it took.
         median_ms: Wall time of half of them at most, ms.
         slowest_ms: Wall time of the slowest, ms; compiling counts. It is not judged: machines differ.
     """
@@ -90,18 +90,18 @@ def check_policy(
         RuleBroken: The policy breaks a rule; the message says which, in what situation, at which tick.
         BadInput: Options or settings are wrong.
     """
-    made = class_of(policy, POLICIES)
+    checked = class_of(policy, POLICIES)
     runs: list[_Run] = []
     for model in models:
         first, second = (
-            _run(made, options, {"robots.model": model, **(settings or {})}, f"a fleet ({model})", number)
+            _run(checked, options, {"robots.model": model, **(settings or {})}, f"a fleet ({model})", number)
             for number in (1, 2)
         )
         _compare(first, second)
         runs += [first, second]
         for situation, changes in SITUATIONS.items():
             changed = {"robots.model": model, **changes, **(settings or {})}
-            runs.append(_run(made, options, changed, f"{situation} ({model})", 0))
+            runs.append(_run(checked, options, changed, f"{situation} ({model})", 0))
     times = [spent for run in runs for spent in run.times_ms]
     return PolicyReport(len(times), statistics.median(times), max(times))
 
@@ -111,26 +111,26 @@ class _Run:
     """One run of a fleet.
 
     Attributes:
-        where: The situation.
+        situation: As in `SITUATIONS`, with the body model.
         intents: In the order of the decisions, with tick and robot.
         times_ms: Of the decisions.
         trace: Its hash.
     """
 
-    where: str
+    situation: str
     intents: list[tuple[int, str, Intent]] = field(default_factory=list)
     times_ms: list[float] = field(default_factory=list)
     trace: str = ""
 
 
 def _run(
-    policy: type[Any], options: Mapping[str, Any] | None, changes: Mapping[str, Any], where: str, chance: int
+    policy: type[Any], options: Mapping[str, Any] | None, changes: Mapping[str, Any], situation: str, chance: int
 ) -> _Run:
     """Run a fleet with a policy; raise RuleBroken where it fails."""
     from experiments.inprocess import run_in_process
     from patrol.scenario import load_scenario
 
-    run = _Run(where)
+    run = _Run(situation)
     mapping = {**FLEET, "duration": TICKS * FLEET["step"], "patrol": {"policy": put_up(_watched(policy, run))}}
     overrides = {f"patrol.options.{option}": value for option, value in (options or {}).items()}
     scenario = load_scenario(mapping, {**overrides, **changes})
@@ -149,21 +149,21 @@ def _run(
             raise
     if failures:
         reason, error = failures[0]
-        raise RuleBroken(f"{policy.__name__}, {where}: it must always answer with an intent; {reason}") from error
+        raise RuleBroken(f"{policy.__name__}, {situation}: it must always answer with an intent; {reason}") from error
     return run
 
 
 def _watched(policy: type[Any], run: _Run) -> type[Any]:
-    """Make a class that decides as a policy does, and notes what it decides and how long that takes."""
+    """Make a class that decides as a policy does, and notes its decisions and their times."""
 
     class Watched:
         def __init__(self, setup: PolicySetup) -> None:
             self._policy: Policy = policy(setup)
 
         def decide(self, view: View) -> Intent:
-            begun = time.perf_counter()
+            began = time.perf_counter()
             intent = self._policy.decide(view)
-            run.times_ms.append(1000.0 * (time.perf_counter() - begun))
+            run.times_ms.append(1000.0 * (time.perf_counter() - began))
             run.intents.append((view.tick, view.spec.name, intent))
             return intent
 
@@ -176,13 +176,13 @@ def _watched(policy: type[Any], run: _Run) -> type[Any]:
 def _compare(first: _Run, second: _Run) -> None:
     """Raise RuleBroken where two runs of the same scenario differ."""
     nothing = (None, "", None)
-    for one, other in zip_longest(first.intents, second.intents, fillvalue=nothing):
-        if repr(one) != repr(other):
-            tick, robot, _ = one if one is not nothing else other
+    for answer, repeated in zip_longest(first.intents, second.intents, fillvalue=nothing):
+        if repr(answer) != repr(repeated):
+            tick, robot, _ = answer if answer is not nothing else repeated
             raise RuleBroken(
-                f"{first.where}: the same scenario must give the same decisions; at tick {tick}, {robot} answered "
-                f"{one[2]!r} in one run and {other[2]!r} in the next. Use view.draw for chance, no clock, and keep "
-                "state in self alone"
+                f"{first.situation}: the same scenario must give the same decisions; at tick {tick}, {robot} "
+                f"answered {answer[2]!r} in one run and {repeated[2]!r} in the next. Use view.draw for chance, no "
+                "clock, and keep state in self alone"
             )
     if first.trace != second.trace:
-        raise RuleBroken(f"{first.where}: the same scenario must give the same trace, and the intents are equal")
+        raise RuleBroken(f"{first.situation}: the same scenario must give the same trace, and the intents are equal")

@@ -31,7 +31,7 @@ COMMANDED = (0, 1, 7, 8)
 """Ticks in which the robot is told to drive."""
 
 SLACK_M = 0.05
-"""By how much a robot may be off, m."""
+"""Largest error of a robot's place, m."""
 
 SPEED = 1.0
 STEP = 0.5
@@ -92,17 +92,17 @@ class _Clock:
         self._ticks = [*ticks]
 
     def tick(self) -> int | None:
-        """The next tick."""
+        """Return the next tick."""
         self.asked += 1
         return self._ticks.pop(0) if self._ticks else None
 
     def decide(self) -> bool:
-        """It is time at once."""
+        """Return True: it is time at once."""
         return True
 
 
 def _site(clock: _Clock, model: str) -> Site:
-    """A site without walls nearby, of a robot by itself."""
+    """Make a site without walls nearby, of a robot by itself."""
     from agent.own_robot import Site
     from patrol.ground.fog import Fog
     from patrol.scenario import load_scenario
@@ -138,7 +138,7 @@ def _sense(robot: Robot, clock: _Clock, k: int) -> Sensed:
         raise RuleBroken(f"sense() returned k = {sensed.k!r} at tick {k}; return the tick that the clock gave")
     pose = sensed.pose
     numbers = (pose.x, pose.y, pose.heading, sensed.clock_s) if isinstance(pose, Pose) else ()
-    if not numbers or not all(isinstance(one, int | float) and math.isfinite(one) for one in numbers):
+    if not numbers or not all(isinstance(number, int | float) and math.isfinite(number) for number in numbers):
         raise RuleBroken(f"sense() returned pose = {pose!r}, clock_s = {sensed.clock_s!r} at tick {k}; give numbers")
     if type(sensed.bumped) is not bool:
         raise RuleBroken(f"sense() returned bumped = {sensed.bumped!r} at tick {k}; give True or False")
@@ -148,29 +148,29 @@ def _sense(robot: Robot, clock: _Clock, k: int) -> Sensed:
 
 
 def _check_moved(poses: dict[int, Pose], k: int) -> None:
-    """Compare where a robot is with what it was told in the tick before."""
+    """Compare a robot's place with its command of the tick before."""
     if k - 1 not in poses:
         return
     moved = _apart(poses[k], poses[k - 1])
     if k - 1 in COMMANDED:
         if abs(moved - SPEED * STEP) > SLACK_M:
-            told = f"told to drive {SPEED * STEP:g} m, at tick {k} it has moved {moved:.3f} m"
-            raise RuleBroken(f"a command holds for one step: {told}")
+            drive = f"told to drive {SPEED * STEP:g} m, at tick {k} it has moved {moved:.3f} m"
+            raise RuleBroken(f"a command holds for one step: {drive}")
     elif moved > SLACK_M:
         raise RuleBroken(f"without a command it must stand: at tick {k} it has moved {moved:.3f} m by itself")
 
 
 def _transmit(robot: Robot, k: int | None) -> None:
-    """What a loop does between sensing and acting, with a robot that is its own radio; at the end k is None."""
-    at = "at the end" if k is None else f"at tick {k}"
+    """Call a robot that is its own radio, as a loop does between sensing and acting; at the end k is None."""
+    when = "at the end" if k is None else f"at tick {k}"
     if callable(getattr(robot, "send", None)):
-        _called(f"send(()) {at}", robot.send, ())  # type: ignore[attr-defined]
+        _called(f"send(()) {when}", robot.send, ())  # type: ignore[attr-defined]
     if callable(getattr(robot, "hear", None)):
-        heard = _called(f"hear() {at}", robot.hear)  # type: ignore[attr-defined]
-        if heard is not None and not (isinstance(heard, list) and all(isinstance(frame, bytes) for frame in heard)):
-            raise RuleBroken(f"hear() returned {heard!r} {at}; return a list of bytes, or None")
-        if heard and k is None:
-            raise RuleBroken(f"hear() returned {len(heard)} frames at the end; return None")
+        frames = _called(f"hear() {when}", robot.hear)  # type: ignore[attr-defined]
+        if frames is not None and not (isinstance(frames, list) and all(isinstance(frame, bytes) for frame in frames)):
+            raise RuleBroken(f"hear() returned {frames!r} {when}; return a list of bytes, or None")
+        if frames and k is None:
+            raise RuleBroken(f"hear() returned {len(frames)} frames at the end; return None")
 
 
 def _act(robot: Robot, command: Command, k: int) -> None:
@@ -181,18 +181,18 @@ def _stop(robot: Robot, reason: str) -> None:
     _called(f"stop({reason!r})", robot.stop, reason)
 
 
-def _called(what: str, method: Callable[..., Any], *arguments: Any) -> Any:
-    """Call a method; what it raises breaks a rule."""
+def _called(call: str, method: Callable[..., Any], *arguments: Any) -> Any:
+    """Call a method; any error breaks a rule."""
     try:
         return method(*arguments)
     except RuleBroken:
         raise
     except (Exception, SystemExit) as error:
-        raise RuleBroken(f"{what} raised {type(error).__name__}: {error}; a robot raises nothing") from error
+        raise RuleBroken(f"{call} raised {type(error).__name__}: {error}; a robot raises nothing") from error
 
 
 def _ahead(model: str) -> Command:
-    """The command to drive ahead at full speed, from a heading of 0."""
+    """Return the command to drive ahead at full speed, from a heading of 0."""
     match model:
         case "holonomic":
             return Velocity(SPEED, 0.0)
@@ -203,5 +203,5 @@ def _ahead(model: str) -> Command:
     raise BadInput(f"model = {model}: no such body; give holonomic, differential or car")
 
 
-def _apart(one: Pose, other: Pose) -> float:
-    return math.hypot(one.x - other.x, one.y - other.y)
+def _apart(a: Pose, b: Pose) -> float:
+    return math.hypot(a.x - b.x, a.y - b.y)

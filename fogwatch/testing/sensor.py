@@ -33,10 +33,10 @@ NEARER = 0.95
 
 @dataclass(frozen=True, slots=True)
 class SensorReport:
-    """What a sensor did.
+    """The figures of a sensor under check.
 
     Attributes:
-        views: How many views were compared.
+        views: Number of views compared.
         median_ms: Wall time of half of them at most, ms. It is not judged: machines differ.
     """
 
@@ -58,7 +58,7 @@ def check_sensor(
     """Check that a sensor keeps the rules of `patrol.ground.footprint.Sensor`.
 
     Views are well formed, within the range and on the terrain, and hold the robot's own point, also from walls, edges
-    and places outside; a pose always has the same view, from two sensors and in any order, whatever the states of
+    and places outside; a pose always has the same view, from two sensors and in any order, in all states of
     `random` and `numpy.random`; the heading changes nothing where the class says `all_round`; a robot that faces a
     point in sight sees it.
 
@@ -76,36 +76,36 @@ def check_sensor(
         RuleBroken: The sensor breaks a rule; the message says which, and from what pose.
         BadInput: The options are wrong.
     """
-    made = class_of(sensor, SENSORS)
+    checked = class_of(sensor, SENSORS)
     ground = terrain or _walls()
     setup = SensorSetup(
-        ground, range_m, line_of_sight, options_of(NamedClass(SENSORS, made.__name__, None, options or {}), made)
+        ground, range_m, line_of_sight, options_of(NamedClass(SENSORS, checked.__name__, None, options or {}), checked)
     )
-    one, other = _made(made, setup), _made(made, setup)
+    sensor_1, sensor_2 = _made(checked, setup), _made(checked, setup)
     poses = [*_poses(ground)]
     times = []
     first: list[View] = []
     for pose in poses:
-        begun = time.perf_counter()
-        first.append(_view(one, pose))
-        times.append(1000.0 * (time.perf_counter() - begun))
-    for number, again in enumerate((other, one)):
+        began = time.perf_counter()
+        first.append(_view(sensor_1, pose))
+        times.append(1000.0 * (time.perf_counter() - began))
+    for number, repeated in enumerate((sensor_2, sensor_1)):
         disturb_chance(number + 1)
         for pose, view in reversed([*zip(poses, first, strict=True)]):
-            if differing := _differing(view, _view(again, pose)):
+            if differing := _differing(view, _view(repeated, pose)):
                 raise RuleBroken(
-                    f"{made.__name__}: one pose has one view; from {_at(pose)} {differing} are not as before. Use no "
-                    "clock, no chance and nothing from an earlier call"
+                    f"{checked.__name__}: one pose has one view; from {_at(pose)} {differing} are not as before. Use "
+                    "no clock, no chance and nothing from an earlier call"
                 )
-    if one.all_round:
-        _check_headings(made.__name__, one, poses, first)
-    _check_faced(made.__name__, one, setup, poses[::HEADINGS])
+    if sensor_1.all_round:
+        _check_headings(checked.__name__, sensor_1, poses, first)
+    _check_faced(checked.__name__, sensor_1, setup, poses[::HEADINGS])
     return SensorReport(len(times), statistics.median(times))
 
 
-def _made(made: type[Any], setup: SensorSetup) -> CheckedSensor:
+def _made(checked: type[Any], setup: SensorSetup) -> CheckedSensor:
     try:
-        return CheckedSensor(made, setup, made.__name__)
+        return CheckedSensor(checked, setup, checked.__name__)
     except SensorFailed as failed:
         raise RuleBroken(str(failed)) from failed.__cause__
 
@@ -117,15 +117,15 @@ def _view(sensor: CheckedSensor, pose: Pose) -> View:
         raise RuleBroken(str(failed)) from failed.__cause__
 
 
-def _differing(one: View, other: View) -> str:
-    """What differs between two views of a pose; empty where nothing does."""
-    if points := np.count_nonzero(one.mask != other.mask):
+def _differing(view: View, other: View) -> str:
+    """Say what differs between two views of a pose; empty where nothing does."""
+    if points := np.count_nonzero(view.mask != other.mask):
         return f"{points} points"
-    if (one.quality is None) != (other.quality is None):
+    if (view.quality is None) != (other.quality is None):
         return "qualities"
-    if one.quality is not None and other.quality is not None:
-        seen = one.mask != 0
-        if points := np.count_nonzero(one.quality[seen] != other.quality[seen]):
+    if view.quality is not None and other.quality is not None:
+        in_view = view.mask != 0
+        if points := np.count_nonzero(view.quality[in_view] != other.quality[in_view]):
             return f"the qualities of {points} points"
     return ""
 
@@ -162,7 +162,7 @@ def _check_faced(name: str, sensor: CheckedSensor, setup: SensorSetup, places: S
 
 
 def _poses(ground: Terrain) -> Iterator[Pose]:
-    """Points all over the ground, at its edges and outside, each with several headings."""
+    """Yield poses all over the ground, at its edges and outside, each with several headings."""
     height, width = ground.shape
     rows = [-3, -1, 0, height - 1, height + 2, *range(1, height, max(height // 7, 1))]
     cols = [-3, -1, 0, width - 1, width + 2, *range(1, width, max(width // 7, 1))]
@@ -174,7 +174,7 @@ def _poses(ground: Terrain) -> Iterator[Pose]:
 
 
 def _walls() -> Terrain:
-    """A hall of 20 x 15 m with a wall, a door and a pillar."""
+    """Make a hall of 20 x 15 m with a wall, a door and a pillar."""
     passable = np.ones((30, 40), dtype=np.bool_)
     passable[:, 20] = False
     passable[14:17, 20] = True
