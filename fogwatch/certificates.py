@@ -19,7 +19,7 @@ from patrol.files.untrusted import open_untrusted
 from patrol.net.security.credentials import AUTHORITY, CERTIFICATE, KEY
 
 AUTHORITY_DAYS = 3650
-"""How long a fleet's authority is valid, in days."""
+"""Validity of a fleet's authority, in days."""
 _DAY_S = 86400
 _CURVE = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes")
 _UNKNOWN_NAME = "?"
@@ -61,8 +61,8 @@ def issue(authority: Path, folder: Path, common_name: str, days: int, hosts: Seq
     Args:
         authority: The authority's folder.
         folder: Where the certificate, its key and the authority's certificate go.
-        common_name: Whom the certificate is for.
-        days: How long it is valid; never longer than the authority, beyond which nobody would believe it.
+        common_name: The holder's name.
+        days: Validity; never longer than the authority's, beyond which it would not be accepted.
         hosts: Names and addresses of a router, which may also connect to another one; none for a member, which can then
             not pass for a router.
 
@@ -76,16 +76,16 @@ def issue(authority: Path, folder: Path, common_name: str, days: int, hosts: Seq
     names = ",".join(f"{'IP' if _is_address(host) else 'DNS'}:{host}" for host in hosts)
     usage = f"serverAuth,clientAuth\nsubjectAltName=critical,{names}" if hosts else "clientAuth"
     extensions = f"basicConstraints=critical,CA:FALSE\nkeyUsage=critical,digitalSignature\nextendedKeyUsage={usage}\n"
-    with tempfile.TemporaryDirectory(prefix=".new-", dir=folder) as made:
-        work = Path(made)
-        wish, wanted = work / "wish.pem", work / "extensions"
-        wanted.write_text(extensions, encoding="ascii")
+    with tempfile.TemporaryDirectory(prefix=".new-", dir=folder) as temporary:
+        work = Path(temporary)
+        wish, extension_file = work / "wish.pem", work / "extensions"
+        extension_file.write_text(extensions, encoding="ascii")
         subject = ("-subj", f"/O=fogwatch/CN={common_name}")
         _openssl("req", "-new", *_CURVE, *subject, "-keyout", str(work / KEY), "-out", str(wish))
-        signed = ("-CA", str(authority / CERTIFICATE), "-CAkey", str(authority / KEY), "-extfile", str(wanted))
+        signed = ("-CA", str(authority / CERTIFICATE), "-CAkey", str(authority / KEY), "-extfile", str(extension_file))
         serial = ("-set_serial", f"0x{os.urandom(16).hex()}")
-        out = ("-out", str(work / CERTIFICATE), "-days", str(min(days, left)))
-        _openssl("x509", "-req", "-in", str(wish), *signed, *serial, *out)
+        output = ("-out", str(work / CERTIFICATE), "-days", str(min(days, left)))
+        _openssl("x509", "-req", "-in", str(wish), *signed, *serial, *output)
         shutil.copyfile(authority / CERTIFICATE, work / AUTHORITY)
         for name in (KEY, CERTIFICATE, AUTHORITY):  # all that can fail has been done: no key without its certificate
             (work / name).replace(folder / name)
@@ -101,8 +101,8 @@ def facts(certificate: Path) -> Facts:
         BadInput: It cannot be read, or openssl is missing.
     """
     _check_regular(certificate)
-    said = _openssl("x509", "-noout", "-enddate", "-subject", "-nameopt", "multiline", "-in", str(certificate))
-    fields = {name.strip(): value.strip() for name, _, value in (line.partition("=") for line in said.splitlines())}
+    text = _openssl("x509", "-noout", "-enddate", "-subject", "-nameopt", "multiline", "-in", str(certificate))
+    fields = {name.strip(): value.strip() for name, _, value in (line.partition("=") for line in text.splitlines())}
     return Facts(fields.get("commonName", _UNKNOWN_NAME), ssl.cert_time_to_seconds(fields["notAfter"]))
 
 
@@ -148,14 +148,14 @@ def _check_regular(file: Path) -> None:
 
 
 def _openssl(*words: str) -> str:
-    """Run openssl; what it prints. No secret is among its words, and only this user can read what it writes."""
+    """Run openssl; return what it prints. No secret is among its words, and only this user can read its files."""
     try:
-        done = subprocess.run(["openssl", *words], capture_output=True, text=True, check=False, umask=0o077)
+        process = subprocess.run(["openssl", *words], capture_output=True, text=True, check=False, umask=0o077)
     except FileNotFoundError:
         raise BadInput(
             "the command openssl is missing; install it (on Debian or Ubuntu: apt install openssl)"
         ) from None
-    if done.returncode != 0:
-        said = [line for line in done.stderr.splitlines() if line.strip()]
-        raise BadInput(f"openssl {words[0]} failed: {said[-1].strip() if said else done.returncode}")
-    return done.stdout
+    if process.returncode != 0:
+        lines = [line for line in process.stderr.splitlines() if line.strip()]
+        raise BadInput(f"openssl {words[0]} failed: {lines[-1].strip() if lines else process.returncode}")
+    return process.stdout

@@ -86,7 +86,9 @@ class ChaosSession:
         self._bar.start()
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self._bar.stop()
 
     def begin(self, seed: int, runs: int) -> None:
@@ -111,15 +113,15 @@ class ChaosSession:
         scenario = random_scenario(seed, self._key)
         self._bar.update(self._task, total=runs, completed=self._done, description=f"seed {seed}")
         try:
-            found = examine(scenario, self._ways(self._folder / f"seed-{seed}"))
+            breakage = examine(scenario, self._ways(self._folder / f"seed-{seed}"))
         except TooSlow as slow:
             self._slow.append(seed)
             self._say(f"seed {seed} is too slow to tell: {slow}")
             self._say(f"  {self._again(seed)}")
         else:
-            if found is not None:
+            if breakage is not None:
                 self._broken.append(seed)
-                self._report(seed, scenario, found)
+                self._report(seed, scenario, breakage)
         self._done += 1
         self._bar.update(self._task, completed=self._done)
         now = time.monotonic()
@@ -166,27 +168,29 @@ class ChaosSession:
     def _ways(self, folder: Path | None) -> Mapping[str, Way]:
         return {**IN_ONE_PROCESS, **({PROCESSES: as_processes(folder)} if self._processes else {})}
 
-    def _report(self, seed: int, scenario: Scenario, found: Breakage) -> None:
+    def _report(self, seed: int, scenario: Scenario, breakage: Breakage) -> None:
         """Print what broke, and write the scenario: as it was drawn first, then with fewer faults."""
-        self._say(f"seed {seed} breaks: {found.kind}")
-        self._say(f"  {found.detail.strip().splitlines()[-1]}" if found.detail.strip() else "  no details are known")
+        self._say(f"seed {seed} breaks: {breakage.kind}")
+        self._say(
+            f"  {breakage.detail.strip().splitlines()[-1]}" if breakage.detail.strip() else "  no details are known"
+        )
         words = "as it was drawn"
-        self._write(seed, scenario, found, words)
+        self._write(seed, scenario, breakage, words)
         self._mend_run_folder(seed, scenario)
         if len(self._broken) <= MOST_NARROWED:
-            narrowed, words = self._narrowed(scenario, found)
-            self._write(seed, narrowed, found, words)
+            narrowed, words = self._narrowed(scenario, breakage)
+            self._write(seed, narrowed, breakage, words)
         self._say(f"  {words}")
-        if found.way:  # no single run shows that two ways differ
-            self._say(f"  fogwatch run {self._file(seed)}{'' if found.way == PROCESSES else ' --in-process'}")
+        if breakage.way:  # no single run shows that two ways differ
+            self._say(f"  fogwatch run {self._file(seed)}{'' if breakage.way == PROCESSES else ' --in-process'}")
         self._say(f"  {self._again(seed)}")
 
     def _file(self, seed: int) -> Path:
         return self._folder / f"seed-{seed}.yaml"
 
-    def _write(self, seed: int, scenario: Scenario, found: Breakage, words: str) -> None:
+    def _write(self, seed: int, scenario: Scenario, breakage: Breakage, words: str) -> None:
         """Write a scenario that breaks, and its key, if it has one, beside it."""
-        text = f"seed {seed} of fogwatch chaos breaks: {found.kind}\n{found.detail}\n{words}"
+        text = f"seed {seed} of fogwatch chaos breaks: {breakage.kind}\n{breakage.detail}\n{words}"
         comment = "\n".join(f"# {line}".rstrip() for line in text.splitlines())
         self._file(seed).write_text(f"{comment}\n\n{dump_scenario(self._with_key(scenario))}", encoding="utf-8")
 
@@ -197,26 +201,26 @@ class ChaosSession:
             file.write_text(dump_scenario(self._with_key(scenario)), encoding="utf-8")
 
     def _with_key(self, scenario: Scenario) -> Scenario:
-        """The scenario, its key, if it has one, copied to a file that is kept."""
+        """Copy the scenario's key, if it has one, to a file that is kept; return the scenario with it."""
         if scenario.radio.key is None:
             return scenario
         file = self._folder / KEY_FILE
         file.write_bytes(KEY)
         return scenario.model_copy(update={"radio": scenario.radio.model_copy(update={"key": str(file)})})
 
-    def _narrowed(self, scenario: Scenario, found: Breakage) -> tuple[Scenario, str]:
-        """The scenario with fewer faults, and a line that describes the reduction."""
-        ways = IN_ONE_PROCESS if found.way in IN_ONE_PROCESS else self._ways(None)
+    def _narrowed(self, scenario: Scenario, breakage: Breakage) -> tuple[Scenario, str]:
+        """Return the scenario with fewer faults, and a line that describes the reduction."""
+        ways = IN_ONE_PROCESS if breakage.way in IN_ONE_PROCESS else self._ways(None)
         slow = 0
 
         def breaks(tried: Scenario) -> bool:
             nonlocal slow
             try:
-                again = examine(tried, ways)
+                repeated = examine(tried, ways)
             except TooSlow:
                 slow += 1
                 return False
-            return again is not None and again.kind == found.kind
+            return repeated is not None and repeated.kind == breakage.kind
 
         self._bar.update(self._task, description="fewer faults")
         if not breaks(scenario):
@@ -237,7 +241,7 @@ class ChaosSession:
 
 
 def as_processes(keep: Path | None) -> Way:
-    """The way of running a scenario as a fleet of processes.
+    """Make the way of running a scenario as a fleet of processes.
 
     Args:
         keep: Where the run folder is moved if the verdict is not valid or the run fails; None to discard it.
@@ -251,20 +255,20 @@ def as_processes(keep: Path | None) -> Way:
         with tempfile.TemporaryDirectory(prefix="fogwatch-chaos-", ignore_cleanup_errors=True) as folder:
             out = Path(folder) / "run"
             options = RunOptions(out, begin=limit.begin, stop=limit.exceeded, picture=False)
-            well = False
+            discard = False
             try:
                 result = execute(scenario, options)
                 limit.check(str(result.summary["ended"]))
-                well = result.verdict.valid
+                discard = result.verdict.valid
             except TooSlow:
-                well = True  # unknown, and nothing to look into
+                discard = True  # unknown, and nothing to look into
                 raise
             except KeyboardInterrupt:
-                well = True
+                discard = True
                 limit.check("")
                 raise
             finally:
-                if not well and keep is not None and out.exists():
+                if not discard and keep is not None and out.exists():
                     shutil.move(out, keep)
         return WayResult(result.trace_hash, result.verdict, str(result.summary["ended"]))
 

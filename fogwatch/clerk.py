@@ -44,7 +44,7 @@ NEWS_S = 0.2
 class News:
     """Tells the launcher how far the clerk is, again and again from a question until its answer.
 
-    A thread sends it, so that a clerk is heard whatever it is busy with. Without a question it sends nothing: the
+    A thread sends it, so that a busy clerk is heard too. Without a question it sends nothing: the
     launcher does not listen then, and the socket would fill up.
     """
 
@@ -132,28 +132,28 @@ def _serve(process: ProcessContext, connection: Connection) -> None:
     load()
     while not connection.poll(PERIOD_S):
         live.read_on(news)
-    asked: VerdictAsked = news.question()
-    judged = _judged(live, asked, news)
+    question: VerdictAsked = news.question()
+    judged = _judged(live, question, news)
     news.answer(judged, REPORT)
-    summary = judged.summary.model_copy(update={"exit_codes": dict(asked.exit_codes)})
+    summary = judged.summary.model_copy(update={"exit_codes": dict(question.exit_codes)})
     news.answer(_report_written(live, summary, news.question(), news), REPORT)
     connection.recv()  # nothing comes but the end
 
 
-def _judged(live: LiveJudge, asked: VerdictAsked, news: News) -> Judged:
+def _judged(live: LiveJudge, question: VerdictAsked, news: News) -> Judged:
     """Judge the rest of a run that has ended."""
     from worldsim.output.summary import summarise
 
-    verdict = live.verdict(asked.exit_codes, news)
+    verdict = live.verdict(question.exit_codes, news)
     return Judged(verdict, summarise(live.journal, verdict, live.prepared))
 
 
-def _report_written(live: LiveJudge, summary: Summary, asked: ReportAsked, news: News) -> ReportWritten:
+def _report_written(live: LiveJudge, summary: Summary, question: ReportAsked, news: News) -> ReportWritten:
     """Write a run's report."""
     from fogwatch.launch.folder.derived import derive
 
     problems: list[str] = []
-    derive(live.journal, live.prepared, summary, None, asked.out, problems.append, news)
+    derive(live.journal, live.prepared, summary, None, question.out, problems.append, news)
     return ReportWritten("; ".join(problems))
 
 

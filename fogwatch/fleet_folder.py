@@ -6,7 +6,7 @@
     FOLDER/NAME/          for the machine of a member: a robot, world, viewer, operator (`Credentials`)
 
 A certificate's common name holds a number that counts how often the member got one. Zenoh has no list of revoked
-certificates, so the router's rules name the members whose certificates are valid, and whoever is not named may do
+certificates, so the router's rules name the members whose certificates are valid. A client without such a name may do
 nothing.
 """
 
@@ -59,7 +59,7 @@ AUTHORITY_FOLDER = "authority"
 _SOON_S = 30 * 86400
 _LAST_PORT = 65535
 LOCK_S = 10.0
-"""How long to wait for another command that changes the folder, s."""
+"""Longest wait for another command that changes the folder, s."""
 
 
 @dataclass(slots=True)
@@ -100,10 +100,10 @@ class FleetFolder:
         return [role.name for user in self.members if not (self.path / (role := role_of(user, FILE)).name).is_dir()]
 
     def add(self, role: Role, days: int) -> None:
-        """Make somebody a member.
+        """Add a member.
 
         Args:
-            role: What the new member is.
+            role: The new member's.
             days: How long its certificate is valid.
 
         Raises:
@@ -130,7 +130,7 @@ class FleetFolder:
             days: How long a certificate is valid that has to be made anew.
 
         Returns:
-            The member whose folder has changed and must be copied again, because it has the new token; None for nobody.
+            The member whose folder has changed and must be copied again, because it has the new token; else None.
 
         Raises:
             BadInput: It is no member, or openssl fails.
@@ -146,14 +146,14 @@ class FleetFolder:
             other = None
         elif (self.path / other.name).is_dir():
             self._write_member(other, self.path / other.name)
-        else:  # whoever moved it away has no folder that the token could be written into
+        else:  # its folder was moved away, so the token cannot be written into it
             del self.members[other.user]
             self.add(other, days)
         self._save()
-        gone = self.path / role.name
-        if gone.is_symlink():  # the folder that it leads to is not ours to remove
-            gone.unlink()
-        shutil.rmtree(gone, ignore_errors=True)
+        folder = self.path / role.name
+        if folder.is_symlink():  # the folder that it leads to is not ours to remove
+            folder.unlink()
+        shutil.rmtree(folder, ignore_errors=True)
         return other
 
     def renew_router(self, days: int, hosts: Sequence[str] = ()) -> None:
@@ -185,7 +185,7 @@ class FleetFolder:
             now_s: The time, Unix time in s.
 
         Yields:
-            Whom a line is about, whether all is well, and what there is to say.
+            The name that a line is about, whether all is well, and the line.
         """
         try:
             yield AUTHORITY_FOLDER, *_expiry(facts(self.path / AUTHORITY_FOLDER / CERTIFICATE).ends_s, now_s)
@@ -208,7 +208,7 @@ class FleetFolder:
 
     def _save(self) -> None:
         """Write fleet.json, and the router's rules that follow from it."""
-        says = {
+        fields = {
             "fleet": self.fleet,
             "hosts": self.hosts,
             "port": self.port,
@@ -216,7 +216,7 @@ class FleetFolder:
             "members": self.members,
             "issued": self.issued,
         }
-        replace_private(self.path / FILE, f"{json.dumps(says, indent=2)}\n")
+        replace_private(self.path / FILE, f"{json.dumps(fields, indent=2)}\n")
         roles = {common_name: role_of(user, FILE) for user, common_name in self.members.items()}
         folder = self.path / THE_ROUTER
         folder.mkdir(mode=0o700, exist_ok=True)
@@ -245,25 +245,25 @@ def make_fleet(
     roles = [*map(_robot, robots), *(role for role in roles_of(robots) if role.kind is not Kind.ROBOT)]
     if not _is_port(port):
         raise BadInput(f"--port {port}: ports go from 1 to {_LAST_PORT}; choose one of them")
-    made = FleetFolder(path, keys.fleet, checked_hosts(hosts) or [*LOCAL], port, os.urandom(16).hex())
+    new_fleet = FleetFolder(path, keys.fleet, checked_hosts(hosts) or [*LOCAL], port, os.urandom(16).hex())
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with _made_whole(path) as part:
-            made.path = part
+            new_fleet.path = part
             write_private(part / ".gitignore", "*\n")  # keys belong into no repository
             make_authority(part / AUTHORITY_FOLDER, fleet)
-            made.renew_router(days)
+            new_fleet.renew_router(days)
             for role in roles:
-                made.add(role, days)
+                new_fleet.add(role, days)
     except OSError as error:
         raise BadInput(f"{path}: cannot be made ({error.strerror}); choose another folder") from None
-    made.path = path
-    return made
+    new_fleet.path = path
+    return new_fleet
 
 
 @contextmanager
 def fleet_to_change(path: Path) -> Iterator[FleetFolder]:
-    """Open a fleet's folder to change it; others who want to change it wait until this is done.
+    """Open a fleet's folder to change it; other commands that want to change it wait until this is done.
 
     Args:
         path: The folder.
@@ -272,7 +272,7 @@ def fleet_to_change(path: Path) -> Iterator[FleetFolder]:
         The fleet as its folder has it.
 
     Raises:
-        BadInput: It is none, it is not whole, it cannot be written to, or somebody else goes on changing it.
+        BadInput: It is none, it is not whole, it cannot be written to, or another command goes on changing it.
     """
     open_fleet_folder(path)
     descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
@@ -305,10 +305,10 @@ def changing(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.filename is None or exhausted.told(error):  # such as an output that nobody reads, or a full disk
+        if error.filename is None or exhausted.told(error):  # such as an output without a reader, or a full disk
             raise
-        at = error.filename2 or error.filename
-        raise BadInput(f"{at}: cannot be written ({error.strerror}); make {path} writable") from None
+        file = error.filename2 or error.filename
+        raise BadInput(f"{file}: cannot be written ({error.strerror}); make {path} writable") from None
 
 
 def open_fleet_folder(path: Path) -> FleetFolder:
@@ -322,12 +322,14 @@ def open_fleet_folder(path: Path) -> FleetFolder:
     """
     if not (path / FILE).exists():
         raise BadInput(f"{path}: no fleet's folder, because it holds no {FILE}; make one with: fogwatch fleet init")
-    says = read_object(path / FILE, "fleet", secret=True)
-    members, issued, hosts = (says.get(name, none) for name, none in (("members", {}), ("issued", {}), ("hosts", [])))
+    fields = read_object(path / FILE, "fleet", secret=True)
+    members, issued, hosts = (
+        fields.get(name, empty) for name, empty in (("members", {}), ("issued", {}), ("hosts", []))
+    )
     fine = (
-        isinstance(says.get("fleet"), str)
-        and isinstance(says.get("token"), str)
-        and _is_port(says.get("port"))
+        isinstance(fields.get("fleet"), str)
+        and isinstance(fields.get("token"), str)
+        and _is_port(fields.get("port"))
         and isinstance(hosts, list)
         and isinstance(members, dict)
         and isinstance(issued, dict)
@@ -338,12 +340,12 @@ def open_fleet_folder(path: Path) -> FleetFolder:
         raise BadInput(f"fleet: {path / FILE}: is damaged; restore it, or make a new fleet: fogwatch fleet init")
     for user in members:
         role_of(user, f"fleet: {path / FILE}")
-    keys = fleet_keys(says["fleet"])
-    return FleetFolder(path, keys.fleet, checked_hosts(hosts), says["port"], says["token"], members, issued)
+    keys = fleet_keys(fields["fleet"])
+    return FleetFolder(path, keys.fleet, checked_hosts(hosts), fields["port"], fields["token"], members, issued)
 
 
 def member_role(name: str) -> Role:
-    """The role of a member by its name in a fleet's folder: a robot's name, world, viewer or operator.
+    """Return the role of a member by its name in a fleet's folder: a robot's name, world, viewer or operator.
 
     Args:
         name: The name.
@@ -367,10 +369,10 @@ def _judge(folder: Path, authority: Path, common_name: str, now_s: float) -> tup
         return False, f"{AUTHORITY} is missing"
     if wrong := problem(folder, authority):
         return False, f"its certificate {wrong}"
-    found = facts(folder / CERTIFICATE)
-    if common_name and found.common_name != common_name:
-        return False, f"its certificate is for {found.common_name}, and the router lets in {common_name}"
-    return _expiry(found.ends_s, now_s)
+    certificate = facts(folder / CERTIFICATE)
+    if common_name and certificate.common_name != common_name:
+        return False, f"its certificate is for {certificate.common_name}, and the router lets in {common_name}"
+    return _expiry(certificate.ends_s, now_s)
 
 
 def _expiry(ends_s: int, now_s: float) -> tuple[bool, str]:
@@ -387,7 +389,7 @@ def _is_port(value: object) -> bool:
 
 @contextmanager
 def _made_whole(folder: Path) -> Iterator[Path]:
-    """A new folder that gets its name when what is put into it is complete; otherwise nothing of it stays."""
+    """Make a folder that gets its name when its files are complete; remove it if that fails."""
     part = folder.with_name(f".{folder.name}.part")
     shutil.rmtree(part, ignore_errors=True)
     try:

@@ -34,7 +34,7 @@ def checked_hosts(hosts: Sequence[str]) -> list[str]:
 
 
 def member_locator(hosts: Sequence[str], port: int) -> str:
-    """The locator that members use: that of the first host.
+    """Return the locator that members use: that of the first host.
 
     Args:
         hosts: The router's, checked.
@@ -44,7 +44,7 @@ def member_locator(hosts: Sequence[str], port: int) -> str:
 
 
 def listening_locator(hosts: Sequence[str], port: int) -> str:
-    """The locator that the router listens on: all addresses of its machine, or this machine alone.
+    """Return the locator that the router listens on: all addresses of its machine, or this machine alone.
 
     Args:
         hosts: The router's, checked.

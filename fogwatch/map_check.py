@@ -21,7 +21,7 @@ from patrol.starts import starting_part
 
 
 class Reason(StrEnum):
-    """Why a part of the free space cannot be reached."""
+    """The reason why a part of the free space cannot be reached."""
 
     DOOR = "door too narrow"
     WALL = "walled off, no opening at all"
@@ -121,14 +121,14 @@ def check_map(
         starts = [Pose(*terrain.centre(*divmod(int(part[0]), terrain.width)), 0.0)]
     fields = compute_fields(terrain, radius, sensor_range, line_of_sight, starts)
     rooms = Rooms(terrain, radius, fields.reach)
-    parts = sorted(_sealed_parts(rooms, fields), key=lambda found: (-found[0].area, found[0].x, found[0].y))
-    listed = [found for found in parts if found[0].area >= LISTED_AREA]
+    parts = sorted(_sealed_parts(rooms, fields), key=lambda sealed: (-sealed[0].area, sealed[0].x, sealed[0].y))
+    listed = [(part, leaves) for part, leaves in parts if part.area >= LISTED_AREA]
     sealed = np.zeros(terrain.shape, dtype=np.int32)
     for number, (_, leaves) in enumerate(listed, start=1):
         sealed[rooms.points_of(leaves)] = number
     in_parts = rooms.points_of([leaf for _, leaves in parts for leaf in leaves]) | rooms.crumbs
     unseen = terrain.passable & ~fields.patrolled
-    small = [found[0].area for found in parts[len(listed) :]]
+    small = [part.area for part, _ in parts[len(listed) :]]
     return MapReport(
         terrain=terrain,
         fields=fields,
@@ -150,26 +150,26 @@ def check_map(
 
 
 def _sealed_parts(rooms: Rooms, fields: StaticFields) -> list[tuple[SealedPart, list[int]]]:
-    """Every part without a start, with its rooms, except parts too narrow for the body that are seen entirely."""
-    found = []
+    """Find every part without a start, with its rooms, except parts too narrow for the body that are seen entirely."""
+    candidates = []
     for number, node in enumerate(rooms.nodes):
         leaves = rooms.leaves[number]
         if rooms.is_root[number] and not rooms.reached[number]:
             reason = Reason.WALL if rooms.takes_body(leaves) else Reason.NARROW
-            found.append((_part(rooms, fields, leaves, reason, None), leaves))
+            candidates.append((_part(rooms, fields, leaves, reason, None), leaves))
         elif node[SADDLE] >= 0 and rooms.reached[node[FIRST]] != rooms.reached[node[SECOND]]:
             side = int(node[SECOND] if rooms.reached[node[FIRST]] else node[FIRST])
             leaves = rooms.leaves[side]
             if rooms.takes_body(leaves):
                 door = rooms.door(number, float(rooms.areas[side]))
-                found.append((_part(rooms, fields, leaves, Reason.DOOR, door), leaves))
+                candidates.append((_part(rooms, fields, leaves, Reason.DOOR, door), leaves))
             else:
-                found.append((_part(rooms, fields, leaves, Reason.NARROW, None), leaves))
-    return [(part, leaves) for part, leaves in found if part.reason != Reason.NARROW or part.seen < part.area]
+                candidates.append((_part(rooms, fields, leaves, Reason.NARROW, None), leaves))
+    return [(part, leaves) for part, leaves in candidates if part.reason != Reason.NARROW or part.seen < part.area]
 
 
 def _part(rooms: Rooms, fields: StaticFields, leaves: Sequence[int], reason: Reason, door: Door | None) -> SealedPart:
-    """Some rooms as one sealed-off part."""
+    """Describe some rooms as one sealed-off part."""
     points = rooms.points_of(leaves)
     largest = max(leaves, key=lambda leaf: (rooms.areas[leaf], -leaf))
     x, y = rooms.terrain.centre(*divmod(int(rooms.nodes[largest, ROOM]), rooms.terrain.width))

@@ -24,7 +24,7 @@ RESULT_OPTIONS = ("--out", "--workers", "--cluster", "--json", "--markdown")
 
 
 def bar_on(console: Console, left: ProgressColumn) -> Progress:
-    """A progress bar, which shows on a terminal only and is cleared away in the end.
+    """Make a progress bar, which shows on a terminal only and is cleared away in the end.
 
     Args:
         console: Where it shows.
@@ -88,7 +88,9 @@ class SweepProgress:
         self._bar.start()
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self._bar.stop()
 
     def begin(self, todo: list[Run], done: list[RunResult], workers: int) -> None:
@@ -118,8 +120,10 @@ class SweepProgress:
             self.say(f"{result.case} seed {result.seed} failed: {result.error}")
         elif not self._console.is_terminal:
             mfow = result.metrics.get("mfow_mean_s")
-            found = "" if mfow is None else f"mean MFoW {mfow:.1f} s, "
-            self.say(f"{self.done}/{self.total} {result.case} seed {result.seed}: {found}{result.wall_s:.1f} s; {left}")
+            figure = "" if mfow is None else f"mean MFoW {mfow:.1f} s, "
+            self.say(
+                f"{self.done}/{self.total} {result.case} seed {result.seed}: {figure}{result.wall_s:.1f} s; {left}"
+            )
 
     def say(self, text: str) -> None:
         """Print a line above the bar.
@@ -130,11 +134,11 @@ class SweepProgress:
         self._console.print(text, highlight=False, markup=False, soft_wrap=True)
 
     def _forecast(self, todo: list[Run], workers: int) -> str:
-        each = seconds_per_run(todo) if self._estimate_time else None
+        run_s = seconds_per_run(todo) if self._estimate_time else None
         return (
             ""
-            if each is None
-            else f", about {duration_text(each)} per run, {duration_text(each * len(todo) / workers)} in all"
+            if run_s is None
+            else f", about {duration_text(run_s)} per run, {duration_text(run_s * len(todo) / workers)} in all"
         )
 
     def _left(self) -> str:
@@ -166,17 +170,17 @@ def print_failures(console: Console, outcome: SweepOutcome) -> None:
 
 
 def command_line(*command: str) -> str:
-    """The command line of this process, for the pages that it writes, without the options that change no result.
+    """Return this process's command line, for the pages that it writes, without options that change no result.
 
     Args:
         command: The words of the command, such as "paper", "all"; used alone where this process is another command.
     """
-    given = list(sys.argv[1:])
-    if tuple(given[: len(command)]) != command:
+    words = list(sys.argv[1:])
+    if tuple(words[: len(command)]) != command:
         return shlex.join(["fogwatch", *command])
     for option in RESULT_OPTIONS:
-        while option in given:
-            at = given.index(option)
-            del given[at : at + 2]
-    given = [word for word in given if not word.startswith(tuple(f"{option}=" for option in RESULT_OPTIONS))]
-    return shlex.join(["fogwatch", *given])
+        while option in words:
+            place = words.index(option)
+            del words[place : place + 2]
+    words = [word for word in words if not word.startswith(tuple(f"{option}=" for option in RESULT_OPTIONS))]
+    return shlex.join(["fogwatch", *words])

@@ -63,10 +63,10 @@ def make_robot_router(
         raise BadInput(f"{robot}: is no robot of {fleet.fleet}; add it with: fogwatch fleet add {fleet.path} {robot}")
     if f"{Kind.ROBOT}-{folder.name}" in fleet.members:
         raise BadInput(f"{folder.name}: is a robot of {fleet.fleet} too, with this folder; rename one of the two")
-    given = checked_hosts(hosts)
-    for one in (port, local_port):
-        check_locator(f"tcp/127.0.0.1:{one}", "--port:")
-    names = [*dict.fromkeys([*given, *LOCAL])]
+    own_hosts = checked_hosts(hosts)
+    for number in (port, local_port):
+        check_locator(f"tcp/127.0.0.1:{number}", "--port:")
+    names = [*dict.fromkeys([*own_hosts, *LOCAL])]
     with changing(fleet.path):
         folder.mkdir(mode=0o700, exist_ok=True)
         issue(fleet.path / AUTHORITY_FOLDER, folder, f"{robot}-router.{fleet.fleet[:40]}", days, names)
@@ -74,8 +74,8 @@ def make_robot_router(
     if VIEWER.user in fleet.members:
         members[fleet.members[VIEWER.user]] = viewer_rights(form, namespace)
     lies = folder.absolute() if place is None else place
-    everywhere = "[::]" if any(":" in host for host in given) else "0.0.0.0"
-    listen = [f"tcp/127.0.0.1:{local_port}", f"tls/{everywhere if given else '127.0.0.1'}:{port}"]
+    everywhere = "[::]" if any(":" in host for host in own_hosts) else "0.0.0.0"
+    listen = [f"tcp/127.0.0.1:{local_port}", f"tls/{everywhere if own_hosts else '127.0.0.1'}:{port}"]
     tls = {
         "root_ca_certificate": str(lies / AUTHORITY),
         "listen_certificate": str(lies / CERTIFICATE),
@@ -83,7 +83,7 @@ def make_robot_router(
         "enable_mtls": True,
         "close_link_on_expiration": True,
     }
-    says = robot_router(form, namespace, members, listen, tls, commands)
+    config = robot_router(form, namespace, members, listen, tls, commands)
     with changing(fleet.path):
-        replace_private(folder / FILE, f"{json.dumps(says, indent=2)}\n")
+        replace_private(folder / FILE, f"{json.dumps(config, indent=2)}\n")
     return folder

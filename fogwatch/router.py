@@ -48,7 +48,7 @@ OPEN = "it is open: anybody who can reach {listen} can read, send and forge ever
 
 
 CLOSE_S = 0.5
-"""How long closing may take, s: a client that has stopped reading holds it up, and launchers kill who takes long."""
+"""Longest time for closing, s: a client that has stopped reading holds it up, and launchers kill a slow router."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -75,9 +75,9 @@ def _route(process: ProcessContext) -> int:
     except LinkDown as down:
         raise BadInput(str(down)) from None
     process.vitals.probe(CONNECTIONS, lambda: router.connections)
-    who = OPEN.format(listen=listen) if security is None else f"for the members of fleet {security.keys.fleet}"
+    access = OPEN.format(listen=listen) if security is None else f"for the members of fleet {security.keys.fleet}"
     linked = f"; linked to {', '.join(others)}" if others else ""
-    Log("router", "").announce(f"router ready at {listen}; {who}{linked}")
+    Log("router", "").announce(f"router ready at {listen}; {access}{linked}")
     process.ready(listen)
     alive = process.notifier.alive
     alive()
@@ -92,7 +92,7 @@ def _route(process: ProcessContext) -> int:
 
 
 def _security(options: argparse.Namespace) -> tuple[str, RouterSecurity | None]:
-    """Where to listen, and who may connect; None for everybody. Raises BadInput where that would be unsafe."""
+    """Return the address to listen on and the security; None admits all. Raises BadInput where that would be unsafe."""
     if options.fleet is not None:
         if options.open:
             raise BadInput("--open: means that there is no --fleet; leave one of them out")
@@ -109,14 +109,14 @@ def _security(options: argparse.Namespace) -> tuple[str, RouterSecurity | None]:
 
 
 def _others(options: argparse.Namespace, security: RouterSecurity | None) -> list[str]:
-    """The routers to connect to. Raises BadInput for an address that is none, or a link that nobody would guard."""
-    others = [check_locator(where, "--connect") for where in options.connect]
-    for where in others:
+    """Return the routers to connect to. Raises BadInput for an address that is none, or an unguarded link."""
+    others = [check_locator(address, "--connect") for address in options.connect]
+    for address in others:
         if security is not None:
-            security.check_connect(where)
-        elif not options.open and not is_local(where):
+            security.check_connect(address)
+        elif not options.open and not is_local(address):
             raise BadInput(
-                f"--connect {where}: nobody would be asked who they are; give --fleet FOLDER (or --open, to let "
+                f"--connect {address}: nobody would be asked who they are; give --fleet FOLDER (or --open, to let "
                 "everybody do everything)"
             )
     return others
@@ -124,8 +124,8 @@ def _others(options: argparse.Namespace, security: RouterSecurity | None) -> lis
 
 def router_parser() -> ProcessParser:
     """Return the parser of the router's command line."""
-    what = "Forward messages between the processes of a fleet."
-    parser = ProcessParser("python -m fogwatch.router", what, HELP, reports_start=True)
+    summary = "Forward messages between the processes of a fleet."
+    parser = ProcessParser("python -m fogwatch.router", summary, HELP, reports_start=True)
     parser.add_argument(
         "--listen",
         metavar="tcp/HOST:PORT",

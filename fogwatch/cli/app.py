@@ -69,7 +69,7 @@ command(app, examples=sweep.EXAMPLES, exit_codes=sweep.EXIT_CODES, panel=MANY)(s
 command(app, examples=chaos_command.EXAMPLES, exit_codes=chaos_command.EXIT_CODES, panel=MANY)(chaos_command.chaos)
 
 PAGE_SPARES = 2
-"""How many robots may join a run with a live page, unless the scenario or the command line says so."""
+"""Number of robots that may join a run with a live page, unless the scenario or an option sets another."""
 MOST_THREADS = 64
 BODY = "Robots"
 RUN = "Run"
@@ -213,13 +213,13 @@ def run(
         "pace": pace,
         "point": point,
     }
-    given = {field: value for field, value in overrides.items() if value is not None}
+    options_given = {field: value for field, value in overrides.items() if value is not None}
     if port is not None and not 0 < port < 65536:
         raise BadInput(f"--port {port}: is not a TCP port; give one from 1 to 65535")
     if threads > 1 and not in_process:
         raise BadInput(f"--threads {threads}: each robot is a process of its own; leave it out, or give --in-process")
     ending = heed(None, patience=0)
-    scenario = open_scenario(what, {**given, **parse_overrides(settings or [])})
+    scenario = open_scenario(what, {**options_given, **parse_overrides(settings or [])})
     served = page and not quiet and not in_process
     if spare is not None:
         scenario = with_spares(scenario, spare)
@@ -319,7 +319,7 @@ def _readers_may_leave() -> Iterator[None]:
 
 
 def _place(text: str) -> list[float]:
-    """A start: X,Y or X,Y,HEADING."""
+    """Read a start: X,Y or X,Y,HEADING."""
     try:
         place = [float(part) for part in text.split(",")]
     except ValueError:

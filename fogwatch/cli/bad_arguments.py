@@ -1,4 +1,4 @@
-"""What the command line says about arguments that cannot be used: the option, its value, its unit and the remedy."""
+"""Errors about arguments that cannot be used: the option, its value, its unit and the remedy."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from patrol.errors import BadInput, quoted
 
 @dataclass(frozen=True, slots=True)
 class _Quantity:
-    """What an option of a certain metavar takes.
+    """The values that an option of a certain metavar takes.
 
     Attributes:
         unit: The unit, empty for a whole number.
@@ -41,7 +41,7 @@ _QUANTITIES = {
     "N...": _Quantity("", "5", {}),
     "K": _Quantity("", "7", {}),
 }
-"""By the metavar that the help shows."""
+"""The quantities by the metavar that the help shows."""
 
 _EXTRA = re.compile(r"Got unexpected extra arguments?(?:\(s\))? \((.*)\)")
 """The parser's error for arguments that no parameter takes."""
@@ -88,11 +88,11 @@ class HelpfulCommand(TyperCommand):
         Raises:
             BadInput: An argument is missing, unknown or no number.
         """
-        given = list(args)
+        typed = list(args)
         try:
             return super().parse_args(ctx, args)
         except Exception as error:
-            line = self._explained(error, ctx, given)
+            line = self._explained(error, ctx, typed)
             if line is None:
                 raise
             raise BadInput(line) from None
@@ -115,7 +115,7 @@ class HelpfulCommand(TyperCommand):
             raise BadInput(_as_typed(str(error), self._typed(ctx))) from None
 
     def _typed(self, ctx: Any) -> dict[str, str]:
-        """The options that were given and set fields of a scenario, by field."""
+        """Return the options that were given and set fields of a scenario, by field."""
         set_by_name = [text.partition("=")[0].strip() for text in ctx.params.get("settings") or ()]
         options = {
             _FIELDS[param.name]: param.opts[0]
@@ -124,8 +124,8 @@ class HelpfulCommand(TyperCommand):
         }
         return options | {field: f"--set {field}" for field in set_by_name}
 
-    def _explained(self, error: Exception, ctx: Any, given: list[str]) -> str | None:
-        """An error of the parser in our words; None to leave it as it is."""
+    def _explained(self, error: Exception, ctx: Any, typed: list[str]) -> str | None:
+        """Rewrite an error of the parser; None to leave it as it is."""
         if hasattr(error, "possibilities") and hasattr(error, "option_name"):
             return self._unknown(str(error.option_name))
         param = getattr(error, "param", None)
@@ -136,7 +136,7 @@ class HelpfulCommand(TyperCommand):
             option = next((f"{text} " for text in param.opts if text.startswith("--")), "")
             name = getattr(param, "metavar", None) or param.name
             return f"{option}{name} is missing; for example: {self.example}"
-        values, *_ = self.make_parser(ctx).parse_args(args=given)
+        values, *_ = self.make_parser(ctx).parse_args(args=typed)
         value = values.get(param.name)
         texts = [value] if isinstance(value, str) else list(value or ())
         name = next((text for text in reversed(param.opts) if text.startswith("--")), param.metavar)
@@ -153,59 +153,59 @@ class HelpfulCommand(TyperCommand):
 
 
 def _as_typed(line: str, typed: dict[str, str]) -> str:
-    """An error with an option in place of the field that it set, and ``--set`` in place of "override" where it did.
+    """Name the option in an error, not the field that it set, and ``--set`` instead of "override".
 
     Args:
         line: The error.
         typed: The options by field.
     """
-    found = _FIELD.match(line)
-    if found is None:
+    match = _FIELD.match(line)
+    if match is None:
         return line
-    field, before = found["field"], found["before"]
+    field, before = match["field"], match["before"]
     option = typed.get(re.sub(r"\.\d+", "", field), "")
     if option and not option.startswith("--set"):
-        rest = re.sub(r"^(-?\d+)\.0:", r"\1:", line[found.end() :])
-        return f"{before or ''}{option}{' ' if found['equals'] else ''}{rest}"
+        rest = re.sub(r"^(-?\d+)\.0:", r"\1:", line[match.end() :])
+        return f"{before or ''}{option}{' ' if match['equals'] else ''}{rest}"
     sections = [f"{name}." for name in typed]
     if before is not None and any(f"{field}.".startswith(name) or name.startswith(f"{field}.") for name in sections):
-        return f"{before}--set {line[found.start('field') :]}"
+        return f"{before}--set {line[match.start('field') :]}"
     return line
 
 
 def _nearest(option: str, known: Sequence[str], example: str) -> str:
-    """The known option that an unknown one begins, or else the one most like it."""
-    begun = sorted((name for name in known if name.startswith(option)), key=len)
+    """Suggest the known option that an unknown one begins, or else the one most like it."""
+    completions = sorted((name for name in known if name.startswith(option)), key=len)
     words = [name[2:] for name in known]
-    near = begun[:1] or [f"--{word}" for word in get_close_matches(option[2:], words, n=1, cutoff=0.6)]
+    near = completions[:1] or [f"--{word}" for word in get_close_matches(option[2:], words, n=1, cutoff=0.6)]
     return f"did you mean {near[0]}?" if near else f"leave it out, or see --help; for example: {example}"
 
 
 def _not_a_number(name: str, texts: Sequence[str], quantity: _Quantity, error: Any) -> str:
-    whole = not quantity.unit
-    wrong = next((text for text in texts if not _is_number(text, whole)), None)
+    is_whole = not quantity.unit
+    wrong = next((text for text in texts if not _is_number(text, is_whole)), None)
     if wrong is None:  # a number, but out of range
         reason = str(getattr(error, "message", error)).rstrip(".").lower()
         least = re.search(r"(?:greater than or equal to |x>=)(\S+)", reason)
         return f"{name} {' '.join(texts)}: {f'expected {least[1]} or more' if least else reason}"
-    what = "a whole number" if whole else f"a number in {quantity.unit}"
+    kind = "a whole number" if is_whole else f"a number in {quantity.unit}"
     option = f"{name} " if name.startswith("--") else ""
-    return f"{name} {quoted(wrong)[1:-1]}: expected {what}, such as {option}{_meant(wrong, quantity)}"
+    return f"{name} {quoted(wrong)[1:-1]}: expected {kind}, such as {option}{_meant(wrong, quantity)}"
 
 
-def _is_number(text: str, whole: bool) -> bool:
+def _is_number(text: str, is_whole: bool) -> bool:
     try:
-        int(text) if whole else float(text)
+        int(text) if is_whole else float(text)
     except ValueError:
         return False
     return True
 
 
 def _meant(text: str, quantity: _Quantity) -> str:
-    """The number that a text such as "30cm" or "0,3" means in the quantity's unit, or else the example."""
-    found = _NUMBER.fullmatch(text)
-    if found is None or not quantity.unit:
+    """Return the number that a text such as "30cm" or "0,3" means in the quantity's unit, or else the example."""
+    match = _NUMBER.fullmatch(text)
+    if match is None or not quantity.unit:
         return quantity.example
-    factor = quantity.factors.get(found[2].lower(), None) if found[2] else 1.0
-    meant = math.nan if factor is None else float(found[1].replace(",", ".")) * factor
-    return f"{meant:g}" if 0.0 < meant < math.inf else quantity.example
+    factor = quantity.factors.get(match[2].lower(), None) if match[2] else 1.0
+    number = math.nan if factor is None else float(match[1].replace(",", ".")) * factor
+    return f"{number:g}" if 0.0 < number < math.inf else quantity.example

@@ -53,7 +53,7 @@ class OrderedGroup(TyperGroup):
     """A group of commands that lists them in the order of `ORDER`."""
 
     def list_commands(self, ctx: Any) -> list[str]:
-        """The names of the commands.
+        """Return the names of the commands.
 
         Args:
             ctx: The context of the call, which does not matter here.
@@ -116,7 +116,7 @@ def command(
 
 
 def reflowed(function: Callable[..., Any]) -> str:
-    """A docstring with each paragraph on one line, so that it fits a terminal of any width.
+    """Join each paragraph of a docstring to one line, so that it fits a terminal of any width.
 
     Args:
         function: The function that has the docstring.

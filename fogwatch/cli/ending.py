@@ -93,7 +93,7 @@ def _nowhere() -> str | None:
 
 
 def complain(line: str) -> None:
-    """Print a line on the standard error, unless nobody reads it or there is no room for it.
+    """Print a line on the standard error, unless it has no reader or there is no room for it.
 
     Args:
         line: What is wrong.

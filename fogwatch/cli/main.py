@@ -18,7 +18,7 @@ def _leave(_number: int, _frame: object) -> None:
 
 
 _HEEDS_CTRL_C = signal.getsignal(signal.SIGINT) is signal.default_int_handler
-"""Whether Ctrl-C is meant for this process; not so in the background of a shell."""
+"""True if Ctrl-C is meant for this process; not so in the background of a shell."""
 
 if _HEEDS_CTRL_C:
     signal.signal(signal.SIGINT, _leave)
