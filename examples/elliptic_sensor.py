@@ -2,7 +2,7 @@
 
     fogwatch run yards --set sensor.kind=./examples/elliptic_sensor.py:Ellipse --set sensor.options.across=4
 
-docs/sensors.md says which rules a sensor has to keep; `fogwatch.testing.check_sensor` checks them.
+docs/sensors.md has the rules for sensors; `fogwatch.testing.check_sensor` checks them.
 """
 
 import math
@@ -22,7 +22,7 @@ class Ellipse:
     leaves_age = False
 
     class Options(BaseModel):
-        """What `sensor.options` may say."""
+        """The fields of `sensor.options`."""
 
         model_config = ConfigDict(extra="forbid")
         across: float = Field(4.0, gt=0, description="m, range to the sides")
@@ -35,7 +35,7 @@ class Ellipse:
         self._rows, self._cols = np.meshgrid(offsets, offsets, indexing="ij")
 
     def visible(self, pose: Pose) -> View:
-        """The points in sight that lie in the ellipse."""
+        """Return the points in sight that lie in the ellipse."""
         view = self._in_sight.visible(pose)
         cos, sin = math.cos(pose.heading), math.sin(pose.heading)
         ahead = (self._cols * cos + self._rows * sin) / self._ahead

@@ -13,10 +13,10 @@ from agent.view import View
 
 
 class GreedyTarget:
-    """Takes the point with the greatest age per metre of way, and keeps it until somebody has seen it."""
+    """Takes the point with the greatest age per metre of way, and keeps it until a robot has seen it."""
 
     class Options(BaseModel):
-        """What `patrol.options` may say."""
+        """The fields of `patrol.options`."""
 
         model_config = ConfigDict(extra="forbid")
         near: float = Field(4.0, gt=0, description="m, added to each way; the larger, the less the distance matters")
@@ -35,7 +35,7 @@ class GreedyTarget:
         self._chosen_at = 0
 
     def decide(self, view: View) -> Intent:
-        """The way to the target, or to a new one when that has been seen or takes too long."""
+        """Go to the target, or to a new one when that has been seen or takes too long."""
         target = self._target
         if (
             target is None
@@ -49,7 +49,7 @@ class GreedyTarget:
         return Place(*view.place_of(stand))
 
     def _best(self, view: View) -> tuple[int, int] | None:
-        """The point with the greatest age per metre; None for a robot that cannot get anywhere."""
+        """Return the point with the greatest age per metre; None for a robot that cannot get anywhere."""
         lengths = view.lengths()[self._stands]
         score = view.age / (lengths + self._near)
         row, col = np.unravel_index(int(np.argmax(score)), score.shape)

@@ -17,7 +17,7 @@ class Halving:
     """Loses half of the frames that have far to go."""
 
     class Options(BaseModel):
-        """What `radio.options` may say."""
+        """The fields of `radio.options`."""
 
         model_config = ConfigDict(extra="forbid")
         reach: float = Field(40.0, gt=0, description="m, up to which every frame is heard")
@@ -27,10 +27,10 @@ class Halving:
         self._seed = setup.seed
 
     def lost(self, air: OnAir) -> NDArray[np.bool_]:
-        """The frames that do not get through, by a draw of their own for each link."""
+        """Mark the frames that do not get through, by a draw of their own for each link."""
         lost = np.zeros(air.on_the_way.shape, dtype=np.bool_)
         for frame, receiver in np.argwhere(air.on_the_way).tolist():
             if air.distance(frame, receiver) > self._reach:
-                what = air.source[frame], air.receivers[receiver], air.sequence[frame]
-                lost[frame, receiver] = draw(self._seed, Purpose.RADIO, *what) < 0.5
+                values = air.source[frame], air.receivers[receiver], air.sequence[frame]
+                lost[frame, receiver] = draw(self._seed, Purpose.RADIO, *values) < 0.5
         return lost

@@ -50,7 +50,7 @@ class MyRobot:
 
 
 def main() -> int:
-    """Drive until Ctrl-C; the exit code."""
+    """Drive until Ctrl-C; return the exit code."""
     parser = argparse.ArgumentParser(description="A robot of one's own in a fleet.")
     parser.add_argument("--credentials", metavar="FOLDER", help="this robot's, made by fogwatch fleet init")
     parser.add_argument("--router", metavar="LOCATOR", help="of the fleet, tcp/HOST:7447 (default: the credentials')")
