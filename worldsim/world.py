@@ -224,7 +224,7 @@ class World:
         return Event(self.tick, Status.ALIVE.name.lower(), number, reason)
 
     def in_the_way(self, number: int) -> list[str]:
-        """The names of the robots whose bodies overlap a robot's start, so that it cannot appear there."""
+        """Return the names of the robots whose bodies overlap a robot's start, so that it cannot appear there."""
         start, radius = self._starts[number], self.bodies[number].spec.radius
         return [
             body.spec.name

@@ -32,7 +32,7 @@ class Contacts:
             self._seen[place] = tick
 
     def known(self, tick: int, memory: int) -> list[Place]:
-        """The intruders reported lately.
+        """Return the intruders reported lately.
 
         Args:
             tick: Now.

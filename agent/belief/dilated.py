@@ -57,7 +57,7 @@ class Dilated:
         self._scratch = np.zeros(3 * height * width, dtype=np.uint16)
 
     def fork(self, fog: Fog) -> Dilated:
-        """The same for a fog that is now as fresh as this one's, and from now on another.
+        """Return a copy for another fog, which is now as fresh as this one's.
 
         Args:
             fog: The other fog, before dilatation.
@@ -84,7 +84,7 @@ class Dilated:
         take_in(*grids, *book, np.array(looks, dtype=np.int64), self._gap, self._reach_in_blocks)
 
     def within(self, box: Box, tick: int) -> NDArray[np.int32]:
-        """The dilated ticks, up to date in a box.
+        """Return the dilated ticks, up to date in a box.
 
         Args:
             box: The points that are going to be read; it may reach beyond the ground.

@@ -35,7 +35,7 @@ class Posts:
         self._ends: list[int] = [0, *per_row.cumsum().tolist()]
 
     def between(self, first: int, last: int) -> NDArray[np.int32]:
-        """The entries of `rows` whose post lies in a range of rows.
+        """Return the entries of `rows` whose post lies in a range of rows.
 
         Args:
             first: First row of the range; it may lie outside the terrain.

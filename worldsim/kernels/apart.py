@@ -15,7 +15,7 @@ from numba import njit
     error_model="numpy",
 )
 def first_overlap(places, radii, slack):
-    """The first pair of bodies whose centres are nearer than the sum of their radii.
+    """Find the first pair of bodies whose centres are nearer than the sum of their radii.
 
     Args:
         places: float64 (n, 2), x and y of the centres, m.

@@ -16,7 +16,7 @@ _NORMALS = types.Array(types.float64, 2, "C")
 
 @njit(types.uint64(types.uint64, types.uint64), cache=True, nogil=True)
 def _mixed(state, value):
-    """The next state of the hash; see `patrol.random`."""
+    """Return the next state of the hash; see `patrol.random`."""
     z = (state ^ value) + np.uint64(0x9E3779B97F4A7C15)
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
@@ -25,7 +25,7 @@ def _mixed(state, value):
 
 @njit(types.float64(types.uint64), cache=True, nogil=True)
 def _share(state):
-    """The draw of a hash, in [0, 1)."""
+    """Return the draw of a hash, in [0, 1)."""
     return float(state >> np.uint64(11)) * 2.0**-53
 
 

@@ -22,11 +22,11 @@ def check(scenario: Path, out: Path) -> None:
     """
     try:
         out.mkdir(parents=True, exist_ok=True)
-        taken = any((out / name).exists() for name in ("journal", "ticks.csv"))
+        is_taken = any((out / name).exists() for name in ("journal", "ticks.csv"))
         others = [name for name in (FILE, MAP) if (out / name).exists() and not _is_in(out, scenario)]
     except OSError as error:
         raise BadInput(f"--out {out}: cannot be written ({error.strerror}); choose another folder") from None
-    if taken:
+    if is_taken:
         raise BadInput(f"--out {out}: already holds a run; choose another folder")
     if others:
         raise BadInput(f"--out {out}: holds {others[0]}, which belongs to another run; choose another folder")

@@ -41,8 +41,10 @@ class LiveProgress:
         fog = self._world.truth.fog
         traps = self._traps.tick(record, lambda: fog.last_seen)
         # A robot that has already stayed long in the next circle is still trapped.
-        again = {trap.robot for trap in traps if trap.until is None}
-        notices = [self._notice(record.k, trap) for trap in traps if trap.until is None or trap.robot not in again]
+        still_trapped = {trap.robot for trap in traps if trap.until is None}
+        notices = [
+            self._notice(record.k, trap) for trap in traps if trap.until is None or trap.robot not in still_trapped
+        ]
         return self._watcher.take(record, self._stalest), notices
 
     def event(self, event: Event) -> Notice:

@@ -35,7 +35,7 @@ def _one_step(value, open_, out, first, end, by):
 
 @njit(types.void(FLAT, FLAT, FLAT, int64, int64, int64), cache=True, nogil=True)
 def _two_steps(value, open_, out, first, end, by):
-    """Two such steps at once: what is two steps away counts where the element between is open."""
+    """Take two such steps at once: what is two steps away counts where the element between is open."""
     before, here, after = value[first - by : end - by], value[first:end], value[first + by : end + by]
     far_before, far_after = value[first - 2 * by : end - 2 * by], value[first + 2 * by : end + 2 * by]
     mask_before, mask, mask_after = open_[first - by : end - by], open_[first:end], open_[first + by : end + by]
@@ -91,7 +91,7 @@ def _spread(value, open_, other, first_row, end_row, reach):
 
 @njit(types.boolean(FLAT, FLAT, int64, int64, int64, int64), cache=True, nogil=True)
 def _largest_along(value, other, first, end, by, reach):
-    """The largest value at most ``reach`` elements away, along rows (``by`` 1) or columns (the row's length).
+    """Find the largest value at most ``reach`` elements away, along rows (``by`` 1) or columns (the row's length).
 
     Runs of ``size`` elements are built by doubling; two runs that overlap cover a window.
 

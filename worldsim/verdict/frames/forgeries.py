@@ -103,11 +103,11 @@ class SpoofsAsAsked(FrameFaultCheck):
         for fault, spoof in self._spoofs.items():
             origin = spoof.entry.sources[0]
             on = active(spoof.entry, record.k) and (origin == NO_ROBOT or rows[origin].status is Status.ALIVE)
-            found = forged.pop(fault, [])
+            sent = forged.pop(fault, [])
             if on:
-                problem = self._problem_of(spoof, record.k, found, rows)
+                problem = self._problem_of(spoof, record.k, sent, rows)
             else:
-                problem = "sends forged frames and should not" if found else ""
+                problem = "sends forged frames and should not" if sent else ""
             if problem:
                 self._wrong(record.k, f"{fault} {problem}")
         for fault in forged:
@@ -122,19 +122,19 @@ class SpoofsAsAsked(FrameFaultCheck):
             return self._problem_of_repeats(spoof, frames, rows)
         due = list(self._due(spoof, rows))
         try:
-            said = sorted((decode(frame) for frame in frames), key=lambda position: position.robot)
+            positions = sorted((decode(frame) for frame in frames), key=lambda position: position.robot)
         except Rejected as rejected:
             return f"sends a frame that cannot be decoded ({rejected})"
-        if [position.robot for position in said] != due:
-            return f"forges in the names of robots {[position.robot for position in said]} instead of {due}"
-        for position in said:
+        if [position.robot for position in positions] != due:
+            return f"forges in the names of robots {[position.robot for position in positions]} instead of {due}"
+        for position in positions:
             problem = self._problem_of_one(spoof, k, position, self._victim(rows, position.robot, k))
             if problem:
                 return f"claims for robot {position.robot}: {problem}"
         return ""
 
     def _due(self, spoof: _Spoof, rows: Mapping[int, RobotTick]) -> Iterator[int]:
-        """In whose names a spoof should forge, ascending: victims whose place is known, or robots that do not exist."""
+        """Yield the robots to forge, ascending: victims whose place is known, or robots that do not exist."""
         if spoof.kind == "invented":
             yield from range(self._robots + 1, min(self._robots + spoof.invented, MAX_ROBOT) + 1)
             return

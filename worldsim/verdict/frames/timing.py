@@ -70,7 +70,7 @@ class OnTime(FrameFaultCheck):
         return f"{self._arrived} frames arrived in time"
 
     def _at_once(self, record: TickRecord, landed: Links) -> None:
-        """Nothing delays or copies what is sent now, and nothing is in flight."""
+        """Judge a tick in which nothing is delayed, copied or in flight."""
         places = places_of(landed)
         if places is None or (landed.sequence != record.k).any() or (np.diff(np.sort(places)) == 0).any():
             self._look_at_each(record, landed)
