@@ -72,7 +72,7 @@ class Both:
 
 
 class TickFigures:
-    """Telemetry that leaves a mind's figures for those who follow its process, and a line in the log of each tick."""
+    """Telemetry that leaves a mind's figures for followers of its process, and a line in the log of each tick."""
 
     def __init__(self, mind: Mind, vitals: Vitals, log: Log) -> None:
         """Begin with no tick.

@@ -168,7 +168,7 @@ def patrol_with(
     robot_named(name, meeting.credentials)
     keys = meeting.keys
     on_air = check_radio(process.options.radio, "radio", scenario.radio.via)
-    # Its counts of frames begin anew, so those who add them up must not take it for the process before.
+    # Its counts of frames begin anew, so a reader that adds them up must not take it for the process before.
     incarnation = int(time.time()) % 2**31
     prepared, mind = mind_of(process, scenario, spec, incarnation)
     link, air = process.open_links(

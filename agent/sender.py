@@ -1,7 +1,7 @@
 """The frames of one robot in a tick: its position and the intruders that it sees, or none where they may wait.
 
 Where the fleet saves on its radio (`radio.budget`, `radio.adaptive`), a robot sends when the others' prediction of it
-is off, when what it sees of intruders has changed, or when it has been silent for long enough, as soon as its share of
+is off, when it sees other intruders than before, or when it has been silent for long enough, as soon as its share of
 the budget holds the frame. Its trail then reaches back to its last frame, so that a lost frame takes its looks with it.
 """
 

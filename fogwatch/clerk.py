@@ -44,8 +44,8 @@ NEWS_S = 0.2
 class News:
     """Tells the launcher how far the clerk is, again and again from a question until its answer.
 
-    A thread sends it, so that a busy clerk is heard too. Without a question it sends nothing: the
-    launcher does not listen then, and the socket would fill up.
+    A thread sends it, so that a busy clerk is heard too. Without a question it sends nothing: the launcher does not
+    listen then, and the socket would fill up.
     """
 
     def __init__(self, connection: Connection, total: int) -> None:

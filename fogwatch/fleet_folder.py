@@ -1,6 +1,6 @@
 """The folder of a fleet of several machines: its authority, its members' credentials, and what its router needs.
 
-    FOLDER/fleet.json     who is a member and who was, where the router is, and the operators' token
+    FOLDER/fleet.json     the members and former members, the router's address, and the operators' token
     FOLDER/authority/     signs certificates; stays where it is
     FOLDER/router/        for the router's machine (`patrol.net.security.credentials.RouterSecurity`)
     FOLDER/NAME/          for the machine of a member: a robot, world, viewer, operator (`Credentials`)

@@ -158,7 +158,7 @@ class Belief:
         number: Of its robot.
         contacts: The intruders reported by this robot and by others.
         peers: The robots heard so far, by number.
-        shared: The fog, and with whom it is shared.
+        shared: The fog, with the group that shares it.
     """
 
     def __init__(self, number: int, beliefs: Beliefs, shared: BelievedFog) -> None:

@@ -1,4 +1,4 @@
-"""Contacts: where the intruders are, from the robot's own sensor and from the reports of others."""
+"""Contacts: places of intruders, from the robot's own sensor and from the reports of others."""
 
 from __future__ import annotations
 

@@ -20,8 +20,8 @@ AGELESS = NOTHING
 class Dilated:
     """Staleness, spread over the ground of one robot.
 
-    A tick's looks only note which blocks of points they may change. What is read is then computed once, for all looks
-    since it was last read; what is not read costs nothing.
+    A tick's looks only note which blocks of points they may change. A block is computed when it is read, once for all
+    looks since the last read; a block that is not read costs nothing.
     """
 
     def __init__(self, fog: Fog, ground: BoolGrid, posts: Posts, reach: int) -> None:

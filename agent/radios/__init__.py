@@ -1,1 +1,1 @@
-"""Radios: how a robot sends and hears positions."""
+"""Radios: the means by which a robot sends and hears positions."""

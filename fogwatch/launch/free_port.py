@@ -1,4 +1,4 @@
-"""A port for a router of our own."""
+"""A free port for the run's own router."""
 
 from __future__ import annotations
 

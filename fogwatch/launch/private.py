@@ -4,8 +4,8 @@
     ROOT/NAME/router/       what the router needs (`patrol.net.security.credentials.RouterSecurity`)
     ROOT/NAME/ROLE.json     the credentials of a role
 
-The folder lies outside the run's folder, which people copy, keep and share. It goes when the run ends. What a launcher
-that was killed left behind goes when the next one starts. A system may clear such folders while a run goes on, for
+The folder lies outside the run's folder, which people copy, keep and share. It goes when the run ends. The next
+launcher that starts removes the folder of one that was killed. A system may clear such folders while a run goes on, for
 example when its user logs out; the launcher then makes the folder anew, under the same name, when it needs it.
 """
 
@@ -112,7 +112,7 @@ class Secrets:
 
     @property
     def of_viewer(self) -> Path:
-        """The credentials of those who only watch."""
+        """The credentials of viewers."""
         return self._file(VIEWER)
 
     def remove(self) -> None:

@@ -1,10 +1,9 @@
 """Process control: ends, stops, continues and starts robots' processes.
 
-The world decides when which robot is killed, paused and so on, and what becomes of its body. What happens to its
-process is done by process control. In a fleet in one process robots' minds are dropped and made again
-(`experiments.inprocess`). Of a fleet of processes only the launcher, their parent, can do it
-(`fogwatch.launch.children.child_control`): the world asks it, one JSON line for each request and answer, over a socket
-of their own, so that nothing depends on the router.
+The world decides when a robot is killed or paused, and what becomes of its body; process control acts on its process.
+In a fleet in one process, it drops minds and makes them again (`experiments.inprocess`). In a fleet of processes, only
+the launcher, their parent, can act on them (`fogwatch.launch.children.child_control`): the world asks it, one JSON line
+for each request and answer, over a socket of their own, so that nothing depends on the router.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Distinguishes a router that stands still from robots that are gone.
 
-A router that is stopped, or on a machine that is, keeps its connections; all that shows is that nothing comes any more.
-So the world asks it something that it answers by itself. While it owes the answer, silence says nothing about robots.
+A stopped router, or one on a stopped machine, keeps its connections, but forwards nothing. So the world asks it a
+question that it answers by itself. As long as the answer is due, silence says nothing about robots.
 """
 
 from __future__ import annotations

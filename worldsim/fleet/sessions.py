@@ -1,14 +1,14 @@
 """The world's sessions with the robots' processes: which process speaks for which robot, and which are gone.
 
-Which process gets a robot's seat and which messages count stands in `patrol.net.session`. `Sessions` waits for
-messages, tells them to the world's end of that robot's session and carries out the effects.
+`patrol.net.session` holds the rules for seats and messages. `Sessions` waits for messages, hands them to the world's
+end of that robot's session and carries out the effects.
 
 A robot's liveliness token goes when its process ends, when its connection does, and with all others when the router
 does. So a token that has gone is only a reason to look closer, and counts only while the router answers, and after an
 outage only once clients have had time to reconnect. Where a launcher has started the processes, it says which have
 ended.
 
-Time is what `now` says, and messages come from a mailbox, so that all of this can be tested without a network.
+The clock and the mailbox are passed in, so that all of this can be tested without a network.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The summary of a fleet with direct radio: frames as robots count them, for no ether knows their fates."""
+"""The summary of a fleet with direct radio: the frames that robots have counted, since no ether decides fates."""
 
 from __future__ import annotations
 

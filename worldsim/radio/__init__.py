@@ -1,1 +1,1 @@
-"""The simulated radio: what reaches whom, and what faults do to it."""
+"""The simulated radio: the frames that reach each robot, and the effects of faults on them."""

@@ -1,4 +1,4 @@
-"""Forged positions: what a stranger, or a robot of the fleet, sends in others' names.
+"""Forged positions: frames that a stranger, or a robot of the fleet, sends in others' names.
 
 A stranger has no key; where the fleet uses one, its tags are wrong, but for frames that it only repeats. All robots
 whose radios receive hear it. A robot that forges has the key and its own radio, with all faults that act on it, and

@@ -1,1 +1,1 @@
-"""The verdict's checks of frames: what was sent, what became of it, and what receivers made of it."""
+"""The verdict's checks of frames: as they are sent, carried and taken in by receivers."""

@@ -1,4 +1,4 @@
-"""The verdict's check of direct radio: what robots report of the frames that they sent and heard."""
+"""The verdict's check of direct radio: the counts that robots report of frames sent and heard."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The verdict's checks of what robots made of what they heard: which frames they refused, forged ones above all."""
+"""The verdict's checks of robots' hearing: the frames that they refused, forged ones above all."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The verdict's checks of what was sent: that frames agree with the truth, and that each of them is accounted for."""
+"""The verdict's checks of sent frames: they agree with the truth, and each of them is accounted for."""
 
 from __future__ import annotations
 

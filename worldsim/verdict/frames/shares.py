@@ -168,10 +168,9 @@ class LossesAsAsked(FrameFaultCheck):
 class DelaysAsAsked(FrameFaultCheck):
     """Frames are copied, held back and delayed as often as the faults say, as far as chance allows (`chance.py`).
 
-    Only what can be told is counted: reorders whose `hold` alone makes a frame late; and for random delays, of frames
-    that nothing else delays or copies, how many are still in flight after about the median. Such a frame counts when
-    that time is over, whether or not it arrived sooner: else the last ticks would add those that arrived early, and not
-    those that did not.
+    Counted are reorders whose `hold` alone makes a frame late, and for random delays, of frames that nothing else
+    delays or copies, how many are still in flight after about the median. Such a frame counts when that time is over,
+    also if it arrived sooner: else the last ticks would add early frames, and no late ones.
     """
 
     name = "delays and copies"

@@ -32,8 +32,8 @@ Span = tuple[float, float]
 class OnTime(FrameFaultCheck):
     """Each frame arrives when the faults of its tick let it; in its own tick, and once, where none acts on it.
 
-    What the journal says delayed it must be able to: delays within their bounds, and every reorder that it names by its
-    `hold`. Each copy that it names takes as long as the frame and its own delay more.
+    A fault that delayed it by the journal must be able to: a delay within its bounds, a reorder by its `hold`. A copy
+    takes as long as the frame, and its own delay more.
     """
 
     name = "on time"
