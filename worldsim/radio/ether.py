@@ -16,10 +16,10 @@ from patrol.journal.records import Status
 from patrol.radio.fleet_key import fleet_key
 from patrol.radio.heard import Heard
 from patrol.scenario.faults.kinds import Spoof
-from worldsim.radio.fates import Fates, Sent
-from worldsim.radio.forging import MEMORY, Forged, Forger
+from worldsim.radio.fates import STRANGER, Fates, Forged, Sent
+from worldsim.radio.forging import MEMORY, Forger
 from worldsim.radio.models.port import OnAir, cause_of
-from worldsim.radio.rules import NOBODY, RadioRules, arrival
+from worldsim.radio.rules import RadioRules, arrival
 
 if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain
@@ -282,7 +282,7 @@ def ether_of(
     spoofs = [entry for entry in timeline.entries if isinstance(entry.fault, Spoof)]
     forger = None
     if spoofs or operated:
-        insiders = any(entry.sources[0] != NOBODY for entry in spoofs)
+        insiders = any(entry.sources[0] != STRANGER for entry in spoofs)
         key = fleet_key(scenario.radio.key) if insiders else None
         forger = Forger(scenario, timeline, terrain, senses, key, MEMORY if operated else 0)
     return Ether(scenario.step, RadioRules(scenario, timeline, terrain), forger, model, model_cause)

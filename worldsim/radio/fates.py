@@ -1,10 +1,9 @@
-"""The frames of one tick, and their fates on the way to each receiver."""
+"""The frames of one tick, genuine and forged, and their fates on the way to each receiver."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +11,23 @@ from numpy.typing import NDArray
 from patrol.journal.records import FORGED, frame_sequence
 from patrol.radio.message import MAX_FRAME
 
-if TYPE_CHECKING:
-    from worldsim.radio.forging import Forged
+STRANGER = 0
+"""The origin of a stranger's frames: no robot's radio, so no robot's links."""
+
+
+@dataclass(frozen=True, slots=True)
+class Forged:
+    """A forged frame.
+
+    Attributes:
+        origin: Number of the robot whose radio sends it, or `STRANGER`.
+        fault: Id of the spoof.
+        frame: The frame.
+    """
+
+    origin: int
+    fault: str
+    frame: bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +36,7 @@ class Sent:
 
     Attributes:
         frames: Their bytes.
-        origin: int64 (f,), the robot from whose radio each comes, not the sender that it claims; 0 for a stranger's.
+        origin: int64 (f,), the robot from whose radio each comes, not the sender that it claims; or `STRANGER`.
         source: int64 (f,), the sender of each in the journal; `patrol.journal.records.FORGED` for a forged one.
         sequence: int64 (f,), the sequence of each in the journal.
         oversized: bool (f,), frames that are too long for the radio.

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
@@ -20,7 +19,7 @@ from patrol.radio.fleet_key import fleet_key
 from patrol.radio.message import MAX_ROBOT, Position, encode
 from patrol.random import Purpose, draw, mix
 from patrol.scenario.faults.kinds import Forgery, Spoof
-from worldsim.radio.rules import NOBODY
+from worldsim.radio.fates import STRANGER, Forged
 
 if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain
@@ -32,21 +31,6 @@ _WRONG_KEY = -1
 
 MEMORY = 600
 """Ticks whose frames are kept where an operator may ask for a replay."""
-
-
-@dataclass(frozen=True, slots=True)
-class Forged:
-    """A forged frame.
-
-    Attributes:
-        origin: Number of the robot whose radio sends it, `NOBODY` for a stranger.
-        fault: Id of the spoof.
-        frame: The frame.
-    """
-
-    origin: int
-    fault: str
-    frame: bytes
 
 
 class Forger:
@@ -102,7 +86,7 @@ class Forger:
         if any(self._age(entry) > self._depth for entry in spoofs):
             kept_s = self._depth * self._step
             raise BadInput(f"control: fault.payload.replay: at most {kept_s:g} s are kept; choose a smaller number")
-        if self._key is None and any(entry.sources[0] != NOBODY for entry in spoofs):
+        if self._key is None and any(entry.sources[0] != STRANGER for entry in spoofs):
             self._key = fleet_key(self._scenario.radio.key)
         self.timeline = timeline
 
@@ -129,7 +113,7 @@ class Forger:
             if not isinstance(entry.fault, Spoof):
                 continue
             origin = entry.sources[0]
-            if origin == NOBODY or statuses[origin] is Status.ALIVE:
+            if origin == STRANGER or statuses[origin] is Status.ALIVE:
                 forged += (
                     Forged(origin, entry.id, frame) for frame in self._frames(entry, entry.fault, k, poses, unknown)
                 )
@@ -182,7 +166,7 @@ class Forger:
         return Pose(x_min + across * (x_max - x_min), y_min + up * (y_max - y_min), 0.0)
 
     def _sign(self, entry: Entry, position: Position) -> bytes:
-        if entry.sources[0] != NOBODY:
+        if entry.sources[0] != STRANGER:
             return encode(position, self._key)
         if not self._tags:
             return encode(position)

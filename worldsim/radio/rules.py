@@ -38,6 +38,7 @@ from patrol.scenario.faults.kinds import (
 )
 from worldsim.kernels.draws import below
 from worldsim.kernels.walls import walls_on_line
+from worldsim.radio.fates import STRANGER
 
 if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain
@@ -50,9 +51,6 @@ LEAST_BUCKET = 64.0
 
 BEAM = 1e-6
 """Radius (m) of a line of sight, so that none passes along the crack between two points of a wall."""
-
-NOBODY = 0
-"""The origin of a stranger's frames: no robot's radio, so no robot's links."""
 
 DROPS: tuple[type[Fault], ...] = (Silence, Partition, Range, Bandwidth, Loss)
 """The kinds of faults that drop frames, in the order in which they apply."""
@@ -155,7 +153,7 @@ class Bucket:
 class RadioRules:
     """The radio faults of a timeline. Call `begin` for each tick in turn, then ask about its frames in their order.
 
-    A frame's origin is the robot from whose radio it comes (`NOBODY` for a stranger), not the sender that it claims.
+    A frame's origin is the robot from whose radio it comes, or `STRANGER`, not the sender that it claims.
 
     Attributes:
         timeline: The faults.
@@ -351,7 +349,7 @@ def _cut(entry: Entry, fault: Partition, origins: NDArray[np.int64], receivers: 
     there = np.array([_group(entry.groups, number) for number in receivers.tolist()])
     hit = np.zeros((origins.size, receivers.size), dtype=np.bool_)
     for frame, origin in enumerate(origins.tolist()):
-        if origin != NOBODY:
+        if origin != STRANGER:
             here = _group(entry.groups, origin)
             hit[frame] = here < there if fault.direction == "one-way" else here != there
     return hit
@@ -375,7 +373,7 @@ def receivers(entry: Entry, origin: int, here: frozenset[int]) -> frozenset[int]
 
     Args:
         entry: The fault.
-        origin: Number of the robot whose radio sends, `NOBODY` for a stranger.
+        origin: Number of the robot whose radio sends, or `STRANGER`.
         here: Numbers of the robots that are there.
 
     Returns:

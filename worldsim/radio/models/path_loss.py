@@ -32,8 +32,9 @@ from numpy.typing import NDArray
 from patrol.random import Purpose, draw, mix
 from worldsim.kernels.draws import below, normals
 from worldsim.kernels.walls import walls_between
+from worldsim.radio.fates import STRANGER
 from worldsim.radio.models.port import ModelSetup, OnAir
-from worldsim.radio.rules import BEAM, NOBODY
+from worldsim.radio.rules import BEAM
 
 _MOST = 700.0
 """Beyond it exp overflows."""
@@ -85,11 +86,11 @@ class PathLoss:
 
     def lost(self, air: OnAir) -> NDArray[np.bool_]:
         """Say which frames are not received; see the top of this file."""
-        of_robot = air.origin != NOBODY
+        of_robot = air.origin != STRANGER
         if not of_robot.any():
             return np.zeros(air.on_the_way.shape, dtype=np.bool_)
         options = self.options
-        numbers = sorted({*air.receivers.tolist(), *air.origin.tolist()} - {NOBODY})
+        numbers = sorted({*air.receivers.tolist(), *air.origin.tolist()} - {STRANGER})
         levels = self._levels(air, numbers)
         senders = np.searchsorted(numbers, np.where(of_robot, air.origin, numbers[0]))
         received = levels[senders[:, None], np.searchsorted(numbers, air.receivers)[None, :]]

@@ -16,7 +16,7 @@ from patrol.radio.fleet_key import fleet_key
 from patrol.radio.heard import heard_by
 from patrol.radio.message import CONTACT, Position
 from patrol.scenario.faults.kinds import PROCESS_KINDS, Forgery, Spoof
-from worldsim.radio.rules import NOBODY
+from worldsim.radio.fates import STRANGER
 from worldsim.verdict.common.check import Check, CheckResult
 from worldsim.verdict.common.robots_there import RobotsThere
 from worldsim.verdict.frames.recomputed import FatesAsRecomputed
@@ -283,7 +283,7 @@ class ForgedAsConfigured(Check):
             why = "in the name of a robot that does not exist"
         elif position.sequence > k:
             why = "of a tick that was still to come"
-        elif self._keyed and entry.sources[0] == NOBODY and not repeated:
+        elif self._keyed and entry.sources[0] == STRANGER and not repeated:
             why = "without the fleet's key"
         elif accepted.again:
             why = "a second time"

@@ -15,7 +15,8 @@ from patrol.journal import Status, trace_hash
 from patrol.pose import Pose
 from patrol.radio.message import Position, decode, encode
 from tests.worldsim.verdict.judged import Result, failures, runs
-from worldsim.radio.forging import Forged, Forger
+from worldsim.radio.fates import Forged
+from worldsim.radio.forging import Forger
 from worldsim.verdict.judge import judge
 
 if TYPE_CHECKING:
