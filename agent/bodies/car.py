@@ -24,28 +24,19 @@ from typing import TYPE_CHECKING
 from agent.bodies.giveway import nearest
 from agent.bodies.manoeuvre import Manoeuvres
 from agent.bodies.setup import CLEAR_SHARE, BodyBase, BodySetup, way_of
-from agent.bodies.steering import EASIER, Footing
+from agent.bodies.steering import EASIER, CarSteering, Footing
 from agent.ports import Bearing, Choice, Goal, Intent, Place, State
-from patrol.ground.swept_path import advance, path_is_free
+from patrol.ground.swept_path import advance
 from patrol.pose import TAU, Drive, wrap
 from patrol.random import Purpose
 
 if TYPE_CHECKING:
     from agent.view import View
-    from patrol.ground.terrain import Terrain
     from patrol.pose import Pose
     from patrol.radio.peers import Peer
-    from patrol.scenario import RobotSpec
 
 OFTEN = 4
 """Number of bumps in a row from which on a car does not search for a manoeuvre but gets itself unstuck."""
-
-PARKING_TURNS = (0.0, 0.5, -0.5, 1.0, -1.0)
-PARKING_SPEEDS = (1.0, -1.0, 0.5, -0.5, 0.25, -0.25, 0.125, -0.125)
-"""Shares of the tightest turn and of the full speed that a car tries while it parks."""
-
-WORTH_IT = 0.05
-"""A car that parks stays where it is unless a step brings it nearer to its place by more than this, m."""
 
 ORIENTED = math.pi / 8
 """Largest deviation from the desired heading that counts as oriented, rad: half of one of eight sectors."""
@@ -127,69 +118,6 @@ NEXT: Mapping[Mode, Mapping[Event, Mode]] = {
     }.items()
 }  # fmt: skip
 """The mode after each event, by the mode before it."""
-
-
-class CarSteering:
-    """Steering of a robot that drives arcs of at least its turning radius.
-
-    It drives forward and turns its wheels so that it faces the desired direction as soon as possible (paper,
-    "nonholonomic robots").
-
-    Attributes:
-        stride: Longest way in one step, m.
-    """
-
-    def __init__(self, spec: RobotSpec, terrain: Terrain, step: float) -> None:
-        self._spec = spec
-        self._terrain = terrain
-        self._step = step
-        self.stride = spec.speed * step
-
-    def towards(self, pose: Pose, target: tuple[float, float]) -> Drive:
-        """Forward at full speed, turning towards a target as tightly as needed and possible.
-
-        Args:
-            pose: The robot's own.
-            target: x and y in m.
-        """
-        bearing = math.atan2(target[1] - pose.y, target[0] - pose.x)
-        return self.turning(pose, bearing, self._spec.speed)
-
-    def turning(self, pose: Pose, heading: float, speed: float) -> Drive:
-        """Drive and turn until the robot faces a heading.
-
-        Args:
-            pose: The robot's own.
-            heading: The desired heading, rad.
-            speed: m/s; negative for reverse.
-        """
-        tightest = 1.0 / self._spec.turning_radius
-        curvature = wrap(heading - pose.heading) / (speed * self._step)
-        return Drive(speed, max(-tightest, min(tightest, curvature)))
-
-    def park(self, pose: Pose, place: tuple[float, float]) -> Drive:
-        """Return the step, forward or in reverse, that ends nearest to a place.
-
-        Args:
-            pose: The robot's own.
-            place: x and y in m.
-
-        Returns:
-            Zero speed where no step brings the car nearer.
-        """
-        best, least = Drive(0.0, 0.0), math.dist((pose.x, pose.y), place) - WORTH_IT
-        for speed in PARKING_SPEEDS:
-            for turn in PARKING_TURNS:
-                drive = Drive(speed * self._spec.speed, turn / self._spec.turning_radius)
-                end = advance(pose, drive, self._step)
-                left = math.dist((end.x, end.y), place)
-                if left < least and self.is_free(pose, drive):
-                    best, least = drive, left
-        return best
-
-    def is_free(self, pose: Pose, drive: Drive) -> bool:
-        """Return True if the next step of ``drive`` touches no wall."""
-        return path_is_free(self._terrain, pose, drive, self._step, self._spec.radius)
 
 
 class Unstuck:

@@ -21,7 +21,7 @@ from patrol.ground.swept_path import advance
 from patrol.pose import Drive
 
 if TYPE_CHECKING:
-    from agent.bodies.car import CarSteering
+    from agent.bodies.steering import CarSteering
     from agent.routes.ground import Ground, Spot
     from agent.view import View
     from patrol.ground.terrain import Terrain

@@ -1,4 +1,4 @@
-"""Straight steps towards a goal, and where a step may end.
+"""Steps towards a goal, straight or along an arc, and the places where a step may end.
 
 A mind predicts one step of its own motion against the walls it knows, with the same swept-motion code by which the
 world moves bodies. It never knowingly bumps into a wall.
@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 
 from agent.routes.ground import Ground
-from patrol.ground.swept_path import free_fraction, line_is_free
+from patrol.ground.swept_path import advance, free_fraction, line_is_free, path_is_free
 from patrol.ground.terrain import Terrain
-from patrol.pose import Pose, Velocity
+from patrol.pose import Drive, Pose, Velocity, wrap
 from patrol.scenario import RobotSpec
 
 EASIER = (1.0, 0.5, 0.25, 0.125)
@@ -19,6 +19,13 @@ EASIER = (1.0, 0.5, 0.25, 0.125)
 
 TOUCH = 1e-6
 """Gap left between a body and the wall at which it stops, m."""
+
+PARKING_TURNS = (0.0, 0.5, -0.5, 1.0, -1.0)
+PARKING_SPEEDS = (1.0, -1.0, 0.5, -0.5, 0.25, -0.25, 0.125, -0.125)
+"""Shares of the tightest turn and of the full speed that a car tries while it parks."""
+
+WORTH_IT = 0.05
+"""A car that parks stays where it is unless a step brings it nearer to its place by more than this, m."""
 
 
 class Footing:
@@ -122,3 +129,66 @@ class HolonomicSteering:
         """
         target = (pose.x + self.stride * math.cos(bearing), pose.y + self.stride * math.sin(bearing))
         return self.towards(pose, target)
+
+
+class CarSteering:
+    """Steering of a robot that drives arcs of at least its turning radius.
+
+    It drives forward and turns its wheels so that it faces the desired direction as soon as possible (paper,
+    "nonholonomic robots").
+
+    Attributes:
+        stride: Longest way in one step, m.
+    """
+
+    def __init__(self, spec: RobotSpec, terrain: Terrain, step: float) -> None:
+        self._spec = spec
+        self._terrain = terrain
+        self._step = step
+        self.stride = spec.speed * step
+
+    def towards(self, pose: Pose, target: tuple[float, float]) -> Drive:
+        """Drive forward at full speed, turning towards a target as tightly as needed and possible.
+
+        Args:
+            pose: The robot's own.
+            target: x and y in m.
+        """
+        bearing = math.atan2(target[1] - pose.y, target[0] - pose.x)
+        return self.turning(pose, bearing, self._spec.speed)
+
+    def turning(self, pose: Pose, heading: float, speed: float) -> Drive:
+        """Drive and turn until the robot faces a heading.
+
+        Args:
+            pose: The robot's own.
+            heading: The desired heading, rad.
+            speed: m/s; negative for reverse.
+        """
+        tightest = 1.0 / self._spec.turning_radius
+        curvature = wrap(heading - pose.heading) / (speed * self._step)
+        return Drive(speed, max(-tightest, min(tightest, curvature)))
+
+    def park(self, pose: Pose, place: tuple[float, float]) -> Drive:
+        """Return the step, forward or in reverse, that ends nearest to a place.
+
+        Args:
+            pose: The robot's own.
+            place: x and y in m.
+
+        Returns:
+            Zero speed where no step brings the car nearer.
+        """
+        best, least = Drive(0.0, 0.0), math.dist((pose.x, pose.y), place) - WORTH_IT
+        for speed in PARKING_SPEEDS:
+            for turn in PARKING_TURNS:
+                drive = Drive(speed * self._spec.speed, turn / self._spec.turning_radius)
+                end = advance(pose, drive, self._step)
+                left = math.dist((end.x, end.y), place)
+                if left < least and self.is_free(pose, drive):
+                    best, least = drive, left
+        return best
+
+    def is_free(self, pose: Pose, drive: Drive) -> bool:
+        """Return True if the next step of ``drive`` touches no wall."""
+        return path_is_free(self._terrain, pose, drive, self._step, self._spec.radius)

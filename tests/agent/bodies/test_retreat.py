@@ -6,7 +6,8 @@ import math
 
 import pytest
 
-from agent.bodies.car import PATIENCE, STUBBORN, CarSteering, Retreat
+from agent.bodies.car import PATIENCE, STUBBORN, Retreat
+from agent.bodies.steering import CarSteering
 from agent.ports import Place
 from patrol.ground.terrain import Terrain
 from patrol.pose import Drive, Pose

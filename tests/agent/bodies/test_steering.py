@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agent.bodies.car import AT_A_LOSS, HOPELESS_S, NEXT, ORIENTED, YIELDS, CarSteering, Event, Mode, Unstuck
-from agent.bodies.steering import HolonomicSteering
+from agent.bodies.car import AT_A_LOSS, HOPELESS_S, NEXT, ORIENTED, YIELDS, Event, Mode, Unstuck
+from agent.bodies.steering import CarSteering, HolonomicSteering
 from patrol.ground.swept_path import advance
 from patrol.ground.terrain import Terrain
 from patrol.pose import Drive, Pose, wrap
