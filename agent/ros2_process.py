@@ -97,25 +97,25 @@ def _run(process: ProcessContext) -> int:
     settings = drive_settings(options)
     stop_files = StopFiles(state_folder(options.state, os.environ), robot_role(name).robot)
     overrides = parse_overrides(options.set)
-    given = None if options.scenario is None else load_scenario(options.scenario, overrides)
-    _check_map(options, name, given, overrides)
-    for spec in () if given is None else given.roster:
+    scenario = None if options.scenario is None else load_scenario(options.scenario, overrides)
+    _check_map(options, name, scenario, overrides)
+    for spec in () if scenario is None else scenario.roster:
         if spec.name == name:
             settings = settings.of_body(spec.model, spec.limits)
     link = _link(process)
     process.closing.callback(link.close)
-    factor = 1.0 if given is None or given.factor is None else given.factor
+    factor = 1.0 if scenario is None or scenario.factor is None else scenario.factor
     hardware = Hardware(link, settings, factor, say, stop_files)
     pose = _found(hardware, link, process)
     say(f"is at ({pose.x:.2f}, {pose.y:.2f}), heading {pose.heading:.2f}")
-    has_map = given is not None or options.map is not None
-    if given is None:
+    has_map = scenario is not None or options.map is not None
+    if scenario is None:
         folder = Path(process.closing.enter_context(tempfile.TemporaryDirectory(prefix="fogwatch-")))
         map_file = options.map or _robots_map(link, settings, folder, process)
-        given = _scenario(options, name, map_file, pose, overrides)
+        scenario = _scenario(options, name, map_file, pose, overrides)
     if options.write_scenario is not None:
-        _write(given, options.write_scenario)
-    return _patrol(process, given, hardware, has_map)
+        _write(scenario, options.write_scenario)
+    return _patrol(process, scenario, hardware, has_map)
 
 
 def _patrol(process: ProcessContext, scenario: Scenario, hardware: Hardware, shows_map: bool) -> int:
@@ -161,15 +161,15 @@ def _alone(hardware: Hardware, process: ProcessContext) -> Rivals:
     return rivals.watch()
 
 
-def _check_map(options: argparse.Namespace, name: str, given: Scenario | None, overrides: dict[str, object]) -> None:
+def _check_map(options: argparse.Namespace, name: str, scenario: Scenario | None, overrides: dict[str, object]) -> None:
     """Say what is wrong with the map, if it is given, before anything waits for the robot."""
     from patrol.ground.maps import load_terrain
     from patrol.pose import Pose
 
-    if given is None and options.map is not None:
-        given = _scenario(options, name, options.map, Pose(0.0, 0.0, 0.0), overrides)
-    if given is not None:
-        load_terrain(given.terrain, given.point, Path())
+    if scenario is None and options.map is not None:
+        scenario = _scenario(options, name, options.map, Pose(0.0, 0.0, 0.0), overrides)
+    if scenario is not None:
+        load_terrain(scenario.terrain, scenario.point, Path())
 
 
 def _link(process: ProcessContext) -> ZenohRos2Link:
@@ -211,14 +211,14 @@ def _found(hardware: Hardware, link: ZenohRos2Link, process: ProcessContext) -> 
     from patrol.ros2.formats import other_format
 
     wait_s = process.options.wait
-    began = said = time.monotonic()
+    began = reported_at = time.monotonic()
     while not process.ending.wait(_LOOK_S):
         if (fix := hardware.fix()) is not None:
             return fix.pose
         now = time.monotonic()
-        if now - said < SAY_S and now - began < wait_s:
+        if now - reported_at < SAY_S and now - began < wait_s:
             continue
-        said = now
+        reported_at = now
         other = other_format(link.format, lambda graph: link.tokens(graph, GRAPH_S))
         if now - began >= wait_s:
             remedy = f"the nodes on this router speak {other}" if other else "fogwatch doctor says more"

@@ -334,11 +334,11 @@ class Beliefs:
             return
         intake = self.inboxes.hear(tick, heard)
         minds = {number: self._minds[number] for number in heard}
-        if any(said is not None and said.robot == CONTACT for said in intake.said):
+        if any(position is not None and position.robot == CONTACT for position in intake.said):
             for number, mind in minds.items():
-                for said in intake.positions(number):
-                    if said.robot == CONTACT:
-                        mind.contacts.report(said, tick)
+                for position in intake.positions(number):
+                    if position.robot == CONTACT:
+                        mind.contacts.report(position, tick)
         if self._footprint.leaves_age:
             for number, mind in minds.items():
                 mind.shared.see([(tick, own[number]), *intake.looks(number)], tick)

@@ -27,7 +27,7 @@ class Contacts:
             tick: When it was seen.
         """
         place = contact.pose.x, contact.pose.y
-        self._seen = {other: at for other, at in self._seen.items() if at == tick or math.dist(other, place) >= SAME}
+        self._seen = {other: k for other, k in self._seen.items() if k == tick or math.dist(other, place) >= SAME}
         if all(math.dist(other, place) >= SAME for other in self._seen):
             self._seen[place] = tick
 
@@ -43,5 +43,5 @@ class Contacts:
         """
         if not self._seen:
             return []
-        self._seen = {place: at for place, at in self._seen.items() if tick - at <= memory}
+        self._seen = {place: k for place, k in self._seen.items() if tick - k <= memory}
         return sorted(self._seen)

@@ -128,8 +128,8 @@ class LockstepFleet:
                 waited_s = 0.0
                 continue
             waiting = [number for number in sent if number not in answers]
-            gone = dict.fromkeys(sessions.gone(waiting), f"its process was gone in phase {phase} of tick {k}")
-            lost = gone | sessions.failed(waiting)
+            ended = dict.fromkeys(sessions.gone(waiting), f"its process was gone in phase {phase} of tick {k}")
+            lost = ended | sessions.failed(waiting)
             if waited_s >= deadline_s:
                 lost = dict.fromkeys(waiting, f"no answer in phase {phase} of tick {k} for {deadline_s:g} s") | lost
             for number, reason in lost.items():

@@ -123,8 +123,8 @@ class PacedFleet:
         """Return the robots whose process is gone or whose mind has failed.
 
         One that is only slow or paused is not lost: its watchdog has stopped it. Nor is one that was cut off and comes
-        back (`Sessions.gone`). While the router does not answer, the ticks go on, every
-        robot misses its deadlines, and none is lost.
+        back (`Sessions.gone`). While the router does not answer, the ticks go on, every robot misses its deadlines, and
+        none is lost.
         """
         if self._router is not None:
             self._router.answers()

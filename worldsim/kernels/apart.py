@@ -37,8 +37,8 @@ def first_overlap(places, radii, slack):
             j = order[other]
             if places[j, 0] - places[i, 0] >= radii[i] + widest:
                 break
-            apart = math.hypot(places[j, 0] - places[i, 0], places[j, 1] - places[i, 1])
-            if apart < radii[i] + radii[j] - slack:
+            distance = math.hypot(places[j, 0] - places[i, 0], places[j, 1] - places[i, 1])
+            if distance < radii[i] + radii[j] - slack:
                 low, high = min(i, j), max(i, j)
                 if low < first or (low == first and high < second):
                     first, second = low, high

@@ -33,7 +33,7 @@ def near_others(discs):
             j = order[other]
             if discs[j, 0] - discs[i, 0] > discs[i, 2] + widest:
                 break
-            apart = math.hypot(discs[j, 0] - discs[i, 0], discs[j, 1] - discs[i, 1])
-            if apart <= discs[i, 2] + discs[j, 2]:
+            distance = math.hypot(discs[j, 0] - discs[i, 0], discs[j, 1] - discs[i, 1])
+            if distance <= discs[i, 2] + discs[j, 2]:
                 near[i] = near[j] = True
     return near

@@ -219,13 +219,13 @@ def note_freshest(ground, dilated, freshest, boxes):
     for box in range(boxes.shape[0]):
         for up in range(boxes[box, 0] // SIDE, boxes[box, 1] // SIDE + 1):
             for across in range(boxes[box, 2] // SIDE, boxes[box, 3] // SIDE + 1):
-                most = -1
+                greatest_tick = -1
                 left, right = across * SIDE, min((across + 1) * SIDE, width)
                 for row in range(up * SIDE, min((up + 1) * SIDE, height)):
                     kind, when = ground[row, left:right], dilated[row, left:right]
                     for col in range(when.size):
-                        most = max(most, when[col] if kind[col] != 0 else -1)
-                freshest[up, across] = most
+                        greatest_tick = max(greatest_tick, when[col] if kind[col] != 0 else -1)
+                freshest[up, across] = greatest_tick
 
 
 # fmt: on

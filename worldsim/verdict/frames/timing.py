@@ -109,26 +109,27 @@ class OnTime(FrameFaultCheck):
         for link in (*delayed, *copied):
             self._wrong(link, "was copied or delayed, but was not in flight")
 
-    def _takes(self, link: Link, on: dict[str, Entry], held: Sequence[str]) -> Span:
-        """Return the longest time (s) of a frame that, by the journal, was delayed by these faults, or by none."""
-        least = most = 0.0
+    def _takes(self, link: Link, on: dict[str, Entry], delayers: Sequence[str]) -> Span:
+        """Return the least and the longest time (s) of a frame that, by the journal, these faults delayed, or none."""
+        least = greatest = 0.0
         for fault, entry in on.items():
             if isinstance(entry.fault, Delay):
                 shortest, longest = bounds(entry.fault.delay)
-                least, most = least + shortest, most + longest
+                least, greatest = least + shortest, greatest + longest
             elif isinstance(entry.fault, Reorder):
                 hold = self._step if entry.fault.hold is None else entry.fault.hold
                 # The journal does not name the reorders of a frame that arrived in its own tick.
-                least, most = least + hold * (fault in held), most + hold * (fault in held or not held)
-        for fault in held:
+                least += hold * (fault in delayers)
+                greatest += hold * (fault in delayers or not delayers)
+        for fault in delayers:
             if fault not in on or isinstance(on[fault].fault, Duplicate):
                 self._wrong(link, f"was delayed by {fault}, which does not delay it")
-        if held and self._heard_in(0, most) < 1:
+        if delayers and self._heard_in(0, greatest) < 1:
             self._wrong(link, "was recorded as delayed, but by too little to arrive in a later tick")
-        if not held and self._heard_in(0, least) > 0:
+        if not delayers and self._heard_in(0, least) > 0:
             self._wrong(link, "was not delayed and should have been")
-        soon = SOON * self._step
-        return (max(least, soon), most) if held else (least, min(most, soon))
+        at_once_s = SOON * self._step
+        return (max(least, at_once_s), greatest) if delayers else (least, min(greatest, at_once_s))
 
     def _heard_in(self, k: int, seconds: float) -> float:
         """Return the tick in which a frame is heard that was sent in tick k and takes a time in seconds."""
