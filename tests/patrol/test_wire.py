@@ -328,7 +328,7 @@ def test_many_wrong_entries_of_a_map_make_one_error(read: Callable[[bytes], obje
         read(wrong)
     most = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert most < 12_000_000
+    assert most < 25_000_000  # an error for each entry takes 36 MB and more
 
 
 def test_a_scenario_that_is_nested_too_deeply_is_refused() -> None:
