@@ -342,7 +342,7 @@ def test_closing_it_does_not_wait_for_one_that_stands_still(office: Office, monk
         asking.set()
         return ask_for_fork(*of)
 
-    monkeypatch.setattr("fogwatch.launch.fork_server.ask_for_fork", ask)
+    monkeypatch.setattr("fogwatch.launch.children.fork_server.ask_for_fork", ask)
     made: list[object] = []
     command = office.command(office.folder)
     asks = threading.Thread(target=lambda: made.append(office.server.make(command, {}, office.folder / "r2.log")))
