@@ -1,4 +1,4 @@
-"""What a router spends on a delivery: robots' positions, each to all others, as robots with a direct radio send them.
+"""The cost of a delivery for a router: robots' positions, each to all others, as robots with a direct radio send them.
 
 A router without access rules is joined by members that do nothing but send and hear. In each round every member sends
 one frame, and the next round begins when all have heard all others: ticks without the robots.

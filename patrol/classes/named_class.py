@@ -184,6 +184,16 @@ def absent_class(named: NamedClass, name: str, classes: list[str]) -> BadInput:
     return BadInput(f"{named.field}: has no {name}; {_offer(name, classes)}")
 
 
+def raised(where: str, error: BaseException) -> BadInput:
+    """Return the error for code of a class that raises.
+
+    Args:
+        where: The class as the scenario names it, with the field.
+        error: What it raised.
+    """
+    return BadInput(f"{where}: raises {type(error).__name__}: {error}; correct it")
+
+
 def _load(named: NamedClass) -> Any:
     """Import whatever the name stands for, of any type."""
     module_name, colon, name = named.sort.built_in.get(named.name, named.name).rpartition(":")
@@ -197,7 +207,7 @@ def _load(named: NamedClass) -> Any:
     except ModuleNotFoundError as error:
         raise absent_module(named, str(error)) from None
     except (Exception, SystemExit) as error:
-        raise BadInput(f"{named.field}: raises {type(error).__name__}: {error}; correct it") from error
+        raise raised(named.field, error) from error
     if not hasattr(module, name):
         method = named.sort.method
         classes = [key for key, value in vars(module).items() if inspect.isclass(value) and hasattr(value, method)]
@@ -210,7 +220,7 @@ def _load_entry_point(named: NamedClass) -> Any:
     try:
         return point.load()
     except (Exception, SystemExit) as error:
-        raise BadInput(f"{named.field} ({point.value}): raises {type(error).__name__}: {error}; correct it") from error
+        raise raised(f"{named.field} ({point.value})", error) from error
 
 
 def _module_of(path: Path, named: NamedClass) -> Any:

@@ -13,8 +13,15 @@ from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 
 from patrol.classes.class_file import class_file, class_source
-from patrol.classes.named_class import NamedClass, absent_class, absent_module, check_digest, entry_point_of, no_class
-from patrol.errors import BadInput
+from patrol.classes.named_class import (
+    NamedClass,
+    absent_class,
+    absent_module,
+    check_digest,
+    entry_point_of,
+    no_class,
+    raised,
+)
 from patrol.files.untrusted import KIB
 
 LONGEST = 256 * KIB
@@ -80,7 +87,7 @@ def _check_class(source: bytes, name: str, named: NamedClass) -> None:
     try:
         module = ast.parse(source)
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        raise BadInput(f"{named.field}: raises {type(error).__name__}: {error}; correct it") from None
+        raise raised(named.field, error) from None
     method = named.sort.method
     bound: dict[str, ast.stmt] = {}
     for statement in _statements(module.body):

@@ -60,7 +60,7 @@ class Objection(Protocol):
 
     @property
     def why(self) -> str:
-        """Why it must stand, and what ends that, in one line; empty if it need not."""
+        """The reason why the robot must stand, and what ends that, in one line; empty if it need not."""
         ...
 
     def release(self) -> None:

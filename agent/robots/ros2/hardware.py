@@ -111,7 +111,7 @@ class Hardware:
 
     @property
     def why(self) -> str:
-        """Why nobody knows where the robot is, in one line; empty if somebody does."""
+        """The reason why the robot's pose is unknown, in one line; empty if it is known."""
         if self.time.now() is None:
             return f"no time on {self.settings.topic('clock')}; leave --use-sim-time out, or start the simulation"
         refused = [*self._odometry.said.values(), *self._tf.said.values(), *self._poses.said.values()]

@@ -1,4 +1,4 @@
-"""How colcon installs the package: its launch file, its entry in ament's index, and nothing else."""
+"""The package as colcon installs it: its launch file, its entry in ament's index, and nothing else."""
 
 from setuptools import setup
 

@@ -203,7 +203,7 @@ def _cases_table(rows: list[CaseRow], names: Mapping[str, str], between: str) ->
 
 
 def _fits(table: Table, console: Console) -> bool:
-    """Whether no cell of a table has to be wrapped or cut."""
+    """Return True if no cell of a table has to be wrapped or cut."""
     return Measurement.get(console, console.options.update(width=UNLIMITED), table).maximum <= console.width
 
 

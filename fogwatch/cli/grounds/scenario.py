@@ -86,7 +86,7 @@ def check(what: What, settings: Settings = None) -> None:
 
 
 def _starts(robots: int, given: int) -> str:
-    """How many robots there are, and how many of them start at a given place."""
+    """Describe the number of robots, and how many of them start at a given place."""
     count = "1 robot" if robots == 1 else f"{robots} robots"
     if given == 0:
         return f"{count}, placed at random"

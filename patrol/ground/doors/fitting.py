@@ -1,4 +1,4 @@
-"""Why a body does not fit on a terrain, and what would help: other settings of the map, a smaller point or radius."""
+"""The reason why a body does not fit on a terrain, and remedies: other map settings, a smaller point or radius."""
 
 from __future__ import annotations
 

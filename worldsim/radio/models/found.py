@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.classes.named_class import ClassSort, NamedClass, find, options_of
+from patrol.classes.named_class import ClassSort, NamedClass, find, options_of, raised
 from patrol.errors import BadInput
 from patrol.scenario.radio_spec import IDEAL, MODELS
 from worldsim.radio.models.port import ModelSetup, OnAir, RadioModel
@@ -48,7 +48,7 @@ class _Own:
         try:
             lost = np.asarray(self.model.lost(air))
         except (Exception, SystemExit) as error:
-            raise _raises(self.name, error) from error
+            raise raised(f"{RADIO_MODELS.field} = {self.name}", error) from error
         if lost.shape != air.on_the_way.shape or lost.dtype != np.bool_:
             given, wanted = (f"{what.dtype} {what.shape}" for what in (lost, air.on_the_way))
             raise BadInput(f"radio.model = {self.name}: lost(air) gave {given} in tick {air.k}; return {wanted}")
@@ -105,8 +105,4 @@ def model_of(scenario: Scenario, terrain: Terrain) -> RadioModel | None:
     try:
         return _Own(radio.model, kind(setup))
     except (Exception, SystemExit) as error:
-        raise _raises(radio.model, error) from error
-
-
-def _raises(name: str, error: BaseException) -> BadInput:
-    return BadInput(f"radio.model = {name}: raises {type(error).__name__}: {error}; correct it")
+        raise raised(f"{RADIO_MODELS.field} = {radio.model}", error) from error

@@ -129,7 +129,7 @@ class Odometer:
         return True
 
     def doubt(self, now_s: float) -> str:
-        """Why it cannot be believed now, in one line; empty if it can.
+        """Return why the odometry cannot be believed now, in one line; empty if it can.
 
         Args:
             now_s: The time, s.

@@ -81,7 +81,7 @@ class Standing:
             self._changed.notify_all()
 
     def doubt(self) -> str:
-        """Why it is not sure that the robot stands; empty if it is. Waits until it is, but not for ever."""
+        """Wait until the robot is sure to stand, but not for ever; return why it is not sure, empty if it is."""
         with self._changed:
             left_s = self._told_s + LIMIT_S - time.monotonic()
             self._changed.wait_for(lambda: not self._doubt, max(LOOK_S, left_s))

@@ -56,7 +56,7 @@ class Stops:
 
     @property
     def error(self) -> str:
-        """Why the files do not say what holds, in a few words; empty if they do, or will in a moment."""
+        """The reason why the files do not say which stops hold; empty if they do, or will in a moment."""
         return self._error
 
     def who(self, stopper: Stopper) -> str:
@@ -98,7 +98,7 @@ class Stops:
             return new
 
     def unsaved(self, limit_s: float = SAVE_S) -> str:
-        """Why the stops that hold now are not noted, in a few words, after waiting for it; empty if they are.
+        """Wait until the stops that hold now are noted; return why they are not, in a few words, empty if they are.
 
         Args:
             limit_s: How long to wait at most.

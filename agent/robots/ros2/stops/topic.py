@@ -76,7 +76,7 @@ class StopTopic(RosMailbox[Bool]):
             return found
 
     def _objection(self, stop: _Stop, received: Received[Bool]) -> str:
-        """Why a false does not release the robot; empty if it does."""
+        """Return why a false does not release the robot; empty if it does."""
         if received.sequence is not None and stop.sequence is not None and received.sender == stop.sender:
             return "" if received.sequence > stop.sequence else OLDER
         if received.sent_ns is None:
