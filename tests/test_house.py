@@ -77,6 +77,13 @@ def test_the_quick_suite_has_one_real_fleet_of_each_kind() -> None:
     assert sorted(marked) == sorted(KINDS)
 
 
+def test_the_makefile_names_tests_that_exist() -> None:
+    asked = subprocess.run(["make", "-n", "test-bounds-quick"], cwd=ROOT, capture_output=True, text=True, check=True)
+    named = re.findall(r"tests/[\w./]+", asked.stdout)
+    assert "tests/agent/routes" in named
+    assert not [name for name in named if not (ROOT / name).exists()]
+
+
 def test_the_slow_tests_that_are_listed_exist() -> None:
     listed = [line.split("\t")[1] for line in (ROOT / "tests/times.tsv").read_text(encoding="utf-8").splitlines()]
     tests = {
