@@ -50,6 +50,9 @@ TERMINAL = (
 )
 """Environment variables by which rich and typer choose colours and widths."""
 
+HANDLERS: dict[int, Any] = {}
+"""What Python does on a signal when the session begins, by signal."""
+
 MARK = "FOGWATCH_TEST_SESSION"
 GRACE_S = 60.0
 """How long the last processes may take to leave, on a machine with much else to do."""
@@ -67,6 +70,8 @@ def pytest_configure(config: pytest.Config) -> None:
     """
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    numbers = (signal.SIGHUP, signal.SIGINT, signal.SIGQUIT, signal.SIGTERM, signal.SIGTSTP)
+    HANDLERS.update((number, signal.getsignal(number)) for number in numbers)
     if config.getoption("numprocesses", None) and not config.option.collectonly:
         try:
             warm(PACKAGES, print, SELDOM)
@@ -196,6 +201,13 @@ def endpoint() -> Iterator[str]:
 
     with routed() as where:
         yield where
+
+
+@pytest.fixture(autouse=True)
+def signal_handlers() -> None:
+    """Give every test the handlers of the session's beginning; a main function that a test ran has left its own."""
+    for number, handler in HANDLERS.items():
+        signal.signal(number, handler)
 
 
 @pytest.fixture(scope="session", autouse=True)

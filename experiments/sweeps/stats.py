@@ -105,7 +105,7 @@ def fit(ours: Sequence[float], theirs: Sequence[float]) -> Fit:
     Raises:
         ValueError: There are no numbers, or not as many on both sides.
     """
-    a, b = np.log(np.asarray(ours, dtype=np.float64)), np.log(np.asarray(theirs, dtype=np.float64))
+    a, b = (np.array([math.log(value) for value in values]) for values in (ours, theirs))
     if a.size == 0 or a.shape != b.shape:
         raise ValueError("a fit needs as many printed numbers as ours, and at least one")
     error = a - b

@@ -6,7 +6,7 @@
 
 Each terrain is patrolled by the paper's policy with two bodies under every variant, at 1 m points, and by the default
 policy with three bodies under a few, at 0.5 m points, for 200 simulated seconds. A hash holds on
-one machine type and one lock file, so compare files that were written on the same machine.
+x86-64 processors with AVX2 and FMA, with one Python, C library and lock file.
 """
 
 from __future__ import annotations
@@ -20,8 +20,6 @@ from collections.abc import Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
-
-from llvmlite.binding import get_host_cpu_name  # type: ignore[import-untyped]
 
 TERRAINS = ("open", "yards", "clutter", "site")
 BODIES = ("holonomic", "car")
@@ -176,12 +174,12 @@ def traces(only: str = "") -> dict[str, str]:
 
 
 def made_on() -> dict[str, str]:
-    """What a trace hash depends on besides scenario and code: Python, the locked libraries and the processor."""
+    """What a trace hash depends on besides scenario and code: Python, the C library and the locked libraries."""
     root = Path(__file__).parents[2]
     return {
         "python": platform.python_version(),
         "machine": platform.machine(),
-        "processor": get_host_cpu_name(),
+        "libc": " ".join(platform.libc_ver()),
         "lock": hashlib.sha256((root / "requirements.lock").read_bytes()).hexdigest(),
     }
 

@@ -140,19 +140,15 @@ def start(tmp_path: Path) -> Iterator[Callable[..., Run]]:
 
 
 @pytest.fixture
-def fogwatch(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Callable[..., int]]:
-    """The command, in a folder of its own; its signal handlers are taken away again."""
-    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    before = {number: signal.getsignal(number) for number in numbers}
+def fogwatch(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., int]:
+    """The command, in a folder of its own."""
     monkeypatch.chdir(tmp_path)
 
     def command(*arguments: str | Path) -> int:
         monkeypatch.setattr(sys, "argv", ["fogwatch", *map(str, arguments)])
         return main()
 
-    yield command
-    for number, handler in before.items():
-        signal.signal(number, handler)
+    return command
 
 
 @pytest.fixture

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.ground.terrain import Terrain
+from patrol.kernels.elementary import arctan2
 from patrol.pose import TAU, Pose, wrap
 from patrol.radio.peers import Peer, places_of
 from patrol.scenario import PotentialFieldOptions
@@ -31,7 +32,7 @@ def sector_table(sectors: int, reach: int) -> NDArray[np.uint16]:
         uint16 (2 * reach + 1, 2 * reach + 1), indexed by the offsets plus ``reach``.
     """
     up, across = np.mgrid[-reach : reach + 1, -reach : reach + 1].astype(np.float64)
-    table: NDArray[np.uint16] = (np.floor(np.arctan2(up, across) / (TAU / sectors) + 0.5) % sectors).astype(np.uint16)
+    table: NDArray[np.uint16] = (np.floor(arctan2(up, across) / (TAU / sectors) + 0.5) % sectors).astype(np.uint16)
     return table
 
 

@@ -24,6 +24,7 @@ from agent.routes.ground import Ground
 from agent.routes.path_window import PathWindow, Place
 from agent.routes.wave import Wave
 from patrol.ground.fields import StaticFields
+from patrol.kernels.elementary import exp
 from patrol.scenario import BodyLengths, PotentialFieldOptions
 from patrol.scenario.lengths import PAPER_LENGTHS
 
@@ -260,7 +261,7 @@ def share_table(width_m: float, point: float) -> NDArray[np.float64]:
     """
     width = 100.0 * width_m / point
     reach = round(WIDTHS * width)
-    return 1.0 / (1.0 + np.exp(np.arange(-reach, reach + 1) / width))
+    return 1.0 / (1.0 + exp(np.arange(-reach, reach + 1) / width))
 
 
 def window_of(

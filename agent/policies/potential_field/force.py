@@ -12,6 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from patrol.kernels.elementary import exp, power
 from patrol.scenario import PotentialFieldOptions
 
 PAPER_POINT = 0.1
@@ -59,11 +60,11 @@ def fow_force(name: str, fow: FloatArray, alpha: float) -> FloatArray:
         case "f2":
             return fow**2
         case "f3":
-            return np.exp(alpha * fow)
+            return exp(alpha * fow)
         case "f4":
-            return np.exp(alpha * fow**2)
+            return exp(alpha * fow**2)
         case "f5":
-            return np.exp(alpha * fow**4)
+            return exp(alpha * power(fow, 4.0))
         case _:
             raise ValueError(f"no function {name}")
 
@@ -86,11 +87,11 @@ def distance_force(name: str, length: FloatArray, beta: float, size: float) -> F
         case "g2":
             return 1.0 / length**2
         case "g3":
-            return np.exp(-size * length / beta)
+            return exp(-size * length / beta)
         case "g4":
-            return np.exp(-(length**2) / beta)
+            return exp(-(length**2) / beta)
         case "g5":
-            return np.exp(-(length**4) / (beta * size**2))
+            return exp(-power(length, 4.0) / (beta * size**2))
         case _:
             raise ValueError(f"no function {name}")
 

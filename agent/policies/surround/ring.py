@@ -11,6 +11,7 @@ import numpy as np
 
 from patrol.ground.footprint import Footprint
 from patrol.ground.terrain import BoolGrid
+from patrol.kernels.elementary import arctan2
 from patrol.pose import TAU, Pose
 
 BEARINGS = 120
@@ -65,7 +66,7 @@ def spots_around(sight: Footprint, reach: BoolGrid, x: float, y: float, radius: 
     across = terrain.origin[0] + (cols + 0.5) * terrain.point - x
     up = terrain.origin[1] + (rows + 0.5) * terrain.point - y
     away = np.hypot(across, up)
-    bearing = np.arctan2(up, across) % TAU
+    bearing = arctan2(up, across) % TAU
     sector = np.minimum((bearing * (BEARINGS / TAU)).astype(np.int64), BEARINGS - 1)
     off = np.abs(away - radius)
     fits = (away >= NEAREST * radius) & (away <= FARTHEST * radius)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
+import statistics
 from pathlib import Path
 
 import numpy as np
@@ -198,11 +199,12 @@ def test_a_start_in_no_region_has_no_paths() -> None:
 # --- patrols ---------------------------------------------------------------------------------------------------------
 
 
-def scenario(terrain: str, model: str, ticks: int, **options: object) -> Scenario:
+def scenario(terrain: str, model: str, ticks: int, seed: int = 7, **options: object) -> Scenario:
     return load_scenario(
         {
             "terrain": {"builtin": terrain},
             "point": 0.5,
+            "seed": seed,
             "robots": {"count": 3, "model": model},
             "duration": 0.5 * ticks,
             "patrol": {
@@ -231,9 +233,16 @@ def test_patrols_on_regions_see_everything(terrain: str, model: str, direction: 
 
 def test_open_ground_is_one_region_and_patrolled_much_as_on_straight_paths() -> None:
     """The same but for the rim, where no body fits: its points pull from their posts or from where they are."""
-    regions = run_in_process(scenario("open", "holonomic", 600)).summary
-    straight = run_in_process(scenario("open", "holonomic", 600, paths="straight")).summary
-    assert regions.fog_mean_s == pytest.approx(straight.fog_mean_s, rel=0.15)
+
+    def fog_mean_s(paths: str) -> float:
+        """Over four seeds: one run differs from the next by a third."""
+        found = []
+        for seed in range(1, 5):
+            run = scenario("open", "holonomic", 600, seed=seed, paths=paths)
+            found.append(run_in_process(run, verify_fog=False).summary.fog_mean_s or 0.0)
+        return statistics.fmean(found)
+
+    assert fog_mean_s("regions") == pytest.approx(fog_mean_s("straight"), rel=0.15)
 
 
 def test_claims_work_over_regions() -> None:

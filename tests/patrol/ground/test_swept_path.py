@@ -75,7 +75,7 @@ def integrated(pose: Pose, twist: Twist, step: float, pieces: int = 20_000) -> P
     """The pose after one step by the midpoint rule, which leaves an error of (turn rate * piece)^2."""
     piece = step / pieces
     headings = pose.heading + twist.turn_rate * piece * (np.arange(pieces) + 0.5)
-    x, y = (float(turned(headings).sum()) * twist.speed * piece for turned in (np.cos, np.sin))
+    x, y = (sum(map(turned, headings)) * twist.speed * piece for turned in (math.cos, math.sin))
     return Pose(pose.x + x, pose.y + y, math.remainder(pose.heading + twist.turn_rate * step, math.tau))
 
 

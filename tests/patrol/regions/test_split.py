@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -153,7 +154,7 @@ def test_random_slanted_obstacles(seed: int) -> None:
     for _ in range(rng.integers(1, 7)):
         turns = np.sort(rng.random(rng.integers(3, 7))) * 2 * np.pi
         x, y, radius = rng.random(3) * (70, 60, 14) + (0, 0, 2)
-        corners = [(x + radius * np.cos(turn), y + radius * np.sin(turn)) for turn in turns]
+        corners = [(x + radius * math.cos(turn), y + radius * math.sin(turn)) for turn in turns]
         free &= ~cover(corners, free.shape, 1.0, (0.0, 0.0))
     terrain = terrain_of(free)
     split = split_regions(terrain)

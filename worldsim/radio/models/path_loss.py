@@ -29,6 +29,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from patrol.kernels.elementary import exp, log10, power
 from patrol.random import Purpose, draw, mix
 from worldsim.kernels.draws import below, normals
 from worldsim.kernels.walls import walls_between
@@ -106,7 +107,7 @@ class PathLoss:
         places = np.array([(air.poses[number].x, air.poses[number].y) for number in numbers])
         apart = places[:, None, :] - places[None, :, :]
         distance = np.maximum(np.hypot(apart[..., 0], apart[..., 1]), 1.0)
-        levels: NDArray[np.float64] = options.power - options.reference - 10.0 * options.exponent * np.log10(distance)
+        levels: NDArray[np.float64] = options.power - options.reference - 10.0 * options.exponent * log10(distance)
         if options.wall > 0.0:
             levels -= options.wall * walls_between(self._walls, *self._grid, places, BEAM)
         window = window_of(air.k, self._step, options.redraw)
@@ -129,17 +130,16 @@ class PathLoss:
             overlap = np.abs(np.subtract.outer(begins, begins)) < options.airtime
             overlap &= np.not_equal.outer(air.origin, air.origin) & np.logical_and.outer(of_robot, of_robot)
             own = np.equal.outer(air.origin, air.receivers) & np.any(air.on_the_way, axis=1, keepdims=True)
-            disturbing = np.where(air.on_the_way | own, 10.0 ** (received / 10.0), 0.0)
+            disturbing = np.where(air.on_the_way | own, power(10.0, received / 10.0), 0.0)
             frames, others = np.nonzero(overlap)
             np.add.at(noise, frames, disturbing[others])
-        np.log10(noise, out=noise)
-        noise *= 10.0
-        return noise
+        levels: NDArray[np.float64] = 10.0 * log10(noise)
+        return levels
 
     def _chance(self, margin: NDArray[np.float64]) -> NDArray[np.float64]:
         """With which probability a frame is received."""
         edge = self.options.edge
         if edge == 0.0:
             return (margin >= 0.0).astype(np.float64)
-        chance: NDArray[np.float64] = 1.0 / (1.0 + np.exp(np.clip(-margin / edge, -_MOST, _MOST)))
+        chance: NDArray[np.float64] = 1.0 / (1.0 + exp(np.clip(-margin / edge, -_MOST, _MOST)))
         return chance
