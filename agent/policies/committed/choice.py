@@ -6,8 +6,12 @@ the same ones, although no robot says which target it has.
 
 The search lays one wave of path lengths from the robot and one from all others at once, over a box around the robot.
 Outside of the box a point counts at most its age squared per its distance as the crow flies. Where that is enough to
-beat the best point inside, the box grows to the length of the longest way that could still win. So the choice is the
-one that the whole terrain would give.
+beat the best point inside, the box grows. So the choice is the one that the whole terrain would give.
+
+Robots outside of the box are left out of the wave. One of them can have the shorter way only to a point that is
+farther from this robot than half the box's reach; where the best point is, the box grows. All points to which this
+robot has the shortest way form one patch around it, because a robot that is nearer to a point of a path is nearer to
+the path's end too. So where the patch ends within half the box's reach, every point outside of the box counts a tenth.
 """
 
 from __future__ import annotations
@@ -18,7 +22,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.policies.committed.kernels.best import any_nearer, best_of, oldest_that_may_win
+from agent.policies.committed.kernels.best import any_nearer, best_of, farthest_of_own, oldest_that_may_win
 from agent.routes.wave import LONGEST, NO_PATHS, Box, BoxPaths, box_around, paths_in
 
 if TYPE_CHECKING:
@@ -112,24 +116,31 @@ class TargetChoice:
             box, limit = box_around(here, reach, shape), 100 * reach
             if 2 * (box[1] - box[0]) * (box[3] - box[2]) >= shape[0] * shape[1]:
                 box, limit = (0, shape[0], 0, shape[1]), LONGEST
-            own = paths_in(view.ground, [here], box, limit)
-            score, place = self._best_in(view, own, NO_PATHS, worth, left_out)
+            own, rival = paths_in(view.ground, [here], box, limit), NO_PATHS
+            score, place = self._best_in(view, own, rival, worth, left_out)
             if score > 0.0 and _may_be_nearer(view, rivals, place[2:], own.length_to(*place[2:])):
-                # A robot with a shorter way to a point of the box is at most twice as far away as its edge.
-                wide = box if limit == LONGEST else box_around(here, 2 * reach, shape)
-                score, place = self._best_in(view, own, _paths_of_rivals(view, rivals, wide, limit), worth, left_out)
-            enough = self._enough(view, here, worth, score) if score > 0.0 else 2 * reach
+                rival = _paths_of_rivals(view, rivals, box, limit)
+                score, place = self._best_in(view, own, rival, worth, left_out)
+                length = own.length_to(*place[2:])
+                if limit != LONGEST and 2 * length > limit and rival.length_to(*place[2:]) >= length:
+                    reach = math.ceil(length / 50)
+                    continue
+            to_beat = score / (OTHERS if 2 * farthest_of_own(own.length, rival.length, limit) <= limit else 1.0)
+            enough = self._enough(view, here, worth, to_beat, 2 * reach) if score > 0.0 else 2 * reach
             if limit == LONGEST or reach >= enough:
                 break
-            reach = enough
+            reach = min(enough, 2 * reach)
         if score <= 0.0:
             return None
         # The next search begins with the box that would have done for this one.
         self._reach = min(max(self._least_reach, enough), max(shape))
         return Best(place[:2], place[2:], own.length_to(*place[2:]) + 200)
 
-    def _enough(self, view: View, here: Point, worth: NDArray[np.float64], score: float) -> int:
-        """Return the reach of a box that holds each way at the end of which a point could have a score, or more."""
+    def _enough(self, view: View, here: Point, worth: NDArray[np.float64], score: float, most: int) -> int:
+        """Return the reach of a box that holds each way at the end of which a point could have a score, or more.
+
+        Of a larger box than `most`, it returns no more than that it is as large.
+        """
         score *= 1.0 - ROUNDING
 
         def longest(age: int) -> int:
@@ -137,7 +148,10 @@ class TargetChoice:
 
         fog, gap = view.fog, self.posts.gap
         around = (*here, longest(-1) + gap, gap)
-        oldest = oldest_that_may_win(fog.patrolled, fog.last_seen, view.tick, *around, worth, self._near, score)
+        too_old = int(np.searchsorted(worth, score * (100.0 * most + self._near)))
+        oldest = oldest_that_may_win(
+            fog.patrolled, fog.last_seen, view.tick, *around, worth, self._near, score, too_old
+        )
         return longest(int(oldest))
 
     def _best_in(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit, types
 
 LENGTHS = types.Array(types.int32, 2, "C", readonly=True)
@@ -17,6 +18,9 @@ int64 = types.int64
 float64 = types.float64
 index = types.uint64
 """Unsigned, so that numba skips the negative-index check."""
+NEVER = np.int32(2**31 - 1)
+SEGMENT = 64
+"""Columns that `oldest_that_may_win` looks at in one go."""
 BEST = types.void(
     POINTS, types.boolean, LENGTHS, int64, int64, int64, LENGTHS, int64, int64, PATROLLED, TICKS, TICKS, int64, WORTH,
     float64, float64, PLACES, SCORE, FOUND,
@@ -84,8 +88,10 @@ def best_of(
                 place[0], place[1], place[2], place[3] = row, col, up + row0, across + col0
 
 
-@njit(int64(PATROLLED, TICKS, int64, int64, int64, int64, int64, WORTH, float64, float64), cache=True, nogil=True)
-def oldest_that_may_win(patrolled, last_seen, tick, row, col, reach, gap, worth, near, score):
+@njit(
+    int64(PATROLLED, TICKS, int64, int64, int64, int64, int64, WORTH, float64, float64, int64), cache=True, nogil=True
+)
+def oldest_that_may_win(patrolled, last_seen, tick, row, col, reach, gap, worth, near, score, most):
     """Return the greatest age, in ticks, of the points that could have a score if the way to them were straight.
 
     Args:
@@ -99,16 +105,30 @@ def oldest_that_may_win(patrolled, last_seen, tick, row, col, reach, gap, worth,
         worth: float64 (a + 1,), by age in ticks.
         near: Added to each way, in hundredths of a point.
         score: To be reached.
+        most: The age at which the search may end: the greatest, or one as great as this.
     """
     oldest = int64(0)
     for k in range(max(row - reach, 0), min(row + reach + 1, last_seen.shape[0])):
-        line, up = last_seen[k], max(abs(k - row) - gap, 0)
-        for j in range(max(col - reach, 0), min(col + reach + 1, line.size)):
-            age = tick - max(int64(line[index(j)]), 0)
-            if age > oldest and patrolled[index(k), index(j)]:
-                across = max(abs(j - col) - gap, 0)
-                if worth[index(age)] >= score * (100 * max(up, across) + 41 * min(up, across) + near):
-                    oldest = age
+        line, counts, up = last_seen[k], patrolled[k], max(abs(k - row) - gap, 0)
+        right = min(col + reach + 1, line.size)
+        for begin in range(max(col - reach, 0), right, SEGMENT):
+            end = min(begin + SEGMENT, right)
+            # Most segments are ruled out by their stalest point, as near as the nearest of them.
+            earliest = NEVER
+            for j in range(begin, end):
+                earliest = min(earliest, line[index(j)] if counts[index(j)] else NEVER)
+            nearest = max(begin - col - gap, col - gap - end + 1, up, 0)
+            age = tick - max(int64(earliest), 0)
+            if age <= oldest or worth[index(age)] < score * (100 * nearest + near):
+                continue
+            for j in range(begin, end):
+                age = tick - max(int64(line[index(j)]), 0)
+                if age > oldest and counts[index(j)]:
+                    across = max(abs(j - col) - gap, 0)
+                    if worth[index(age)] >= score * (100 * max(up, across) + 41 * min(up, across) + near):
+                        oldest = age
+            if oldest >= most:
+                return oldest
     return oldest
 
 
@@ -127,3 +147,21 @@ def any_nearer(places, x, y, length):
         if max(across, up) + 0.41 * min(across, up) < length:
             return True
     return False
+
+
+@njit(int64(LENGTHS, LENGTHS, int64), cache=True, nogil=True)
+def farthest_of_own(own, rival, limit):
+    """Return the length of the longest way of a robot, among those that no rival has a shorter one for.
+
+    Args:
+        own: int32 (m, k), path lengths from the robot.
+        rival: int32 (m, k), path lengths from the nearest rival; (0, 0) without any.
+        limit: Longest way that counts, in hundredths of a point.
+    """
+    farthest = int64(0)
+    for k in range(own.shape[0]):
+        for j in range(own.shape[1]):
+            length = int64(own[index(k), index(j)])
+            if farthest < length <= limit and (rival.size == 0 or rival[index(k), index(j)] >= length):
+                farthest = length
+    return farthest

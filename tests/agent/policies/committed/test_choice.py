@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from agent.policies.committed.choice import NEAR_M, OTHERS, Best, TargetChoice
 from agent.policies.committed.given_up import GivenUp
-from agent.policies.committed.kernels.best import best_of, oldest_that_may_win
+from agent.policies.committed.kernels.best import best_of, farthest_of_own, oldest_that_may_win
 from agent.routes.path_window import FAR
 from agent.routes.wave import LONGEST, NO_BENDS, BoxPaths, Wave
 from patrol.pose import Pose
@@ -42,13 +42,16 @@ def scores_by_looking_everywhere(
 
 @pytest.mark.parametrize("model", ["holonomic", "car"])
 @pytest.mark.parametrize("separation", ["claims", "none"])
-@pytest.mark.parametrize("shape", [(100, 140), (26, 400)], ids=["wide", "long"])
+@pytest.mark.parametrize(
+    ("shape", "columns"), [((100, 140), 3), ((26, 400), 3), ((100, 140), 8)], ids=["wide", "long", "crowded"]
+)
 def test_it_is_the_best_point_of_the_whole_terrain(
-    model: str, separation: str, shape: tuple[int, int], monkeypatch: pytest.MonkeyPatch
+    model: str, separation: str, shape: tuple[int, int], columns: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     terrain = cluttered(15, shape, 30)
     high, wide = (size * terrain.point for size in shape)
-    starts = [Pose(x, y, 0.0) for x in (0.75, 1.75, wide - 0.75) for y in (0.75, high - 0.75)]
+    along = [0.75 + number for number in range(columns - 1)]
+    starts = [Pose(x, y, 0.0) for x in (*along, wide - 0.75) for y in (0.75, high - 0.75)]
     body = {"radius": 0.3, "speed": 1.5, "model": model, **({"turning_radius": 1.0} if model == "car" else {})}
     patrol = {"options": {"separation": separation}}
     robots = Robots(prepared_in(terrain, starts, body, patrol=patrol, sensor={"range": 3.0}))
@@ -125,12 +128,13 @@ def test_the_kernel_finds_what_plain_python_finds(seed: int) -> None:
 @given(seed=st.integers(0, 2**32 - 1))
 def test_the_bound_holds_for_each_point_and_a_patrolled_one_reaches_it(seed: int) -> None:
     dice = np.random.default_rng(seed)
-    shape, tick, near = (14, 11), 50, 300.0
+    shape, tick, near = (9, 150), 50, 300.0
     patrolled, last_seen = dice.random(shape) < 0.7, dice.integers(-1, 52, shape).astype(np.int32)
-    row, col, reach, gap = int(dice.integers(0, 14)), int(dice.integers(0, 11)), int(dice.integers(0, 20)), 1
-    worth, score = np.arange(60.0) ** 2, float(dice.uniform(0.01, 6.0))
+    row, col, reach, gap = int(dice.integers(0, 9)), int(dice.integers(0, 150)), int(dice.integers(0, 160)), 1
+    worth, score, most = np.arange(60.0) ** 2, float(dice.uniform(0.01, 6.0)), int(dice.integers(1, 60))
 
-    found = oldest_that_may_win(patrolled, last_seen, tick, row, col, reach, gap, worth, near, score)
+    around = (patrolled, last_seen, tick, row, col, reach, gap, worth, near, score)
+    found, enough = oldest_that_may_win(*around, 60), oldest_that_may_win(*around, most)
 
     ages = [0]
     for there in np.argwhere(patrolled).tolist():
@@ -140,3 +144,14 @@ def test_the_bound_holds_for_each_point_and_a_patrolled_one_reaches_it(seed: int
         if max(up, across) <= reach and age > 0 and worth[age] / (100 * away[1] + 41 * away[0] + near) >= score:
             ages.append(age)
     assert found == max(ages)
+    assert enough == found if found < most else enough >= most
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+def test_the_longest_own_way_is_that_of_plain_numpy(seed: int) -> None:
+    dice = np.random.default_rng(seed)
+    shape = (2, 6, 7)
+    own, rival = np.where(dice.random(shape) < 0.8, dice.integers(0, 900, shape), FAR).astype(np.int32)
+    limit = int(dice.integers(1, 900))
+    assert farthest_of_own(own, rival, limit) == own[(own <= limit) & (own <= rival)].max(initial=0)
+    assert farthest_of_own(own, NO_BENDS, limit) == own[own <= limit].max(initial=0)
