@@ -277,9 +277,6 @@ def read_run(
             totals.tick(record)
         except _Unfit as unfit:
             raise BadInput(f"{journal.path}: tick {len(rows.mfow)}: {unfit}; restore the run's own journal") from None
-        except KeyError as unknown:
-            strange = f"it has a frame of robot {unknown}, which does not take part"
-            raise BadInput(f"{journal.path}: tick {record.k}: {strange}; restore the run's own journal") from None
     if any(event.k > scenario.ticks for event in journal.events):
         raise BadInput(f"{journal.path}: has an event after the last tick of the scenario; restore the run's own")
     if not rows.mfow:

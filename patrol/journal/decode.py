@@ -64,16 +64,23 @@ def decode(payload: bytes, robots: int) -> Record:
     if type(value) is not dict or type(kind := value.pop("type", None)) is not str or kind not in _KINDS:
         raise Malformed("no record of a known type")
     if kind == "tick":
-        _count_links(value, min(_LEAST_LINKS + 8 * (robots + 1) ** 2, _MOST_LINKS))
+        _check_links(value, robots)
     return check(_KINDS[kind], value)
 
 
-def _count_links(tick: Mapping[str, Any], most: int) -> None:
-    """Refuse a tick with more links than the robots can have, each of which takes many times its bytes."""
+def _check_links(tick: Mapping[str, Any], robots: int) -> None:
+    """Refuse links of other robots, and more links than there can be, each of which takes many times its bytes."""
+    links, most, are_known = 0, min(_LEAST_LINKS + 8 * (robots + 1) ** 2, _MOST_LINKS), True
     try:
-        links = sum([len(group[3]) for name in _LINKS for group in tick.get(name, ())])
-    except (TypeError, LookupError):
+        for name in _LINKS:
+            for source, _, _, destinations in tick.get(name, ()):
+                links += len(destinations)
+                are_known &= source <= robots
+                are_known &= not destinations or 1 <= min(destinations) <= max(destinations) <= robots
+    except (TypeError, ValueError):
         raise Malformed("links: expected robot numbers, sequences, causes and destinations") from None
+    if not are_known:
+        raise Malformed("links of a robot that the header does not have")
     if links > most:
         raise Malformed("more links than the robots can have")
 

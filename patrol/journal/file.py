@@ -122,16 +122,15 @@ class Journal:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        first = next(iter(_Records(path, 0)), None)
+        first = next(iter(_Records(path, None)), None)
         if not isinstance(first, Header):
             raise BadInput(f"{path}: has no complete header, so the run ended before it began; run it again")
         self.header = first
-        self._robots = len(first.robots)
 
     @property
     def ticks(self) -> Iterator[TickRecord]:
         """The ticks in order, as a new iterator over the file."""
-        return (record for record in _Records(self.path, self._robots) if isinstance(record, TickRecord))
+        return (record for record in _Records(self.path, self.header) if isinstance(record, TickRecord))
 
     @property
     def events(self) -> tuple[Event, ...]:
@@ -150,7 +149,7 @@ class Journal:
 
     @cached_property
     def _rest(self) -> _Rest:
-        records = _Records(self.path, self._robots, skip_ticks=True)
+        records = _Records(self.path, self.header, skip_ticks=True)
         events: list[Event] = []
         end: End | None = None
         for record in records:
@@ -184,7 +183,7 @@ class GrowingJournal(Journal):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        self._records = _Records(path, self._robots)
+        self._records = _Records(path, self.header)
         self._events: list[Event] = []
         self._told: tuple[Event, ...] = ()
         self._end: End | None = None
@@ -215,8 +214,10 @@ class _Records:
     A second pass goes on behind the last whole record of the first, in a file that has grown since.
     """
 
-    def __init__(self, path: Path, robots: int, skip_ticks: bool = False) -> None:
+    def __init__(self, path: Path, header: Header | None, skip_ticks: bool = False) -> None:
         self.path = path
+        self._header = header
+        robots = 0 if header is None else len(header.robots)
         self.truncated = False
         self._number = 0
         self._read_bytes = 0
@@ -262,7 +263,11 @@ class _Records:
 
     def _record(self, number: int, payload: bytes) -> Record:
         try:
-            return decode(payload, self._robots)
+            record = decode(payload, self._robots)
+            problem = record.problem if isinstance(record, Header) else ""
+            if problem := problem or (self._header.unknown(record) if self._header else ""):
+                raise Malformed(problem)
+            return record
         except Malformed as error:
             problem = f"record {number} is damaged or of another version ({error})"
             raise BadInput(f"{self.path}: {problem}; {REMEDY}") from None

@@ -131,6 +131,21 @@ def _scenario(value: Any) -> Any:
     return value
 
 
+def _is_amount(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and value > 0
+
+
+_READ: Mapping[str, Callable[[Mapping[str, Any]], bool]] = {
+    "name": lambda scenario: isinstance(scenario.get("name"), str),
+    "step": lambda scenario: _is_amount(scenario.get("step")),
+    "radio": lambda scenario: isinstance(scenario.get("radio"), Mapping),
+    "sensor.range": lambda scenario: (
+        isinstance(sensor := scenario.get("sensor"), Mapping) and _is_amount(sensor.get("range"))
+    ),
+}
+"""What readers take from a header's scenario without loading it, and whether it can be used."""
+
+
 def _check_json(value: Any) -> None:
     """Check that a value has a JSON form; msgpack itself limits how deep it is."""
     if isinstance(value, dict | list):
@@ -311,6 +326,35 @@ class Header:
     patrolled_area_m2: _Amount
     bound_s: _Amount
     started: _Name | None = None
+
+    @property
+    def problem(self) -> str:
+        """What keeps this from being the header of a run, beyond its types; empty for nothing."""
+        if [robot.number for robot in self.robots] != list(range(1, len(self.robots) + 1)):
+            return "robots are not numbered 1, 2, ... in order"
+        if round(self.patrolled_area_m2 / self.terrain.point**2) < 1:
+            return f"patrolled_area_m2 = {self.patrolled_area_m2:g}: less than a point"
+        missing = [name for name, is_usable in _READ.items() if not is_usable(self.scenario)]
+        return f"scenario.{missing[0]} is missing or unusable" if missing else ""
+
+    def unknown(self, record: Record) -> str:
+        """Return what a record says of robots that the run does not have; empty for nothing.
+
+        Links are checked when a tick is decoded (`patrol.journal.decode`).
+
+        Args:
+            record: Of the same journal.
+        """
+        most = len(self.robots)
+        if isinstance(record, Event):
+            return f"an event of robot {record.robot}" if record.robot is not None and record.robot > most else ""
+        if not isinstance(record, TickRecord):
+            return ""
+        if [row.number for row in record.robots] != [robot.number for robot in self.robots]:
+            return "rows of other robots than the header's"
+        if any(source > most for source, _ in record.frames):
+            return "a frame of a robot that the header does not have"
+        return ""
 
 
 @with_config(_OTHERS)

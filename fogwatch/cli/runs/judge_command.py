@@ -55,13 +55,13 @@ def judge(
     warm(("patrol", "worldsim"), lambda line: typer.echo(line, err=True))
     loaded = _with_key(prepared_in(run, journal), key)
     codes = {} if stated is None else stated.exit_codes
+    edited = not _same_scenario(loaded, journal)
     verdict, summary = _judged(journal, loaded, codes)
     recomputed = json.loads(json.dumps(summary.document()))
     as_stated = {} if stated is None else stated.document()
     differing = differences(as_stated, recomputed)
     unstated = [] if stated is None else missing(as_stated, recomputed)
     unrepeated = not_repeated(as_stated, recomputed)
-    edited = not _same_scenario(loaded, journal)
     trace = trace_hash(journal.ticks, loaded.scenario.spares)
     if as_json:
         facts = {

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,6 @@ from monitor.replay.player import Player
 from monitor.replay.replay import Replay, play
 from monitor.replay.run import open_run
 from patrol.errors import BadInput
-from patrol.journal import JournalWriter, read_journal
 from patrol.journal.records import Status
 from tests.monitor.conftest import QUIET, run_of
 
@@ -78,22 +76,6 @@ def test_a_fog_that_is_not_the_runs_is_noticed(quiet: Any, copied: Callable[...,
     for k in (79, 3, 40):
         fog = Replay(run).fog(k)
         assert fog.last_seen.max() == k
-
-
-@pytest.mark.parametrize(
-    "strange", [{"frames": ((99, b"x"),)}, {"deliveries": ((99, 1, 3),)}, {"copies": ((99, 1, 3, "f1"),)}], ids=str
-)
-def test_a_frame_of_a_robot_that_the_run_does_not_have_is_refused(
-    strange: dict[str, Any], quiet: Any, copied: Callable[..., Path]
-) -> None:
-    folder = copied(quiet)
-    journal = read_journal(quiet.folder / "journal")
-    (folder / "journal").unlink()
-    with JournalWriter(folder / "journal", journal.header) as writer:
-        for record in journal.ticks:
-            writer.write(replace(record, **strange) if record.k == 3 else record)
-    with pytest.raises(BadInput, match="tick 3: it has a frame of robot 99, which does not take part; restore"):
-        open_run(folder)
 
 
 def test_spare_robots_that_never_came_are_not_shown(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import tracemalloc
 import zlib
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import msgpack
 import pytest
@@ -64,8 +65,8 @@ def tick(k: int, robots: int = 2) -> TickRecord:
     )
 
 
-def write(path: Path, *records: Record) -> Path:
-    with JournalWriter(path, HEADER) as journal:
+def write(path: Path, *records: Record, header: Header = HEADER) -> Path:
+    with JournalWriter(path, header) as journal:
         for record in records:
             journal.write(record)
     return path
@@ -74,11 +75,12 @@ def write(path: Path, *records: Record) -> Path:
 places = st.floats(-FARTHEST, FARTHEST)
 numbers = st.floats(-1e12, 1e12)
 finite = st.floats(allow_nan=False, allow_infinity=False)
-links = st.tuples(st.integers(1, 3), st.integers(1, 3), st.integers(0, 2))
-fates = st.lists(st.tuples(*[st.integers(1, 3)] * 3, st.sampled_from(["dead", "range:f1"])), max_size=8).map(tuple)
+links = st.tuples(st.integers(0, 2), st.integers(1, 2), st.integers(0, 2))
+causes = st.sampled_from(["dead", "range:f1"])
+fates = st.lists(st.tuples(st.integers(0, 2), st.integers(1, 2), st.integers(1, 3), causes), max_size=8).map(tuple)
 robot_ticks = st.builds(
     RobotTick,
-    number=st.integers(1, 65535),
+    number=st.just(1),
     status=st.sampled_from(Status),
     x=places,
     y=places,
@@ -94,8 +96,8 @@ robot_ticks = st.builds(
 tick_records = st.builds(
     TickRecord,
     k=st.integers(0, 2**31),
-    robots=st.lists(robot_ticks, max_size=3).map(tuple),
-    frames=st.lists(st.tuples(st.integers(1, 65535), st.binary(max_size=64)), max_size=3).map(tuple),
+    robots=st.tuples(robot_ticks, robot_ticks.map(lambda row: replace(row, number=2))),
+    frames=st.lists(st.tuples(st.integers(0, 2), st.binary(max_size=64)), max_size=3).map(tuple),
     deliveries=st.lists(links, max_size=8).map(tuple),
     dropped=fates,
     mfow=st.integers(0, 2**31),
@@ -242,7 +244,9 @@ for k in range(1_000_000):
 
 def test_reading_streams(tmp_path: Path) -> None:
     """However long the file, a reader holds about one record."""
-    path = write(tmp_path / "journal", *(replace(tick(k, robots=20), dropped=()) for k in range(400)))
+    twenty = replace(HEADER, robots=tuple(RobotFacts(n, f"r{n}", "car", 1.0) for n in range(1, 21)))
+    ticks = (replace(tick(k, robots=20), dropped=()) for k in range(400))
+    path = write(tmp_path / "journal", *ticks, header=twenty)
     tracemalloc.start()
     try:
         journal = read_journal(path)
@@ -286,3 +290,51 @@ def test_too_many_events_are_refused_however_they_are_read(
         list(growing.read_on())
     with pytest.raises(BadInput, match="more than 3 events"):
         _ = read_journal(path).events
+
+
+@pytest.mark.parametrize(
+    ("strange", "says"),
+    [
+        ({"frames": ((99, b"x"),)}, "a frame of a robot that the header does not have"),
+        ({"deliveries": ((99, 1, 3),)}, "links of a robot that the header does not have"),
+        ({"deliveries": ((1, 0, 3),)}, "links of a robot that the header does not have"),
+        ({"dropped": ((1, 3, 3, "loss:f1"),)}, "links of a robot that the header does not have"),
+        ({"copies": ((99, 1, 3, "f1"),)}, "links of a robot that the header does not have"),
+        ({"robots": ()}, "rows of other robots than the header's"),
+    ],
+)
+def test_a_tick_with_robots_that_the_header_does_not_have_is_refused(
+    tmp_path: Path, strange: dict[str, Any], says: str
+) -> None:
+    path = tmp_path / "journal"
+    with JournalWriter(path, HEADER) as writer:
+        writer.write(tick(0))
+        writer.write(replace(tick(1), **strange))
+    with pytest.raises(BadInput, match=rf"journal: record 2 is damaged or of another version \({says}\)"):
+        list(read_journal(path).ticks)
+
+
+def test_an_event_of_a_robot_that_the_header_does_not_have_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "journal"
+    with JournalWriter(path, HEADER) as writer:
+        writer.write(Event(0, "started", 9))
+    with pytest.raises(BadInput, match="an event of robot 9"):
+        assert read_journal(path).events
+
+
+@pytest.mark.parametrize(
+    ("strange", "says"),
+    [
+        ({"robots": HEADER.robots[::-1]}, "robots are not numbered 1, 2, ... in order"),
+        ({"patrolled_area_m2": 0.0}, "patrolled_area_m2 = 0: less than a point"),
+        ({"scenario": {**HEADER.scenario, "radio": None}}, "scenario.radio is missing or unusable"),
+        ({"scenario": {**HEADER.scenario, "sensor": {}}}, "scenario.sensor.range is missing or unusable"),
+        ({"scenario": {**HEADER.scenario, "step": True}}, "scenario.step is missing or unusable"),
+        ({"scenario": {}}, "scenario.name is missing or unusable"),
+    ],
+)
+def test_a_header_that_no_run_can_have_is_refused(tmp_path: Path, strange: dict[str, Any], says: str) -> None:
+    path = tmp_path / "journal"
+    JournalWriter(path, replace(HEADER, **strange)).close()
+    with pytest.raises(BadInput, match=says):
+        read_journal(path)

@@ -5,16 +5,22 @@ from __future__ import annotations
 import json
 import math
 import shutil
-from collections.abc import Callable, Iterable, Mapping
+import struct
+import zlib
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
+import msgpack
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 import fogwatch
 from patrol.journal import End, JournalWriter, Record, TickRecord, read_journal, trace_hash
-from patrol.journal.file import GrowingJournal
+from patrol.journal.file import MAGIC, GrowingJournal
 
 Judging = Callable[[Path], tuple[int, Any]]
 
@@ -238,6 +244,51 @@ def test_notes_about_robots_of_no_roster_are_left_out(folder: Path, judged: Judg
     edit_journal(folder, notes={"wall_s": 2.0, "late_commands": {1: 3, 99: 1}})
     _, said = judged(folder)
     assert fields_of(said) == {"wall_s", "realtime_factor"}
+
+
+STRANGE: tuple[Any, ...] = (
+    *(0, 1, -1, 2, 7, 99, 70_000, 2**31, 2**63, 0.5, -1e300, math.nan, math.inf, True, None, "", "loss:f9", b"\x00"),
+    *([], {}, [1], [[1, 2]]),
+)
+
+
+def leaves(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """The ways to all values inside of a value."""
+    if path:
+        yield path
+    parts = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, part in parts:
+        yield from leaves(part, (*path, key))
+
+
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_a_journal_with_one_strange_value_is_judged_or_refused(
+    ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], data: st.DataObject
+) -> None:
+    """Its checksums are right."""
+    whole = (ran / "journal").read_bytes()
+    payloads, at = [], len(MAGIC)
+    while at < len(whole):
+        length, _ = struct.unpack_from("<II", whole, at)
+        payloads.append(whole[at + 8 : at + 8 + length])
+        at += 8 + length
+    number = data.draw(st.one_of(st.just(0), st.integers(0, len(payloads) - 1)), label="record")
+    record = msgpack.unpackb(payloads[number], strict_map_key=False)
+    path = data.draw(st.sampled_from(list(leaves(record))), label="path")
+    holder = record
+    for key in path[:-1]:
+        holder = holder[key]
+    holder[path[-1]] = data.draw(st.sampled_from(STRANGE), label="value")
+    payloads[number] = msgpack.packb(record)
+    with TemporaryDirectory() as place:
+        folder = Path(shutil.copytree(ran, Path(place) / "run"))
+        framed = [struct.pack("<II", len(packed), zlib.crc32(packed)) + packed for packed in payloads]
+        (folder / "journal").write_bytes(MAGIC + b"".join(framed))
+        code = command("judge", folder)
+        said = capsys.readouterr()
+        assert "Traceback" not in said.err
+        assert code in (0, 1, 2) or (code == 3 and "unknown" in said.out), said
 
 
 def test_what_is_no_run_is_bad_input(
