@@ -23,6 +23,7 @@ from patrol.pose import Pose
 from patrol.radio.inbox import Inboxes, Rules
 
 if TYPE_CHECKING:
+    from patrol.graph.graph import Graph
     from patrol.journal.records import Event
     from patrol.regions.split import RegionSplit
     from patrol.scenario import IntruderSpec, Scenario
@@ -68,6 +69,18 @@ class Prepared:
         """bool (height, width), read-only: points that some robot of the fleet can see; what MFoW counts."""
         distinct = list({id(fields): fields for fields in self.fields.values()}.values())
         return frozen_grid(np.logical_or.reduce([fields.patrolled for fields in distinct]))
+
+    @cached_property
+    def graph(self) -> Graph:
+        """The terrain's graph: the scenario's, or one that is made from the ground of the smallest robots."""
+        from patrol.graph.from_ground import graph_from_ground  # here: few fleets need a graph
+        from patrol.graph.graph import graph_of
+
+        given = self.scenario.terrain.graph
+        if given is not None:
+            return graph_of(given.vertices, given.edges, given.pixel)
+        least = min(self.scenario.roster, key=lambda spec: (spec.radius, spec.number))
+        return graph_from_ground(self.terrain, self.fields[least.number], sensor_footprint(self.scenario, self.terrain))
 
     def as_operated(self, events: Iterable[Event]) -> Prepared:
         """Add what operators have asked for, which changes neither terrain nor robots.
@@ -141,7 +154,8 @@ def prepare(scenario: Scenario, terrain: Terrain | None = None) -> Prepared:
 
     Raises:
         BadInput: For an unusable map, for intruders and critical areas that are not on passable ground, for starts that
-            do not fit, for bodies too wide for the terrain and for regions that do not make a split.
+            do not fit, for a graph that is not all on the terrain, for bodies too wide for the terrain and for regions
+            that do not make a split.
     """
     from patrol.ground.maps import load_terrain  # here: loading a prepared scenario needs neither
     from patrol.starts import place_starts
@@ -151,6 +165,7 @@ def prepare(scenario: Scenario, terrain: Terrain | None = None) -> Prepared:
     for number, intruder in enumerate(scenario.intruders):
         check_intruder(intruder, terrain, f"intruders.{number}.place")
     _check_critical_areas(scenario, terrain)
+    _check_graph(scenario, terrain)
     starts = tuple(place_starts(terrain, scenario.roster, scenario.seed))
     by_radius: dict[float, StaticFields] = {}
     for radius in sorted({spec.radius for spec in scenario.roster}):
@@ -229,6 +244,13 @@ def _check_critical_areas(scenario: Scenario, terrain: Terrain) -> None:
         if not (terrain.free & cover(polygon, terrain.shape, terrain.point, terrain.origin)).any():
             field = f"patrol.options.critical_areas.{number}"
             raise BadInput(f"{field}: holds no free point of {terrain.name}; correct or drop it")
+
+
+def _check_graph(scenario: Scenario, terrain: Terrain) -> None:
+    for number, (x, y) in enumerate(scenario.terrain.graph.vertices if scenario.terrain.graph else ()):
+        if not terrain.contains(x, y):
+            where = f"terrain.graph: vertex {number} at [{x:g}, {y:g}]"
+            raise BadInput(f"{where}: not on {terrain.name}; give the graph of this terrain")
 
 
 def _split(scenario: Scenario, terrain: Terrain, by_radius: Mapping[float, StaticFields]) -> dict[float, RegionSplit]:

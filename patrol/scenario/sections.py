@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Annotated, Any, Self
 
 from pydantic import ConfigDict, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from patrol.classes.class_file import beside, class_file
+from patrol.errors import BadInput
+from patrol.graph.graph import PIXEL
+from patrol.graph.graph_file import read_graph
 from patrol.pose import MODELS
 from patrol.values.section import Section, absolute, wrong
 from patrol.values.types import (
@@ -37,12 +41,40 @@ DEFAULT_RADIUS = 1.0
 """Radius of the paper's body, m."""
 
 
+class GraphSpec(Section):
+    """A graph of the terrain: places, and the ways between neighbours."""
+
+    vertices: tuple[Corner, ...] = Field(min_length=1, description="m, [x, y] of each vertex")
+    edges: tuple[tuple[int, int, Positive], ...] = Field((), description="[vertex, vertex, m], each edge once")
+    pixel: Positive = Field(PIXEL, description="m, side of a pixel, in which constants of the literature count")
+
+    @model_validator(mode="after")
+    def _edges_join_vertices(self) -> Self:
+        for first, last, _ in self.edges:
+            if not 0 <= first < len(self.vertices) or not 0 <= last < len(self.vertices) or first == last:
+                raise wrong("edges", f"[{first}, {last}] joins no two of the {len(self.vertices)} vertices; correct it")
+        return self
+
+
 class TerrainSpec(Section):
     """The terrain of the patrol: a built-in one by name, or a map_server YAML file."""
 
     builtin: Builtin | None = Field(None, description="a built-in terrain, instead of a map")
     map: PathText | None = Field(None, description="map_server YAML file, relative to this file")
+    graph: GraphSpec | None = Field(
+        None, description="FILE.graph of patrolling_sim, or vertices and edges; null: made from the ground if needed"
+    )
     keep_out: Polygons = Field((), description="m, polygons [[x, y], ...] that no body may enter")
+
+    @field_validator("graph", mode="before")
+    @classmethod
+    def _from_a_file(cls, value: Any, info: ValidationInfo) -> Any:
+        if not isinstance(value, str):
+            return value
+        try:
+            return read_graph(Path(str(absolute(value, info))))
+        except BadInput as error:
+            raise wrong("", str(error)) from None
 
     @field_validator("map")
     @classmethod

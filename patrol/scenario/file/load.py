@@ -246,6 +246,8 @@ def _meaning(scenario: Scenario) -> dict[str, Any]:
     if scenario.sensor.kind in BUILT_IN_SENSORS:  # their other settings say it all
         for field in ("kind", "kind_sha256", "options"):
             del meaning["sensor"][field]
+    if scenario.terrain.graph is None:  # as before there were graphs, so that hashes stay
+        del meaning["terrain"]["graph"]
     if scenario.radio.model == IDEAL:  # as before there were others, so that hashes stay
         for field in ("model", "model_sha256", "options"):
             del meaning["radio"][field]

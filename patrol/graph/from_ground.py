@@ -1,0 +1,84 @@
+"""A graph made from the ground, for terrains that nobody has drawn one for.
+
+Its vertices are places from which all of the ground is seen, as few as a greedy choice finds; so robots that visit all
+of them see everything. Two are neighbours where no third one is nearer to both of them, by the ways between them (the
+relative neighbourhood graph), which keeps the graph connected where the ground is, and its ways short.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.graph.graph import Graph, graph_of
+from patrol.ground.fields import StaticFields
+from patrol.ground.footprint import Footprint
+from patrol.ground.kernels.components import label_parts
+from patrol.ground.kernels.tour import FAR, lengths_between
+from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.ground.tour.cover import Looks, Views, choose, complete, lattice, needed
+
+SPACING = 0.4
+"""Distance of the candidate places, as a share of the sensor's range."""
+
+MOST_CANDIDATES = 6000
+"""Candidate places at most: on larger ground they lie farther apart."""
+
+ROUGH = 50.0
+"""Points of a thinned grid along the sensor's range, by which places are chosen."""
+
+NEAR = 4.0
+"""Length of the ways that are searched for first, in sensor ranges."""
+
+Flat = NDArray[np.int64]
+
+
+def graph_from_ground(terrain: Terrain, fields: StaticFields, footprint: Footprint) -> Graph:
+    """Make the graph of the ground of one kind of body.
+
+    Args:
+        terrain: The terrain.
+        fields: The body's.
+        footprint: The sensor.
+    """
+    part = np.asarray(fields.reach)
+    spacing = max(SPACING * footprint.radius, math.sqrt(np.count_nonzero(part) / MOST_CANDIDATES), 1.0)
+    looks = Looks(terrain, footprint)
+    views = Views(looks, fields.patrolled, max(round(footprint.radius / ROUGH), 1))
+    chosen = needed(choose(lattice(part, spacing), views) + complete(views, part, fields.proxy), views)
+    exact = Views(looks, fields.patrolled, 1)
+    for place in chosen:
+        exact.add(place)
+    places = sorted(needed(chosen + complete(exact, part, fields.proxy), exact))
+    rows, cols = np.divmod(np.array(places, dtype=np.int64), terrain.width)
+    lengths = _lengths(part, rows, cols, NEAR * footprint.radius)
+    edges = []
+    for first in range(len(places)):
+        for last in range(first + 1, len(places)):
+            way = lengths[first, last]
+            if way < FAR and not (np.maximum(lengths[first], lengths[last]) < way).any():
+                edges.append((first, last, float(way) * terrain.point / 100.0))
+    return graph_of([terrain.centre(int(row), int(col)) for row, col in zip(rows, cols, strict=True)], edges)
+
+
+def _lengths(part: BoolGrid, rows: Flat, cols: Flat, near: float) -> NDArray[np.int32]:
+    """Compute the lengths of the ways between places, int32 (v, v), in hundredths of a point; `FAR` without a way.
+
+    Ways are searched for up to a length first. A longer one leads through other places then, which does not matter:
+    places that have another one in between are no neighbours.
+    """
+    framed = np.pad(part, 1).view(np.uint8)
+    length = np.full(framed.size, FAR, dtype=np.int32)
+    straight, diagonal = (np.empty(2 * framed.size + 2, dtype=np.int32) for _ in range(2))
+    lengths = np.empty((rows.size, rows.size), dtype=np.int32)
+    places = (rows + 1) * framed.shape[1] + cols + 1
+    labels = np.empty(framed.shape, dtype=np.int32)
+    label_parts(framed, labels, np.empty(framed.size, dtype=np.int32))
+    of_part = np.bincount(labels.reshape(-1)[places])
+    apart = rows.size**2 - int((of_part**2).sum())
+    limit = min(round(100.0 * near), FAR // 2)
+    while lengths_between(framed, places, lengths, length, straight, diagonal, limit) > apart:
+        limit = min(4 * limit, FAR // 2)
+    return lengths

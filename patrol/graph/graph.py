@@ -1,0 +1,152 @@
+"""A graph of places with the lengths of the ways between neighbours."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+VISIT_M = 0.4
+"""Distance within which a robot visits a place, m: the goal tolerance of patrolling_sim."""
+
+PIXEL = 0.075
+"""Side of a pixel where no image says it, m: that of patrolling_sim's maps cumberland and grid."""
+
+
+def visit_reach(speed: float, step: float) -> float:
+    """Return the distance within which a robot visits a vertex, m: half a stride where that is more than `VISIT_M`.
+
+    Args:
+        speed: The robot's, m/s.
+        step: Length of a tick, s.
+    """
+    return max(VISIT_M, 0.5 * speed * step)
+
+
+@dataclass(frozen=True, eq=False)
+class Graph:
+    """A connected graph without loops; ways lead in both directions.
+
+    Attributes:
+        places: float64 (v, 2), x and y of each vertex, m.
+        edges: For each vertex its neighbours with the length of the way there, m, in the file's order.
+        pixel: Side of a pixel of its image, m: rules of the literature with constants in pixels count in these.
+    """
+
+    places: NDArray[np.float64]
+    edges: tuple[tuple[tuple[int, float], ...], ...]
+    pixel: float = PIXEL
+
+    @property
+    def size(self) -> int:
+        """Number of vertices."""
+        return len(self.edges)
+
+    @cached_property
+    def lengths(self) -> NDArray[np.float64]:
+        """float64 (v, v), lengths of the shortest ways between vertices, m (Floyd and Warshall)."""
+        lengths = np.full((self.size, self.size), np.inf)
+        np.fill_diagonal(lengths, 0.0)
+        for vertex, neighbours in enumerate(self.edges):
+            for other, length in neighbours:
+                lengths[vertex, other] = min(lengths[vertex, other], length)
+        for by in range(self.size):
+            np.minimum(lengths, lengths[:, by, None] + lengths[None, by, :], out=lengths)
+        lengths.flags.writeable = False
+        return lengths
+
+    @cached_property
+    def hops(self) -> NDArray[np.int64]:
+        """int64 (v, v), the least number of edges between vertices."""
+        single = Graph(self.places, tuple(tuple((other, 1.0) for other, _ in row) for row in self.edges))
+        return single.lengths.astype(np.int64)
+
+    def step(self, vertex: int, goal: int) -> int:
+        """Return the neighbour through which the shortest way leads from a vertex to another; the vertex itself there.
+
+        Args:
+            vertex: Where the way begins.
+            goal: Where it ends.
+        """
+        if vertex == goal:
+            return vertex
+        return min((length + float(self.lengths[other, goal]), other) for other, length in self.edges[vertex])[1]
+
+    def way(self, vertex: int, goal: int) -> list[int]:
+        """Return the vertices on the shortest way from a vertex to another, the goal last; none where both are one.
+
+        Args:
+            vertex: Where the way begins.
+            goal: Where it ends; a way leads there.
+        """
+        way: list[int] = []
+        while vertex != goal:
+            vertex = self.step(vertex, goal)
+            way.append(vertex)
+        return way
+
+    def nearest(self, x: float, y: float) -> int:
+        """Return the vertex that is nearest to a place as the crow flies.
+
+        Args:
+            x: m.
+            y: m.
+        """
+        return int(np.argmin(((self.places - (x, y)) ** 2).sum(axis=1)))
+
+    def within(self, first: tuple[float, float], last: tuple[float, float], reach: float) -> list[int]:
+        """Return the vertices that are no farther away than some distance from a straight stretch, in order.
+
+        Its very beginning does not count: a robot that leaves a vertex does not visit it anew.
+
+        Args:
+            first: Where the stretch begins, x and y in m.
+            last: Where it ends.
+            reach: m.
+        """
+        begin, way = np.array(first), np.subtract(last, first)
+        along = np.clip((self.places - begin) @ way / max(float(way @ way), 1e-12), 0.0, 1.0)
+        off = self.places - begin - along[:, None] * way
+        at_end = ((self.places - last) ** 2).sum(axis=1) <= reach * reach
+        return [
+            int(vertex) for vertex in np.flatnonzero(at_end | ((off**2).sum(axis=1) <= reach * reach) & (along > 0.0))
+        ]
+
+
+def graph_of(
+    places: Sequence[tuple[float, float]], edges: Sequence[tuple[int, int, float]], pixel: float = PIXEL
+) -> Graph:
+    """Make a graph from its vertices and its edges, each named once.
+
+    Args:
+        places: x and y of each vertex, m.
+        edges: Two vertices and the length of the way between them, m.
+        pixel: See `Graph`.
+    """
+    rows: list[list[tuple[int, float]]] = [[] for _ in places]
+    for first, last, length in edges:
+        rows[first].append((last, length))
+        rows[last].append((first, length))
+    return Graph(np.array(places, dtype=np.float64).reshape(-1, 2), tuple(map(tuple, rows)), pixel)
+
+
+def parts_of(graph: Graph) -> list[set[int]]:
+    """Return the connected parts of a graph, the one with the first vertex first.
+
+    Args:
+        graph: Any.
+    """
+    left, parts = set(range(graph.size)), []
+    while left:
+        part, waiting = set(), [min(left)]
+        while waiting:
+            vertex = waiting.pop()
+            if vertex not in part:
+                part.add(vertex)
+                waiting += [other for other, _ in graph.edges[vertex]]
+        parts.append(part)
+        left -= part
+    return parts
