@@ -178,6 +178,7 @@ def build_mind(
             posts=posts,
             regions=prepared.regions_of(number),
             scratch=scratch,
+            graph=lambda: prepared.graph,
         ),
     )
     body = BODIES[spec.model](

@@ -13,7 +13,7 @@ unstuck and giving way are the body's business, so that policies compete on equa
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from agent.routes.ground import Disc, Spot
     from agent.routes.path_window import PathWindow
     from agent.view import View
+    from patrol.graph.graph import Graph
     from patrol.ground.fields import StaticFields
     from patrol.ground.footprint import Footprint
     from patrol.ground.terrain import Terrain
@@ -140,6 +141,7 @@ class PolicySetup:
         posts: Where to stand to see what no body can reach.
         regions: The ground split into regions, where `patrol.options.paths` leads through them.
         scratch: Windows shared by policies of one process that never think at the same time.
+        graph: Gives the terrain's graph, which is made when somebody first asks for it.
     """
 
     spec: RobotSpec
@@ -156,6 +158,7 @@ class PolicySetup:
     posts: Posts
     regions: RegionSplit | None
     scratch: dict[str, PathWindow]
+    graph: Callable[[], Graph]
 
 
 class Policy(Protocol):

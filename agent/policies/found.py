@@ -27,6 +27,22 @@ POLICIES = ClassSort(
         {
             COMMITTED: "agent.policies.committed.policy:Committed",
             PAPER: "agent.policies.potential_field.policy:PotentialField",
+            "random": "agent.policies.rivals.conscientious:RandomWalk",
+            "cr": "agent.policies.rivals.conscientious:ConscientiousReactive",
+            "hcr": "agent.policies.rivals.conscientious:HeuristicConscientiousReactive",
+            "hpcc": "agent.policies.rivals.conscientious:HeuristicPathfinder",
+            "greedy": "agent.policies.rivals.conscientious:Greedy",
+            "gbs": "agent.policies.rivals.bayesian:GreedyBayesian",
+            "sebs": "agent.policies.rivals.bayesian:StateExchangeBayesian",
+            "cbls": "agent.policies.rivals.bayesian:ConcurrentBayesianLearning",
+            "er": "agent.policies.rivals.expected:ExpectedReactive",
+            "mns": "agent.policies.rivals.expected:MinimalNetwork",
+            "dtag": "agent.policies.rivals.assignment:GreedyAssignment",
+            "dtap": "agent.policies.rivals.assignment:AuctionAssignment",
+            "tour": "agent.policies.rivals.tours:Tour",
+            "even-tour": "agent.policies.rivals.tours:EvenTour",
+            "ahpa": "agent.policies.rivals.tours:VoronoiTours",
+            "partition": "agent.policies.rivals.tours:PartitionTours",
         }
     ),
 )

@@ -126,7 +126,8 @@ class PotentialFieldOptions(PatrolOptions):
 
 
 POLICY = (
-    "committed | potential-field (the paper's) | package.module:Class | ./file.py:Class beside this file | entry point"
+    "committed | potential-field (the paper's) | a rival, such as sebs | package.module:Class | ./file.py:Class beside "
+    "this file | entry point"
 )
 """Values of `policy`, as files and `--help` describe them."""
 

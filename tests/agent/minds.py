@@ -47,4 +47,5 @@ def setup_of(prepared: Prepared, number: int = 1) -> PolicySetup:
         posts=Posts(fields.proxy),
         regions=prepared.regions_of(number),
         scratch={},
+        graph=lambda: prepared.graph,
     )

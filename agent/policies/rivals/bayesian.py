@@ -1,0 +1,144 @@
+"""Patrols that choose a neighbour by Bayes' rule.
+
+Sources: Portugal and Rocha, "Distributed multi-robot patrol: a scalable and fault-tolerant framework" (Robotics and
+Autonomous Systems 2013), for GBS and SEBS; "Cooperative multi-robot patrol with Bayesian learning" (Autonomous Robots
+2016), for CBLS. Constants are those of the authors' program patrolling_sim.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from pydantic import Field
+
+from agent.policies.rivals.graph_patrol import GraphOptions, GraphPatrol
+from agent.policies.rivals.known import Known
+
+if TYPE_CHECKING:
+    from agent.ports import PolicySetup
+
+G1 = 0.1
+OWN_SHARE = 0.75
+"""Weight of a vertex's own mean idleness in CBLS's prior; the rest is its best neighbour's."""
+
+LEAST, MOST = 0.5, 2.0
+"""Bounds of CBLS's counts of arcs."""
+
+
+class GainOptions(GraphOptions):
+    """Settings of GBS and SEBS."""
+
+    g2: float = Field(100.0, gt=0.0, description="gain from which a choice counts fully; patrolling_sim has a table")
+    edge_min: float = Field(1.0, gt=0.0, description="pixels, the least length of an edge that counts")
+
+
+class GreedyBayesian(GraphPatrol):
+    """GBS: the neighbour with the greatest gain, which is its idleness per length of the edge."""
+
+    Options = GainOptions
+    options: GainOptions
+
+    def route(self, known: Known) -> Sequence[int]:
+        """Choose the neighbour with the greatest G1 exp(ln(1 / G1) / G2 gain)."""
+        return [known.pick(known.neighbours, [self.chance(known, vertex) for vertex in known.neighbours])]
+
+    def chance(self, known: Known, vertex: int) -> float:
+        """Return the probability of going to a neighbour, as far as its gain decides it.
+
+        Args:
+            known: What the robot knows.
+            vertex: The neighbour.
+        """
+        pixels = max(known.length(vertex) / known.graph.pixel, self.options.edge_min)
+        gain = float(known.idleness[vertex]) / pixels
+        return 1.0 if gain >= self.options.g2 else G1 * math.exp(math.log(1.0 / G1) / self.options.g2 * gain)
+
+
+class StateExchangeBayesian(GreedyBayesian):
+    """SEBS: as GBS, but the less likely the more others are going there."""
+
+    def route(self, known: Known) -> Sequence[int]:
+        """Choose the neighbour with the greatest product of GBS's chance and 2^(n - k) / (2^n - 1)."""
+        aims, n = Counter(known.aims.values()), known.team
+        scores = [
+            self.chance(known, vertex) * (2.0 ** (n - aims[vertex]) / (2.0**n - 1.0) if aims[vertex] else 1.0)
+            for vertex in known.neighbours
+        ]
+        return [known.pick(known.neighbours, scores)]
+
+
+class ConcurrentBayesianLearning(GraphPatrol):
+    """CBLS: learns which arcs lead to vertices that are visited too seldom.
+
+    The rule is the paper's: patrolling_sim takes every candidate for the least and the most visited one.
+    """
+
+    def __init__(self, setup: PolicySetup) -> None:
+        """Know no arc better than another.
+
+        Args:
+            setup: The policy's.
+        """
+        super().__init__(setup)
+        size = self.known.graph.size
+        self._mean = [0.0] * size
+        self._visits = [0] * size
+        self._arcs: dict[tuple[int, int], float] = {
+            (vertex, other): 1.0 for vertex, row in enumerate(self.known.graph.edges) for other, _ in row
+        }
+        self._last: tuple[int, list[int], float] | None = None
+
+    def route(self, known: Known) -> Sequence[int]:
+        """Choose the neighbour with the greatest prior times likelihood, among those that nobody else goes to."""
+        self._learn(known)
+        aims = set(known.aims.values())
+        candidates = [vertex for vertex in known.neighbours if vertex not in aims] or known.neighbours
+        if candidates == [known.at]:
+            return candidates
+        prior = [self._prior(known, vertex, aims) for vertex in candidates]
+        total = sum(self._arcs.values())
+        scores = [p * self._arcs[known.at, v] / total for p, v in zip(prior, candidates, strict=True)]
+        best = max(scores)
+        equal = [(known.length(v), v) for v, score in zip(candidates, scores, strict=True) if score == best]
+        entropy = _entropy(scores)
+        self._last = (known.at, candidates, entropy) if len(candidates) > 1 else None
+        return [min(equal)[1]]
+
+    def _prior(self, known: Known, vertex: int, aims: set[int]) -> float:
+        """Weigh the mean idleness of a vertex, this visit included, with that of its best free neighbour."""
+        mean = self._with_now(known, vertex)
+        beyond = [self._with_now(known, other) for other, _ in known.graph.edges[vertex] if other not in aims]
+        best = max(beyond, default=0.0)
+        if len(known.graph.edges[vertex]) == 1 or best == 0.0:
+            return mean
+        return OWN_SHARE * mean + (1.0 - OWN_SHARE) * best
+
+    def _with_now(self, known: Known, vertex: int) -> float:
+        visits = self._visits[vertex]
+        return (self._mean[vertex] * visits + float(known.idleness[vertex])) / (visits + 1)
+
+    def _learn(self, known: Known) -> None:
+        """Count an arrival, and reward the arc to the candidate that was visited least for its degree."""
+        at = known.at
+        self._mean[at] = (self._mean[at] * self._visits[at] + float(known.found_s[at])) / (self._visits[at] + 1)
+        self._visits[at] += 1
+        if self._last is None:
+            return
+        begin, candidates, entropy = self._last
+        seldom = [self._visits[vertex] / len(known.graph.edges[vertex]) for vertex in candidates]
+        least, most = min(seldom), max(seldom)
+        for vertex, share in zip(candidates, seldom, strict=True):
+            change = (1.0 - entropy) * ((share == least) - (share == most))
+            self._arcs[begin, vertex] = min(max(self._arcs[begin, vertex] + change, LEAST), MOST)
+
+
+def _entropy(scores: Sequence[float]) -> float:
+    """Return the entropy of a choice as a share of the greatest possible."""
+    total = sum(scores)
+    if len(scores) < 2 or total <= 0.0:
+        return 1.0
+    shares = [score / total for score in scores if score > 0.0]
+    return -sum(share * math.log(share) for share in shares) / math.log(len(scores))

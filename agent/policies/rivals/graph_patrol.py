@@ -1,0 +1,120 @@
+"""A robot on a graph: it drives to the vertices that its rule names, one after the other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from agent.policies.rivals.known import Known
+from agent.ports import Bearing, Intent, Place, Stay
+from patrol.graph.graph import Graph, visit_reach
+from patrol.values.section import Section
+
+if TYPE_CHECKING:
+    from agent.ports import PolicySetup
+    from agent.view import View
+
+NO_NEARER_S = 15.0
+"""A robot that has come no nearer to a vertex for so long takes it for visited, s."""
+
+NO_NEARER_AT_HAND_S = 1.0
+"""The same within the tolerance, s."""
+
+NEARER = 0.1
+"""Least share of a stride by which it must come nearer to count as progress."""
+
+
+class GraphOptions(Section):
+    """Settings of all patrols on graphs."""
+
+    tolerance: float | None = Field(
+        None, gt=0.0, description="m, within which a vertex is visited; null: 0.4, or half a stride where that is more"
+    )
+
+
+class GraphPatrol:
+    """The part that the patrols on graphs have in common; each says in `route` where to go next.
+
+    Attributes:
+        known: What the robot knows.
+    """
+
+    Options: ClassVar[type[GraphOptions]] = GraphOptions
+
+    def __init__(self, setup: PolicySetup) -> None:
+        """Place the graph where the robot's body can go.
+
+        Args:
+            setup: The policy's.
+        """
+        options = setup.options if isinstance(setup.options, GraphOptions) else self.Options()
+        self.options = options
+        self.step = setup.step
+        self.speed = setup.spec.speed
+        graph = reachable(setup.graph(), setup)
+        tolerance = options.tolerance or visit_reach(setup.spec.speed, setup.step)
+        self.known = Known(graph, tolerance, setup.step, setup.spec.number, setup.team)
+        self._route: list[int] = []
+        self._least = math.inf
+        self._since = 0
+
+    def route(self, known: Known) -> Sequence[int]:
+        """Choose where to go next.
+
+        Args:
+            known: What the robot knows.
+
+        Returns:
+            Vertices to be visited one after the other, at least one; none to wait for a tick.
+        """
+        raise NotImplementedError
+
+    def decide(self, view: View) -> Intent:
+        """Go on to the next vertex of the route, or choose another route at its end."""
+        known = self.known
+        visited = known.look(view)
+        if self._route and self._is_there(view, self._route[0] in visited):
+            known.arrive(self._route.pop(0))
+            self._least, self._since = math.inf, view.tick
+        if not self._route:
+            self._route = list(self.route(known))
+            self._least, self._since = math.inf, view.tick
+        if not self._route:
+            return Stay()
+        x, y = known.graph.places[self._route[0]].tolist()
+        way = view.way((x, y))
+        if way is None:
+            return Bearing(())  # the body finds back to the reachable ground first
+        if way.length < self._least - NEARER * view.stride or way.length == 0.0:
+            self._least, self._since = way.length, view.tick
+        return Place(x, y, bend=way.bend, figures={"vertex": float(self._route[0]), "way_m": way.length})
+
+    def _is_there(self, view: View, visits: bool) -> bool:
+        """Return True on the vertex, or where the robot comes no nearer: within the tolerance soon, else later."""
+        stood_s = (view.tick - self._since) * self.step
+        return self._least == 0.0 or stood_s > (NO_NEARER_AT_HAND_S if visits else NO_NEARER_S)
+
+
+def reachable(graph: Graph, setup: PolicySetup) -> Graph:
+    """Move the vertices that a body cannot stand on to the nearest place where it can.
+
+    Args:
+        graph: The graph.
+        setup: The policy's.
+    """
+    rows, cols = np.nonzero(setup.fields.reach)
+    x, y = setup.terrain.origin
+    point = setup.terrain.point
+    across, up = x + (cols + 0.5) * point, y + (rows + 0.5) * point
+    places = graph.places.copy()
+    for vertex, (there, high) in enumerate(graph.places.tolist()):
+        row, col = setup.terrain.point_at(there, high)
+        inside = 0 <= row < setup.terrain.height and 0 <= col < setup.terrain.width
+        if not inside or not setup.fields.reach[row, col]:
+            nearest = int(np.argmin((across - there) ** 2 + (up - high) ** 2))
+            places[vertex] = across[nearest], up[nearest]
+    return Graph(places, graph.edges, graph.pixel)

@@ -1,0 +1,180 @@
+"""What a robot on a graph knows: when each vertex was visited, by itself and by others, and where others are going.
+
+All of it comes from positions. A robot visits a vertex when it is within a tolerance of it, or passes by so close from
+one position to the next.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.graph.graph import Graph
+
+if TYPE_CHECKING:
+    from agent.view import View
+
+LATE_TICKS = 2
+"""Ticks between two positions of a robot up to which it is taken to have come straight from one to the other."""
+
+LEFT = 0.1
+"""Share of an edge after which a robot is taken to be on its way along it."""
+
+
+@dataclass(slots=True)
+class Other:
+    """Another robot on the graph.
+
+    Attributes:
+        place: Where it was heard last, x and y in m.
+        tick: When.
+        at: The vertex that it visited last; the nearest one before its first visit.
+        aim: The neighbour of `at` that it is going to; None where that cannot be told.
+    """
+
+    place: tuple[float, float]
+    tick: int
+    at: int
+    aim: int | None = None
+
+
+@dataclass(slots=True)
+class Known:
+    """The knowledge of one robot.
+
+    Attributes:
+        graph: The graph, at places that the robot can reach.
+        tolerance: Distance from a vertex within which it is visited, m.
+        step: Length of a tick, s.
+        number: The robot's.
+        team: Number of robots that patrol from the start.
+        at: The vertex that the robot visited last; the nearest one before its first visit.
+        now_s: Time since tick 0, s.
+        visited_s: float64 (v,), when a robot last visited each vertex, s; 0 at the start.
+        own_s: The same of this robot alone.
+        found_s: float64 (v,), the idleness that the robot found at its last arrival at each vertex, s.
+        others: The robots that are heard, by number.
+        draw: A random number in [0, 1) for a question 0, 1, ... of this tick.
+    """
+
+    graph: Graph
+    tolerance: float
+    step: float
+    number: int
+    team: int
+    at: int = -1
+    now_s: float = 0.0
+    visited_s: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    own_s: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    found_s: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    others: dict[int, Other] = field(default_factory=dict)
+    draw: Callable[[int], float] = lambda _: 0.0
+    _place: tuple[float, float] | None = None
+    _inside: frozenset[int] = frozenset()
+
+    def __post_init__(self) -> None:
+        if not self.visited_s.size:
+            self.visited_s, self.own_s, self.found_s = (np.zeros(self.graph.size) for _ in range(3))
+
+    @property
+    def idleness(self) -> NDArray[np.float64]:
+        """float64 (v,), time since the last visit of each vertex, s."""
+        return self.now_s - self.visited_s
+
+    @property
+    def own_idleness(self) -> NDArray[np.float64]:
+        """float64 (v,), the same by this robot's own visits, s."""
+        return self.now_s - self.own_s
+
+    @property
+    def neighbours(self) -> list[int]:
+        """The neighbours of where the robot is, in the graph's order; itself where it has none."""
+        return [other for other, _ in self.graph.edges[self.at]] or [self.at]
+
+    @property
+    def reached(self) -> list[int]:
+        """The vertices that a way leads to, but for the one where the robot is."""
+        lengths = self.graph.lengths[self.at]
+        return [vertex for vertex in range(self.graph.size) if vertex != self.at and lengths[vertex] < np.inf]
+
+    @property
+    def aims(self) -> dict[int, int]:
+        """The vertices that others are going to, by robot number."""
+        return {number: other.aim for number, other in self.others.items() if other.aim is not None}
+
+    def length(self, neighbour: int) -> float:
+        """Return the length of the edge to a neighbour, m."""
+        return float(self.graph.lengths[self.at, neighbour])
+
+    def pick(self, candidates: list[int], scores: list[float]) -> int:
+        """Return the candidate with the greatest score; one of them at random where several have it."""
+        best = max(scores)
+        equal = [vertex for vertex, score in zip(candidates, scores, strict=True) if score == best]
+        return equal[int(self.draw(0) * len(equal))]
+
+    def look(self, view: View) -> list[int]:
+        """Take note of this tick's positions.
+
+        Args:
+            view: Of this tick.
+
+        Returns:
+            The vertices that the robot itself visits.
+        """
+        self.now_s = view.time_s
+        self.draw = view.draw
+        here = view.reported.x, view.reported.y
+        if self.at < 0:
+            self.at = self.graph.nearest(*here)
+        visited = self.graph.within(self._place or here, here, self.tolerance)
+        self._place = here
+        for vertex in visited:
+            self.arrive(vertex)
+        self._inside = frozenset(visited)
+        for number, peer in sorted(view.peers.items()):
+            self._hear(number, (peer.pose.x, peer.pose.y), peer.tick)
+        for number in [number for number in self.others if number not in view.peers]:
+            del self.others[number]
+        return visited
+
+    def arrive(self, vertex: int) -> None:
+        """Take note that the robot itself visits a vertex.
+
+        Args:
+            vertex: The vertex.
+        """
+        if vertex not in self._inside:
+            self.found_s[vertex] = self.now_s - self.visited_s[vertex]
+        self.visited_s[vertex] = self.own_s[vertex] = self.now_s
+        self.at = vertex
+
+    def _hear(self, number: int, place: tuple[float, float], tick: int) -> None:
+        other = self.others.get(number)
+        if other is None:
+            other = self.others[number] = Other(place, tick, self.graph.nearest(*place))
+        elif tick <= other.tick:
+            return
+        begin = other.place if tick - other.tick <= LATE_TICKS else place
+        for vertex in self.graph.within(begin, place, self.tolerance):
+            self.visited_s[vertex] = max(self.visited_s[vertex], tick * self.step)
+            other.at = vertex
+        other.place, other.tick = place, tick
+        other.aim = self._aim(other)
+
+    def _aim(self, other: Other) -> int | None:
+        """The neighbour that a robot that has left its vertex goes to: the one with the least detour over its place."""
+        best, least = None, math.inf
+        away = math.dist(other.place, self.graph.places[other.at])
+        for neighbour, length in self.graph.edges[other.at]:
+            if away < max(LEFT * length, self.tolerance):
+                continue
+            straight = math.dist(self.graph.places[other.at], self.graph.places[neighbour])
+            detour = away + math.dist(other.place, self.graph.places[neighbour]) - straight
+            if detour < least:
+                best, least = neighbour, detour
+        return best
