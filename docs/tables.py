@@ -8,13 +8,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from patrol.summary.metric import metrics_of
-from patrol.summary.model import Messages, RobotFigures, Summary
+from patrol.summary.model import Messages, NodeFigures, RobotFigures, Summary
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
 DOCUMENT = Path(__file__).parent / "run-folder.md"
-MODELS: Mapping[str, type[BaseModel]] = {"summary": Summary, "messages": Messages, "robots": RobotFigures}
+MODELS: Mapping[str, type[BaseModel]] = {
+    "summary": Summary,
+    "nodes": NodeFigures,
+    "messages": Messages,
+    "robots": RobotFigures,
+}
 
 
 def table(model: type[BaseModel]) -> str:

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 from experiments.sweeps.results import FAILED, OK
 from patrol.errors import BadInput
 from patrol.summary.metric import metrics_of as declared
-from patrol.summary.model import Messages, RobotFigures, Summary, VerdictFacts
+from patrol.summary.model import Messages, NodeFigures, RobotFigures, Summary, VerdictFacts
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -159,6 +159,7 @@ def metrics_of(summary: Summary) -> Metrics:
         (RobotFigures, "", list(summary.robots.values())),
         (VerdictFacts, "", [summary.verdict] if summary.verdict else []),
         (Messages, "messages_", [summary.messages]),
+        (NodeFigures, "nodes_", [summary.nodes] if summary.nodes else []),
     ]
     return {
         f"{prefix}{metric.column or key}": metric.reduced([getattr(value, key) for value in values])

@@ -199,6 +199,45 @@ class RobotFigures(_Part):
     rejected: Annotated[int, Metric("frames of others that it refused")] = 0
 
 
+class NodeFigures(_Part):
+    """The measures on the vertices of the scenario's graph; see `patrol.measures.nodes`."""
+
+    vertices: Annotated[int, Metric("vertices of the graph")] = 0
+    visits: Annotated[int, Metric("visits of all of them")] = 0
+    least_visits: Annotated[int, Metric("visits of the vertex that has fewest: complete patrol cycles")] = 0
+    unvisited: Annotated[int, Metric("vertices that were never visited")] = 0
+    once: Annotated[int, Metric("vertices that were visited once, which the measures over visits leave out")] = 0
+    idleness_mean_s: Annotated[
+        float, Metric("mean idleness over vertices and ticks (AGI)", "s", "mean idleness", better="lower", sweep="once")
+    ] = 0.0
+    idleness_end_s: Annotated[float, Metric("mean idleness over vertices at the end (IGI)")] = 0.0
+    worst_mean_s: Annotated[
+        float, Metric("greatest idleness of a vertex, mean over ticks", better="lower", sweep="once")
+    ] = 0.0
+    worst_s: Annotated[
+        float,
+        Metric("greatest idleness of a vertex (WI)", "s", "worst idleness", better="lower", sweep="once"),
+    ] = 0.0
+    worst_late_s: Annotated[float, Metric("the same over the second half", better="lower", sweep="once")] = 0.0
+    visits_mean_s: Annotated[
+        float | None,
+        Metric("mean over vertices of the mean idleness that visits end, as patrolling_sim prints it", sweep="once"),
+    ] = None
+    visits_worst_s: Annotated[float | None, Metric("the greatest of these means", sweep="once")] = None
+    visits_median_s: Annotated[float | None, Metric("their median")] = None
+    visits_deviation_s: Annotated[float | None, Metric("their standard deviation")] = None
+    return_s: Annotated[
+        list[float], Metric("return times of all vertices: least, 10, 25, 50, 75 and 90 %, greatest")
+    ] = []
+    interference: Annotated[
+        int, Metric("times that two robots came within 2 m, the same two at most once in 10 s", sweep="once")
+    ] = 0
+    interference_per_min: Annotated[float, Metric("the same per minute")] = 0.0
+    entropy_bits: Annotated[
+        float | None, Metric("how unpredictable the next vertex is, bits per move", better="higher", sweep="once")
+    ] = None
+
+
 class Summary(_Part):
     """The summary of a run. Times are simulated seconds unless the meaning says wall."""
 
@@ -262,6 +301,7 @@ class Summary(_Part):
         ),
     ] = None
     best_tour_m: Annotated[float | None, Metric("length of that tour")] = None
+    nodes: Annotated[NodeFigures | None, Metric("with `terrain.graph` only: [measures on its vertices](#nodes)")] = None
     trapped: Annotated[
         list[dict[str, Any]], Metric("every time for which a robot was trapped: which, where and when")
     ] = []

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from patrol.journal import Event, Header, TickRecord
 from patrol.measures.best_tour import best_tour
+from patrol.measures.nodes import node_totals
 from patrol.summary.model import Summary
 from patrol.summary.totals import RunTotals
 from worldsim.output.direct_radio import as_measured
@@ -36,12 +37,15 @@ class Totals:
         self._run = RunTotals(header, float(header.scenario["step"]), patrolled)
         self._traffic = Traffic(header, events)
         self._intruders = IntruderTotals(header, events)
+        self._nodes = node_totals(header)
 
     def tick(self, record: TickRecord) -> None:
         """Add the next tick."""
         self._run.tick(record)
         self._traffic.tick(record)
         self._intruders.tick(record)
+        if self._nodes is not None:
+            self._nodes.tick(record)
 
     def summary(self, journal: RunRecord, verdict: Verdict, prepared: Prepared | None = None) -> Summary:
         """Return the run's summary after its last tick, when the journal has ended; does not read the journal's ticks.
@@ -63,6 +67,7 @@ class Totals:
             "realtime_factor": document["simulated_s"] / wall_s if wall_s else None,
             "sensor_range_m": float(header.scenario["sensor"]["range"]),
             **_tour(prepared),
+            **({} if self._nodes is None else {"nodes": self._nodes.figures()}),
             **_progress(verdict.progress),
             "links": self._traffic.links(),
             "faults": self._traffic.faults(),

@@ -1,0 +1,63 @@
+"""Measures on vertices, on a run worked out by hand."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from patrol.graph.graph import graph_of
+from patrol.journal.records import Status
+from patrol.measures.nodes import NodeTotals
+
+GRAPH = graph_of([(0.0, 0.0), (10.0, 0.0), (20.0, 0.0)], [(0, 1, 10.0), (1, 2, 10.0)])
+
+
+def record(k: int, *places: tuple[float, float]) -> Any:
+    rows = [SimpleNamespace(number=n, status=Status.ALIVE, x=x, y=y) for n, (x, y) in enumerate(places, 1)]
+    return SimpleNamespace(k=k, robots=rows)
+
+
+def figures(*ways: list[float]) -> dict[str, Any]:
+    """Robots on the x axis, a place for each tick of 1 s."""
+    totals = NodeTotals(GRAPH, dict.fromkeys(range(1, len(ways) + 1), 0.4), 1.0)
+    for k, places in enumerate(zip(*ways, strict=True)):
+        totals.tick(record(k, *((x, 0.0) for x in places)))
+    found = totals.figures()
+    assert found is not None
+    return found
+
+
+def test_idleness_in_both_families() -> None:
+    # Vertex 0 is visited at 0 and 4 s, 1 at 2 and 6 s (in passing, between two ticks), 2 never.
+    found = figures([0.0, 5.0, 12.0, 5.0, 0.0, 5.0, 12.0])
+    idle = [[0, 1, 2, 3, 0, 1, 2], [0, 1, 0, 1, 2, 3, 0], [0, 1, 2, 3, 4, 5, 6]]
+    idle[1][3] = 0  # on the way back it passes by again
+    idle[1][4:] = [1, 2, 0]
+    assert found["idleness_mean_s"] == pytest.approx(sum(map(sum, idle)) / 21)
+    assert found["idleness_end_s"] == pytest.approx((2 + 0 + 6) / 3)
+    assert found["worst_s"] == 6.0
+    assert found["worst_mean_s"] == pytest.approx(sum(max(each) for each in zip(*idle, strict=True)) / 7)
+    assert (found["visits"], found["unvisited"], found["once"], found["least_visits"]) == (4, 1, 0, 0)
+
+
+def test_a_robot_that_stays_visits_once() -> None:
+    found = figures([0.0, 0.0, 0.0, 10.0, 0.0])
+    assert found["visits"] == 3
+    assert found["visits_mean_s"] == 2.0, "left at 2 s, back at 4 s"
+    assert found["return_s"] == [2.0] * 7
+
+
+def test_robots_interfere_at_most_once_in_ten_seconds() -> None:
+    near, far = [0.0] * 25, [1.5] * 25
+    assert figures(near, far)["interference"] == 3
+    assert figures(near, [2.5] * 25)["interference"] == 0
+
+
+def test_the_entropy_rate_is_that_of_the_next_vertex() -> None:
+    assert figures([0.0, 10.0, 0.0, 10.0, 0.0])["entropy_bits"] == 0.0
+    # From 1 to 0 and to 2, each twice, and from both back to 1: half of the moves are worth one bit.
+    mixed = figures([10.0, 0.0, 10.0, 20.0, 10.0, 0.0, 10.0, 20.0, 10.0])["entropy_bits"]
+    assert mixed == pytest.approx(0.5 * -math.log2(0.5))
