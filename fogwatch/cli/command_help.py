@@ -29,6 +29,7 @@ ORDER = (
     "replay",
     "report",
     "compare",
+    "intruder",
     "judge",
     "recording",
     "sweep",

@@ -1,0 +1,68 @@
+"""Intruder games from the command line, on the ground and on a graph."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fogwatch
+from monitor.replay.intruder_games import games_of
+from monitor.replay.replay import Replay
+from monitor.replay.run import open_run
+
+SCENARIO = {
+    "name": "watched",
+    "terrain": {
+        "builtin": "open",
+        "graph": {"vertices": [[10, 10], [30, 10], [60, 60]], "edges": [[0, 1, 20], [1, 2, 60]]},
+    },
+    "point": 1.0,
+    "duration": 60,
+    "robots": {"count": 2, "model": "holonomic", "starts": [[10, 10], [50, 44]]},
+}
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return fogwatch.run(SCENARIO, out=tmp_path_factory.mktemp("run") / "watched", picture=False).folder
+
+
+def test_it_prints_the_shares_of_each_intruder(
+    ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert command("intruder", ran, "--attacks", "2,10") == 0
+    said = capsys.readouterr().out
+    assert "points of the ground" in said
+    assert "3 vertices of the graph" in said
+    assert command("intruder", ran, "--attacks", "2,10", "--json") == 0
+    games = json.loads(capsys.readouterr().out)
+    assert [share["attack_s"] for share in games["ground"]] == [2.0, 10.0]
+    assert games["vertices"] == 3
+    # Longer attacks succeed less often.
+    assert games["ground"][0]["random"] >= games["ground"][1]["random"]
+    assert 0.0 <= games["nodes"][1]["random"] <= games["nodes"][0]["random"] <= 1.0
+
+
+def test_points_are_seen_when_they_are_in_view(ran: Path) -> None:
+    """The random intruder against the replayed fog: nobody looks at a point until the attack is over."""
+    run = open_run(ran)
+    patrolled = np.flatnonzero(run.prepared.patrolled)
+    chosen = patrolled[:: -(-len(patrolled) // 2000)]
+    replay = Replay(run)
+    seen = np.array([replay.fog(k).last_seen.reshape(-1)[chosen] for k in range(run.ticks)])
+    # Seen in none of the four ticks after t: last seen, at tick t + 4, at t or before.
+    expected = np.mean(seen[4:] <= np.arange(run.ticks - 4)[:, None])
+    (found,) = games_of(run, [2.0]).ground
+    assert found.random == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("attacks", ["", "x", "5,-1", "nan", "1e9"])
+def test_durations_that_cannot_be_are_one_line(
+    ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], attacks: str
+) -> None:
+    assert command("intruder", ran, "--attacks", attacks) == 2
+    assert "expected seconds above 0" in capsys.readouterr().err
