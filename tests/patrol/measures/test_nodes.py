@@ -11,6 +11,8 @@ import pytest
 from patrol.graph.graph import graph_of
 from patrol.journal.records import Status
 from patrol.measures.nodes import NodeTotals
+from patrol.summary.metric import metrics_of
+from patrol.summary.model import NodeFigures
 
 GRAPH = graph_of([(0.0, 0.0), (10.0, 0.0), (20.0, 0.0)], [(0, 1, 10.0), (1, 2, 10.0)])
 
@@ -61,3 +63,7 @@ def test_the_entropy_rate_is_that_of_the_next_vertex() -> None:
     # From 1 to 0 and to 2, each twice, and from both back to 1: half of the moves are worth one bit.
     mixed = figures([10.0, 0.0, 10.0, 20.0, 10.0, 0.0, 10.0, 20.0, 10.0])["entropy_bits"]
     assert mixed == pytest.approx(0.5 * -math.log2(0.5))
+
+
+def test_every_measure_is_declared_in_order() -> None:
+    assert list(figures([0.0, 10.0])) == [key for key, _ in metrics_of(NodeFigures)]

@@ -53,7 +53,7 @@ def test_the_summary_has_what_it_promises(lab: Lab) -> None:
     assert {"name", "ok", "detail", "judged", "warnings"} == set(summary["verdict"]["checks"][0])
 
 
-IN_SOME_RUNS = {"intruders", "refused", "deadlines", "direct", "exit_codes"}
+IN_SOME_RUNS = {"nodes", "intruders", "refused", "deadlines", "direct", "exit_codes"}
 
 
 def test_every_metric_is_declared_and_computed_in_the_order_of_its_declaration(lab: Lab) -> None:
