@@ -58,7 +58,9 @@ def hull(places: Floats) -> Floats:
     Returns:
         float64 (k, 2), counter-clockwise.
     """
-    order = sorted(map(tuple, places.tolist()))
+    # Along a side that is upright but for rounding, places are in the order of y. Else its end might be taken for a
+    # place in its middle.
+    order = sorted(map(tuple, places.tolist()), key=lambda place: (round(place[0], 9), place[1]))
     chains: list[list[tuple[float, ...]]] = []
     for run in (order, order[::-1]):
         chain: list[tuple[float, ...]] = []

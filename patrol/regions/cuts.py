@@ -100,6 +100,7 @@ def convex_pieces(rings: Sequence[Ring]) -> list[Floats]:
     if not rings:
         return []
     plan = _plan(rings)
+    _part_at_touches(plan)
     for v, w in best_set(*_shared_cuts(plan)):
         plan.cuts.append((v, w))
     _cut_off_the_rest(plan)
@@ -119,6 +120,22 @@ def _plan(rings: Sequence[Ring]) -> Plan:
     longer = np.maximum(np.hypot(*to.T), np.hypot(*onward.T))
     turn, ahead = cross(to, onward), np.einsum("ij,ij->i", to, onward) > 0.0
     return Plan(corners, before, after, np.flatnonzero(turn < np.where(ahead, -DENT * longer, -FLAT)))
+
+
+def _part_at_touches(plan: Plan) -> None:
+    """Let concave corners that lie on another side end there: the side parts the angle, so no cut is needed."""
+    begin, along = plan.corners, plan.corners[plan.after] - plan.corners
+    length = np.hypot(*along.T)
+    touching = set()
+    for v in plan.concave.tolist():
+        offset = plan.corners[v] - begin
+        share = (offset * along).sum(axis=1) / length**2
+        on = (np.abs(cross(along, offset)) <= FLAT * length) & (share > 0.0) & (share < 1.0)
+        on[[v, plan.before[v]]] = False
+        for side in np.flatnonzero(on).tolist():
+            plan.stops.setdefault(side, []).append((float(share[side]), v))
+            touching.add(v)
+    plan.concave = np.array([v for v in plan.concave.tolist() if v not in touching], dtype=np.int64)
 
 
 def _shared_cuts(plan: Plan) -> tuple[list[tuple[int, int]], Floats, Floats]:
