@@ -22,7 +22,12 @@ from numpy.typing import NDArray
 SAMPLES = 5
 """Least number of times that a place was unseen by which the statistical intruder judges it; else by those of all."""
 
+AT_ONCE = 128
+"""Places that are played on at once, so that a long run takes little memory."""
+
 Seen = NDArray[np.bool_]
+Ticks = NDArray[np.int32]
+Shares = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,22 +66,27 @@ def intruder_games(seen: Seen, step: float, attacks_s: Sequence[float]) -> list[
     Returns:
         The shares, for each duration.
     """
-    free = _unseen_after(seen)
-    stays = [unseen_times(seen[: len(seen) // 2, place]) for place in range(seen.shape[1])]
-    found = []
-    for attack_s in attacks_s:
-        ticks = max(round(attack_s / step), 1)
-        found.append(
-            Successes(
-                attack_s, _random(free, ticks), _waiting(seen, free, ticks), _statistical(seen, free, stays, ticks)
-            )
-        )
-    return found
+    half = len(seen) // 2
+    stays = [unseen_times(seen[:half, place]) for place in range(seen.shape[1])]
+    every = np.concatenate(stays) if stays else np.zeros(0, dtype=np.int64)
+    known = [own if len(own) >= SAMPLES else every for own in stays]
+    durations = [max(round(attack_s / step), 1) for attack_s in attacks_s]
+    shares = np.full((len(durations), 3, seen.shape[1]), np.nan)
+    for first in range(0, seen.shape[1], AT_ONCE):
+        places = slice(first, first + AT_ONCE)
+        free, since = _unseen_after(seen[:, places]), _unseen_since(seen[:, places])
+        for row, ticks in zip(shares, durations, strict=True):
+            row[0, places] = _random(free, ticks)
+            row[1, places] = _waiting(seen[:, places], free, ticks)
+            row[2, places] = _statistical(free, since, known[places], ticks)
+    return [
+        Successes(attack_s, *(_mean(each) for each in row)) for attack_s, row in zip(attacks_s, shares, strict=True)
+    ]
 
 
-def _unseen_after(seen: Seen) -> NDArray[np.int64]:
-    """int64 (ticks, places): for how many ticks from the next one on a place stays unseen; to the run's end at most."""
-    free = np.zeros(seen.shape, dtype=np.int64)
+def _unseen_after(seen: Seen) -> Ticks:
+    """int32 (ticks, places): for how many ticks from the next one on a place stays unseen; to the run's end at most."""
+    free = np.zeros(seen.shape, dtype=np.int32)
     for k in range(len(seen) - 2, -1, -1):
         free[k] = np.where(seen[k + 1], 0, free[k + 1] + 1)
     return free
@@ -92,30 +102,22 @@ def unseen_times(seen: NDArray[np.bool_]) -> NDArray[np.int64]:
     return gaps[gaps > 0]
 
 
-def _random(free: NDArray[np.int64], ticks: int) -> float | None:
+def _random(free: Ticks, ticks: int) -> Shares:
     began = free[: max(len(free) - ticks, 0)]
-    return float((began >= ticks).mean()) if began.size else None
+    return _share(np.ones(began.shape, dtype=np.bool_), began >= ticks)
 
 
-def _waiting(seen: Seen, free: NDArray[np.int64], ticks: int) -> float | None:
+def _waiting(seen: Seen, free: Ticks, ticks: int) -> Shares:
     last = max(len(seen) - ticks, 0)
-    left = seen[:last] & (free[:last] > 0)
-    return _mean_share(left, free[:last] >= ticks)
+    return _share(seen[:last] & (free[:last] > 0), free[:last] >= ticks)
 
 
-def _statistical(seen: Seen, free: NDArray[np.int64], stays: list[NDArray[np.int64]], ticks: int) -> float | None:
-    begin, last = len(seen) // 2, max(len(seen) - ticks, 0)
-    every = np.concatenate(stays) if stays else np.zeros(0, dtype=np.int64)
-    attacks = np.zeros(seen.shape, dtype=np.bool_)
-    for place, own in enumerate(stays):
-        known = own if len(own) >= SAMPLES else every
-        if len(known):
-            wait = best_wait(known, ticks)
-            attacks[:, place] = _since(seen[:, place]) == wait
-            if wait == 0:
-                attacks[:, place] &= free[:, place] > 0
-    attacks[:begin] = False
-    return _mean_share(attacks[:last], free[:last] >= ticks)
+def _statistical(free: Ticks, since: Ticks, known: Sequence[NDArray[np.int64]], ticks: int) -> Shares:
+    begin, last = len(free) // 2, max(len(free) - ticks, 0)
+    waits = np.array([best_wait(times, ticks) if len(times) else -1 for times in known])
+    attacks = since[begin:last] == waits
+    attacks &= (waits > 0) | (free[begin:last] > 0)
+    return _share(attacks, free[begin:last] >= ticks)
 
 
 def best_wait(times: NDArray[np.int64], ticks: int) -> int:
@@ -125,25 +127,28 @@ def best_wait(times: NDArray[np.int64], ticks: int) -> int:
         times: int64 (n,), for how many ticks a place was unseen each time.
         ticks: Of the attack.
     """
-    best, most = 0, -1.0
-    for wait in [0, *(np.unique(times) + 1).tolist()]:
-        reached = int((times >= wait).sum())
-        share = float((times >= wait + ticks).sum()) / max(reached, 1)
-        if share > most and reached >= min(SAMPLES, len(times)):
-            best, most = wait, share
-    return best
+    ordered = np.sort(times)
+    waits = np.append(0, np.unique(ordered) + 1)
+    reached = len(ordered) - np.searchsorted(ordered, waits)
+    won = len(ordered) - np.searchsorted(ordered, waits + ticks)
+    counts = reached >= min(SAMPLES, len(ordered))
+    return int(waits[np.argmax(np.where(counts, won / np.maximum(reached, 1), -1.0))])
 
 
-def _since(seen: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """int64 (ticks,): for how many ticks a place has been unseen, this one included; 0 where it is seen."""
-    ticks = np.arange(len(seen))
-    return ticks - np.maximum.accumulate(np.where(seen, ticks, -1))
+def _unseen_since(seen: Seen) -> Ticks:
+    """int32 (ticks, places): for how many ticks each place has been unseen, this one included; 0 where it is seen."""
+    ticks = np.arange(len(seen), dtype=np.int32)[:, None]
+    return ticks - np.maximum.accumulate(np.where(seen, ticks, np.int32(-1)), axis=0)
 
 
-def _mean_share(attacks: Seen, succeed: Seen) -> float | None:
-    """Return the mean over places of the share of attacks that succeed; places without an attack do not count."""
+def _share(attacks: Seen, succeed: Seen) -> Shares:
+    """float64 (places,), the share of attacks that succeed; NaN at places without an attack."""
     count = attacks.sum(axis=0)
-    if not count.any():
-        return None
     won = (attacks & succeed).sum(axis=0)
-    return float((won[count > 0] / count[count > 0]).mean())
+    return np.where(count > 0, won / np.maximum(count, 1), np.nan)
+
+
+def _mean(shares: Shares) -> float | None:
+    """Return the mean over places with an attack; None without any."""
+    there = shares[~np.isnan(shares)]
+    return float(there.mean()) if there.size else None
