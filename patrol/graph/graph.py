@@ -28,7 +28,7 @@ def visit_reach(speed: float, step: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Graph:
-    """A connected graph without loops; ways lead in both directions.
+    """A graph without loops; ways lead in both directions.
 
     Attributes:
         places: float64 (v, 2), x and y of each vertex, m.
@@ -98,7 +98,7 @@ class Graph:
         return int(np.argmin(((self.places - (x, y)) ** 2).sum(axis=1)))
 
     def within(self, first: tuple[float, float], last: tuple[float, float], reach: float) -> list[int]:
-        """Return the vertices that are no farther away than some distance from a straight stretch, in order.
+        """Return the vertices that are no farther away than some distance from a straight stretch, in order along it.
 
         Its very beginning does not count: a robot that leaves a vertex does not visit it anew.
 
@@ -111,9 +111,8 @@ class Graph:
         along = np.clip((self.places - begin) @ way / max(float(way @ way), 1e-12), 0.0, 1.0)
         off = self.places - begin - along[:, None] * way
         at_end = ((self.places - last) ** 2).sum(axis=1) <= reach * reach
-        return [
-            int(vertex) for vertex in np.flatnonzero(at_end | ((off**2).sum(axis=1) <= reach * reach) & (along > 0.0))
-        ]
+        beside = np.flatnonzero(at_end | ((off**2).sum(axis=1) <= reach * reach) & (along > 0.0))
+        return [int(vertex) for vertex in beside[np.argsort(along[beside], kind="stable")]]
 
 
 def graph_of(
@@ -131,22 +130,3 @@ def graph_of(
         rows[first].append((last, length))
         rows[last].append((first, length))
     return Graph(np.array(places, dtype=np.float64).reshape(-1, 2), tuple(map(tuple, rows)), pixel)
-
-
-def parts_of(graph: Graph) -> list[set[int]]:
-    """Return the connected parts of a graph, the one with the first vertex first.
-
-    Args:
-        graph: Any.
-    """
-    left, parts = set(range(graph.size)), []
-    while left:
-        part, waiting = set(), [min(left)]
-        while waiting:
-            vertex = waiting.pop()
-            if vertex not in part:
-                part.add(vertex)
-                waiting += [other for other, _ in graph.edges[vertex]]
-        parts.append(part)
-        left -= part
-    return parts
