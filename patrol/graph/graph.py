@@ -59,10 +59,9 @@ class Graph:
         return lengths
 
     @cached_property
-    def hops(self) -> NDArray[np.int64]:
-        """int64 (v, v), the least number of edges between vertices."""
-        single = Graph(self.places, tuple(tuple((other, 1.0) for other, _ in row) for row in self.edges))
-        return single.lengths.astype(np.int64)
+    def hops(self) -> NDArray[np.float64]:
+        """float64 (v, v), the least number of edges between vertices; infinity without a way."""
+        return Graph(self.places, tuple(tuple((other, 1.0) for other, _ in row) for row in self.edges)).lengths
 
     def step(self, vertex: int, goal: int) -> int:
         """Return the neighbour through which the shortest way leads from a vertex to another; the vertex itself there.

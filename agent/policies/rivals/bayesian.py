@@ -83,9 +83,6 @@ class ConcurrentBayesianLearning(GraphPatrol):
             setup: The policy's.
         """
         super().__init__(setup)
-        size = self.known.graph.size
-        self._mean = [0.0] * size
-        self._visits = [0] * size
         self._arcs: dict[tuple[int, int], float] = {
             (vertex, other): 1.0 for vertex, row in enumerate(self.known.graph.edges) for other, _ in row
         }
@@ -95,7 +92,9 @@ class ConcurrentBayesianLearning(GraphPatrol):
         """Choose the neighbour with the greatest prior times likelihood, among those that nobody else goes to."""
         self._learn(known)
         aims = set(known.aims.values())
-        candidates = [vertex for vertex in known.neighbours if vertex not in aims] or known.neighbours
+        candidates = [vertex for vertex in known.neighbours if vertex not in aims]
+        if not candidates:  # then nothing beyond counts either
+            candidates, aims = known.neighbours, set(range(known.graph.size))
         if candidates == [known.at]:
             return candidates
         prior = [self._prior(known, vertex, aims) for vertex in candidates]
@@ -109,30 +108,34 @@ class ConcurrentBayesianLearning(GraphPatrol):
 
     def _prior(self, known: Known, vertex: int, aims: set[int]) -> float:
         """Weigh the mean idleness of a vertex, this visit included, with that of its best free neighbour."""
-        mean = self._with_now(known, vertex)
-        beyond = [self._with_now(known, other) for other, _ in known.graph.edges[vertex] if other not in aims]
-        best = max(beyond, default=0.0)
+        means = known.mean_idleness
+        mean = float(means[vertex])
+        best = max((float(means[other]) for other, _ in known.graph.edges[vertex] if other not in aims), default=0.0)
         if len(known.graph.edges[vertex]) == 1 or best == 0.0:
             return mean
         return OWN_SHARE * mean + (1.0 - OWN_SHARE) * best
 
-    def _with_now(self, known: Known, vertex: int) -> float:
-        visits = self._visits[vertex]
-        return (self._mean[vertex] * visits + float(known.idleness[vertex])) / (visits + 1)
-
     def _learn(self, known: Known) -> None:
-        """Count an arrival, and reward the arc to the candidate that was visited least for its degree."""
-        at = known.at
-        self._mean[at] = (self._mean[at] * self._visits[at] + float(known.found_s[at])) / (self._visits[at] + 1)
-        self._visits[at] += 1
+        """Reward the arc to the candidate that was visited least for its degree, and punish that to the most visited.
+
+        Of several that were visited least the stalest is rewarded, and of several visited most the freshest punished.
+        """
         if self._last is None:
             return
         begin, candidates, entropy = self._last
-        seldom = [self._visits[vertex] / len(known.graph.edges[vertex]) for vertex in candidates]
-        least, most = min(seldom), max(seldom)
-        for vertex, share in zip(candidates, seldom, strict=True):
-            change = (1.0 - entropy) * ((share == least) - (share == most))
-            self._arcs[begin, vertex] = min(max(self._arcs[begin, vertex] + change, LEAST), MOST)
+        share = {vertex: int(known.visits[vertex]) / len(known.graph.edges[vertex]) for vertex in candidates}
+        idle = {vertex: float(known.idleness[vertex]) for vertex in candidates}
+        seldom = [vertex for vertex in candidates if share[vertex] == min(share.values())]
+        often = [vertex for vertex in candidates if share[vertex] == max(share.values())]
+        stalest, freshest = max(idle[vertex] for vertex in seldom), min(idle[vertex] for vertex in often)
+        for vertex in candidates:
+            sign = 0
+            if vertex in often and idle[vertex] == freshest:
+                sign = -1
+            elif vertex in seldom and idle[vertex] == stalest:
+                sign = 1
+            changed = self._arcs[begin, vertex] + sign * (1.0 - entropy)
+            self._arcs[begin, vertex] = min(max(changed, LEAST), MOST)
 
 
 def _entropy(scores: Sequence[float]) -> float:

@@ -1,4 +1,6 @@
-"""Reactive patrols that go to a neighbour, and the one that looks at the whole graph.
+"""Reactive patrols that go to a neighbour, and those that look at the whole graph.
+
+*Conscientious* patrols (CR, HCR, HPCC) know the robot's own visits alone, as their papers have it.
 
 Sources: Machado, Ramalho, Zucker and Drogoul, "Multi-agent patrolling: an empirical analysis of alternative
 architectures" (MABS 2002), for CR; Almeida et al., "Recent advances on multi-agent patrolling" (SBIA 2004), for HPCC;
@@ -39,7 +41,7 @@ class HeuristicConscientiousReactive(GraphPatrol):
     def route(self, known: Known) -> Sequence[int]:
         """Choose the neighbour with the greatest (w_max - w) / w_max + I / I_max."""
         lengths = [known.length(vertex) for vertex in known.neighbours]
-        idle = [float(known.idleness[vertex]) for vertex in known.neighbours]
+        idle = [float(known.own_idleness[vertex]) for vertex in known.neighbours]
         longest, stalest = max(lengths) or 1.0, max(idle) or 1.0
         scores = [(longest - w) / longest + age / stalest for w, age in zip(lengths, idle, strict=True)]
         return [known.pick(known.neighbours, scores)]
@@ -50,11 +52,10 @@ class HeuristicPathfinder(GraphPatrol):
 
     def route(self, known: Known) -> Sequence[int]:
         """Choose the vertex with the greatest (d_max - d) / d_max + I / I_max, and the way there."""
-        graph, idle = known.graph, known.idleness
-        vertices = known.reached
+        idle, vertices = known.own_idleness, known.reached
         if not vertices:
             return [known.at]
-        stalest, farthest = float(idle.max()) or 1.0, float(graph.lengths[np.isfinite(graph.lengths)].max())
+        stalest, farthest = float(idle.max()) or 1.0, max(known.length(vertex) for vertex in vertices)
         scores = [(farthest - known.length(vertex)) / farthest + float(idle[vertex]) / stalest for vertex in vertices]
         return stale_way(known, known.pick(vertices, scores), stalest)
 
@@ -70,7 +71,7 @@ def stale_way(known: Known, goal: int, stalest: float) -> list[int]:
     Returns:
         The vertices after the one where the robot is, the goal last.
     """
-    graph, idle = known.graph, known.idleness
+    graph, idle = known.graph, known.own_idleness
     lengths = [length for row in graph.edges for _, length in row]
     least, span = min(lengths), (max(lengths) - min(lengths)) or 1.0
     costs, before, heap = {known.at: 0.0}, {known.at: known.at}, [(0.0, known.at)]

@@ -51,10 +51,10 @@ class MinimalNetwork(GraphPatrol):
         """Choose the neighbour with the best sum over three parts; a robot alone looks at the whole graph."""
         graph = known.graph
         alone = not known.others
-        candidates = [v for v in range(graph.size) if v != known.at] if alone else known.neighbours
-        if not candidates:
+        if not known.reached:
             return [known.at]
-        stalest, farthest = float(known.idleness.max()) or 1.0, float(graph.lengths[known.at].max()) or 1.0
+        candidates = known.reached if alone else known.neighbours
+        stalest, farthest = float(known.idleness.max()) or 1.0, max(known.length(v) for v in known.reached)
         aims = list(known.aims.values())
         scores = []
         for vertex in candidates:

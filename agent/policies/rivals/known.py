@@ -54,10 +54,14 @@ class Known:
         number: The robot's.
         team: Number of robots that patrol from the start.
         at: The vertex that the robot visited last; the nearest one before its first visit.
+        place: Where the robot is, x and y in m.
         now_s: Time since tick 0, s.
         visited_s: float64 (v,), when a robot last visited each vertex, s; 0 at the start.
         own_s: The same of this robot alone.
         found_s: float64 (v,), the idleness that the robot found at its last arrival at each vertex, s.
+        visits: int64 (v,), visits of all robots to each vertex.
+        ended_s: float64 (v,), the sum of the idleness that these visits ended, s.
+        visitor: int64 (v,), the number of the robot that visited each vertex last; 0 for none.
         others: The robots that are heard, by number.
         draw: A random number in [0, 1) for a question 0, 1, ... of this tick.
     """
@@ -68,18 +72,22 @@ class Known:
     number: int
     team: int
     at: int = -1
+    place: tuple[float, float] | None = None
     now_s: float = 0.0
     visited_s: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     own_s: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     found_s: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    ended_s: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    visits: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    visitor: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     others: dict[int, Other] = field(default_factory=dict)
     draw: Callable[[int], float] = lambda _: 0.0
-    _place: tuple[float, float] | None = None
-    _inside: frozenset[int] = frozenset()
+    _inside: dict[int, frozenset[int]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if not self.visited_s.size:
-            self.visited_s, self.own_s, self.found_s = (np.zeros(self.graph.size) for _ in range(3))
+        for name in ("visited_s", "own_s", "found_s", "ended_s", "visits", "visitor"):
+            if not (given := getattr(self, name)).size:
+                setattr(self, name, np.zeros(self.graph.size, dtype=given.dtype))
 
     @property
     def idleness(self) -> NDArray[np.float64]:
@@ -90,6 +98,11 @@ class Known:
     def own_idleness(self) -> NDArray[np.float64]:
         """float64 (v,), the same by this robot's own visits, s."""
         return self.now_s - self.own_s
+
+    @property
+    def mean_idleness(self) -> NDArray[np.float64]:
+        """float64 (v,), mean idleness that visits ended at each vertex, as if it were visited now as well, s."""
+        return (self.ended_s + self.idleness) / (self.visits + 1)
 
     @property
     def neighbours(self) -> list[int]:
@@ -131,11 +144,11 @@ class Known:
         here = view.reported.x, view.reported.y
         if self.at < 0:
             self.at = self.graph.nearest(*here)
-        visited = self.graph.within(self._place or here, here, self.tolerance)
-        self._place = here
+        visited = self.graph.within(self.place or here, here, self.tolerance)
+        self.place = here
         for vertex in visited:
             self.arrive(vertex)
-        self._inside = frozenset(visited)
+        self._inside[self.number] = frozenset(visited)
         for number, peer in sorted(view.peers.items()):
             self._hear(number, (peer.pose.x, peer.pose.y), peer.tick)
         for number in [number for number in self.others if number not in view.peers]:
@@ -148,10 +161,19 @@ class Known:
         Args:
             vertex: The vertex.
         """
-        if vertex not in self._inside:
+        if vertex not in self._inside.get(self.number, ()):
             self.found_s[vertex] = self.now_s - self.visited_s[vertex]
-        self.visited_s[vertex] = self.own_s[vertex] = self.now_s
+        self._visit(self.number, vertex, self.now_s)
+        self.own_s[vertex] = self.now_s
         self.at = vertex
+
+    def _visit(self, number: int, vertex: int, time_s: float) -> None:
+        """Take note that a robot is at a vertex; one that stays there visits it once."""
+        if vertex not in self._inside.get(number, ()):
+            self.visits[vertex] += 1
+            self.ended_s[vertex] += max(time_s - self.visited_s[vertex], 0.0)
+        self.visited_s[vertex] = max(self.visited_s[vertex], time_s)
+        self.visitor[vertex] = number
 
     def _hear(self, number: int, place: tuple[float, float], tick: int) -> None:
         other = self.others.get(number)
@@ -160,9 +182,11 @@ class Known:
         elif tick <= other.tick:
             return
         begin = other.place if tick - other.tick <= LATE_TICKS else place
-        for vertex in self.graph.within(begin, place, self.tolerance):
-            self.visited_s[vertex] = max(self.visited_s[vertex], tick * self.step)
+        visited = self.graph.within(begin, place, self.tolerance)
+        for vertex in visited:
+            self._visit(number, vertex, tick * self.step)
             other.at = vertex
+        self._inside[number] = frozenset(visited)
         other.place, other.tick = place, tick
         other.aim = self._aim(other)
 

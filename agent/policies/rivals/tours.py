@@ -27,19 +27,28 @@ class Tour(GraphPatrol):
     """Follows one tour with all others, in one direction, from where it is: spacing is left to chance."""
 
     def __init__(self, setup: PolicySetup) -> None:
-        """Find the tour.
+        """Have no tour yet.
 
         Args:
             setup: The policy's.
         """
         super().__init__(setup)
-        self.tour = closed_tour(self.known.graph, range(self.known.graph.size))
-        self._next: int | None = None
+        self.tour: list[int] = []
+        self._next = 0
+
+    def plan(self, known: Known) -> None:
+        """Find the tour through all vertices that a way leads to.
+
+        Args:
+            known: What the robot knows at its start.
+        """
+        self.tour = closed_tour(known.graph, [known.at, *known.reached])
+        self._next = self.tour.index(known.at)
 
     def route(self, known: Known) -> Sequence[int]:
         """Go to the next vertex of the tour; at the start, to the one where the robot is."""
-        if self._next is None:
-            self._next = self.tour.index(known.at) if known.at in self.tour else 0
+        if not self.tour:
+            self.plan(known)
         else:
             self._next = (self._next + 1) % len(self.tour)
         return [self.tour[self._next]]
@@ -54,24 +63,29 @@ class EvenTour(Tour):
     """
 
     def __init__(self, setup: PolicySetup) -> None:
-        """Find the vertices to wait at.
+        """Have waited nowhere yet.
 
         Args:
             setup: The policy's.
         """
         super().__init__(setup)
-        graph = self.known.graph
-        walk = [v for at, vertex in enumerate(self.tour) for v in graph.way(self.tour[at - 1], vertex)]
-        self._once = {vertex for vertex, times in Counter(walk).items() if times == 1}
-        self._round_s = tour_length(graph, self.tour) / self.speed
+        self._once: set[int] = set()
+        self._round_s = 0.0
         self._passed: dict[int, tuple[float, float]] = {}
         self._waited_s = 0.0
         self._until_s = 0.0
         self._waiting_at = -1
 
+    def plan(self, known: Known) -> None:
+        """Find the tour, and the vertices to wait at."""
+        super().plan(known)
+        walk = [v for at, vertex in enumerate(self.tour) for v in known.graph.way(self.tour[at - 1], vertex)]
+        self._once = {vertex for vertex, times in Counter(walk).items() if times == 1}
+        self._round_s = tour_length(known.graph, self.tour) / self.speed
+
     def route(self, known: Known) -> Sequence[int]:
         """Wait where the vertex was visited too lately, and then go to the next one."""
-        if self._next is not None and known.at == self.tour[self._next] and known.at in self._once:
+        if self.tour and known.at == self.tour[self._next] and known.at in self._once:
             self._come_to(known)
         if known.now_s < self._until_s:
             return ()
@@ -110,7 +124,8 @@ class OwnTours(GraphPatrol):
 
         Args:
             known: What the robot knows.
-            homes: The vertices at which the living robots were first heard, by robot number.
+            homes: The vertices at which the living robots were first heard, by robot number; only robots that are
+                on the same connected part of the graph.
         """
         raise NotImplementedError
 
@@ -122,7 +137,9 @@ class OwnTours(GraphPatrol):
             self._homes.setdefault(number, other.at)
         if living != self._team:
             self._team = living
-            cell = self.cell(known, {number: self._homes[number] for number in sorted(living)})
+            part = {known.at, *known.reached}
+            homes = {number: self._homes[number] for number in sorted(living) if self._homes[number] in part}
+            cell = [vertex for vertex in self.cell(known, homes) if vertex in part]
             self._tour = closed_tour(known.graph, cell or [known.at])
             self._next = min(range(len(self._tour)), key=lambda at: known.length(self._tour[at])) - 1
         self._next = (self._next + 1) % len(self._tour)
@@ -150,7 +167,7 @@ class PartitionTours(OwnTours):
 
     def cell(self, known: Known, homes: dict[int, int]) -> list[int]:
         """Cut the common tour into as many stretches as there are robots, and give them out in the order of starts."""
-        tour = closed_tour(known.graph, range(known.graph.size))
+        tour = closed_tour(known.graph, [known.at, *known.reached])
         lengths = known.graph.lengths
         along = np.cumsum([0.0, *[float(lengths[a, b]) for a, b in pairwise(tour)]])
         whole = float(along[-1] + lengths[tour[-1], tour[0]]) or 1.0
