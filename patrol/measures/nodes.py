@@ -6,8 +6,9 @@ A vertex is visited when a robot is within a tolerance of it, or passes by so cl
 - *Over time* (M2Bench, MAEPS): the mean and the greatest idleness over vertices, averaged over all ticks, or the
   greatest of all.
 - *Over visits* (patrolling_sim, and Portugal's papers with it): each vertex's mean of the idleness that its visits end,
-  the first one left out; then the mean, the greatest, the median and the deviation over vertices. A vertex that is not
-  visited again counts nothing there, so starving it improves these numbers: `once` says how many there are.
+  the first one left out; then the mean, the greatest, the median and the deviation over all vertices. A vertex that is
+  not visited again has a mean of 0 there, so starving it improves these numbers: `unvisited` and `once` name those.
+  The same over all visits, whatever their vertices, are the return times.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from __future__ import annotations
 import math
 import statistics
 from collections import Counter
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,40 +33,78 @@ if TYPE_CHECKING:
     from patrol.journal.records import Header, TickRecord
 
 CLOSE_M = 2.0
-"""Two robots that are nearer than this interfere with each other (patrolling_sim)."""
+"""A robot interferes with one of a lower number that is no farther away than this (patrolling_sim)."""
 
 AGAIN_S = 10.0
-"""Time within which the same two robots interfere only once (patrolling_sim)."""
+"""Time for which a robot does not interfere again (patrolling_sim)."""
 
 RETURNS = (0, 10, 25, 50, 75, 90, 100)
 """Percentages of the distribution of return times."""
 
+WORDS = {
+    **dict.fromkeys(("random", "cr", "hcr", "hpcc", "tour", "partition", "ahpa"), (0, 0)),
+    "gbs": (3, 0),
+    **dict.fromkeys(("sebs", "cbls", "er", "mns"), (4, 0)),
+    **dict.fromkeys(("dtag", "dtap"), (3, 1)),
+}
+"""Words of 16 bits that the original of a policy sends to the others at each arrival, and more for each vertex."""
+
+
+@dataclass(frozen=True, slots=True)
+class Visit:
+    """A robot's visit to a vertex.
+
+    Attributes:
+        at_s: When it began, s.
+        robot: The robot's number.
+        vertex: The vertex.
+        idle_s: The idleness that it ended, s.
+        first: Whether it is the vertex's first one.
+        interference: Interferences of all robots until then.
+    """
+
+    at_s: float
+    robot: int
+    vertex: int
+    idle_s: float
+    first: bool
+    interference: int
+
 
 class NodeTotals:
-    """The running measures on the vertices of a scenario's graph; see `figures`."""
+    """The running measures on the vertices of a scenario's graph; see `figures`.
 
-    def __init__(self, graph: Graph, reach: Mapping[int, float], step: float) -> None:
+    Attributes:
+        visits: All visits so far.
+        interfered_s: When robots interfered with each other, s.
+        vertices: Number of vertices.
+    """
+
+    def __init__(self, graph: Graph, reach: Mapping[int, float], step: float, policy: str = "") -> None:
         """Start before the first tick.
 
         Args:
             graph: The graph.
             reach: Distance within which each robot visits a vertex, m, by number.
             step: Length of a tick, s.
+            policy: The patrol's, as the scenario names it.
         """
+        self.visits: list[Visit] = []
+        self.interfered_s: list[float] = []
+        self.vertices = graph.size
         self._graph = graph
         self._reach = reach
         self._step = step
+        self._policy = policy
         self._last: NDArray[np.float64] = np.zeros(graph.size)
-        self._intervals: list[list[float]] = [[] for _ in range(graph.size)]
-        self._visits = [0] * graph.size
         self._mean: list[float] = []
         self._worst: list[float] = []
         self._places: dict[int, tuple[float, float]] = {}
         self._inside: dict[int, set[int]] = {}
         self._at: dict[int, int] = {}
         self._moves: Counter[tuple[int, int]] = Counter()
-        self._close: dict[tuple[int, int], float] = {}
-        self._interference = 0
+        self._visited: set[int] = set()
+        self._interfered: dict[int, float] = {}
 
     def tick(self, record: TickRecord) -> None:
         """Add the next tick."""
@@ -73,9 +113,9 @@ class NodeTotals:
         for row in record.robots:
             if row.status is Status.ALIVE:
                 here[row.number] = row.x, row.y
+        self._interfere(here, now)
         for number, place in here.items():
             self._visit(number, place, now)
-        self._interfere(here, now)
         self._places = here
         idle = now - self._last
         self._mean.append(float(idle.mean()))
@@ -87,53 +127,71 @@ class NodeTotals:
         before = self._inside.get(number, set())
         for vertex in visited:
             if vertex not in before:
-                if self._visits[vertex]:
-                    self._intervals[vertex].append(now - float(self._last[vertex]))
-                self._visits[vertex] += 1
+                idle_s, first = now - float(self._last[vertex]), vertex not in self._visited
+                self.visits.append(Visit(now, number, vertex, idle_s, first, len(self.interfered_s)))
+                self._visited.add(vertex)
                 if (at := self._at.get(number)) is not None and at != vertex:
                     self._moves[at, vertex] += 1
                 self._at[number] = vertex
             self._last[vertex] = now
-        self._inside[number] = set(visited)
+        places = self._graph.places
+        self._inside[number] = {vertex for vertex in visited if math.dist(places[vertex], place) <= self._reach[number]}
 
     def _interfere(self, here: Mapping[int, tuple[float, float]], now: float) -> None:
-        numbers = sorted(here)
-        for index, first in enumerate(numbers):
-            for second in numbers[index + 1 :]:
-                if math.dist(here[first], here[second]) >= CLOSE_M:
-                    continue
-                if now - self._close.get((first, second), -math.inf) > AGAIN_S:
-                    self._interference += 1
-                    self._close[first, second] = now
+        for number, place in here.items():
+            if now - self._interfered.get(number, -math.inf) < AGAIN_S:
+                continue
+            if any(other < number and math.dist(place, there) <= CLOSE_M for other, there in here.items()):
+                self.interfered_s.append(now)
+                self._interfered[number] = now
+
+    def intervals(self) -> list[list[float]]:
+        """Return the idleness that visits to each vertex ended, without the first one, s."""
+        ended: list[list[float]] = [[] for _ in range(self.vertices)]
+        for visit in self.visits:
+            if not visit.first:
+                ended[visit.vertex].append(visit.idle_s)
+        return ended
 
     def figures(self) -> dict[str, Any] | None:
         """Return the measures so far; None before the first tick."""
         if not self._mean:
             return None
-        means = [statistics.fmean(each) for each in self._intervals if each]
-        pooled = [interval for each in self._intervals for interval in each]
+        counts = Counter(visit.vertex for visit in self.visits)
+        intervals = self.intervals()
+        means = [statistics.fmean(each) if each else 0.0 for each in intervals]
+        pooled = [interval for each in intervals for interval in each]
         late = self._worst[len(self._worst) // 2 :]
         minutes = len(self._mean) * self._step / 60.0
         return {
-            "vertices": self._graph.size,
-            "visits": sum(self._visits),
-            "least_visits": min(self._visits),
-            "unvisited": sum(visits == 0 for visits in self._visits),
-            "once": sum(visits > 0 and not each for visits, each in zip(self._visits, self._intervals, strict=True)),
+            "vertices": self.vertices,
+            "visits": len(self.visits),
+            "least_visits": min(counts[vertex] for vertex in range(self.vertices)),
+            "unvisited": [vertex for vertex in range(self.vertices) if counts[vertex] == 0],
+            "once": [vertex for vertex in range(self.vertices) if counts[vertex] == 1],
             "idleness_mean_s": statistics.fmean(self._mean),
             "idleness_end_s": self._mean[-1],
             "worst_mean_s": statistics.fmean(self._worst),
             "worst_s": max(self._worst),
             "worst_late_s": max(late),
-            "visits_mean_s": statistics.fmean(means) if means else None,
-            "visits_worst_s": max(means) if means else None,
-            "visits_median_s": statistics.median(means) if means else None,
-            "visits_deviation_s": statistics.pstdev(means) if means else None,
+            "worst_end_s": self._worst[-1],
+            "visits_mean_s": statistics.fmean(means) if pooled else None,
+            "visits_worst_s": max(means) if pooled else None,
+            "visits_median_s": statistics.median(means) if pooled else None,
+            "visits_deviation_s": statistics.pstdev(means) if pooled else None,
             "return_s": [float(value) for value in np.percentile(pooled, RETURNS)] if pooled else [],
-            "interference": self._interference,
-            "interference_per_min": self._interference / minutes,
+            "return_mean_s": statistics.fmean(pooled) if pooled else None,
+            "return_deviation_s": statistics.pstdev(pooled) if pooled else None,
+            "interference": len(self.interfered_s),
+            "interference_per_min": len(self.interfered_s) / minutes,
             "entropy_bits": _entropy_rate(self._moves),
+            "original_bytes": self._original_bytes(),
         }
+
+    def _original_bytes(self) -> int | None:
+        """Return the bytes that the policy's original would have sent at these visits; None for other policies."""
+        words = WORDS.get(self._policy)
+        return None if words is None else 2 * (words[0] + words[1] * self.vertices) * len(self.visits)
 
 
 def _entropy_rate(moves: Mapping[tuple[int, int], int]) -> float | None:
@@ -162,4 +220,4 @@ def node_totals(header: Header) -> NodeTotals | None:
     entries = scenario["robots"]
     speeds = [robots["speed"] for robots in (entries if isinstance(entries, list) else [entries] * len(header.robots))]
     reach = {robot.number: visit_reach(speed, step) for robot, speed in zip(header.robots, speeds, strict=True)}
-    return NodeTotals(graph, reach, step)
+    return NodeTotals(graph, reach, step, scenario["patrol"]["policy"])

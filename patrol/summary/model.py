@@ -192,6 +192,7 @@ class RobotFigures(_Part):
     decision_ms_p99: Annotated[
         float | None, Metric("99th percentile of the wall time of a decision", "ms", "p99", better="lower")
     ] = None
+    bytes: Annotated[int, Metric("size of its own frames, each counted once")] = 0
     sent: Annotated[int, Metric("its own frames, counted for each receiver")] = 0
     delivered: Annotated[int, Metric("those of them that arrived")] = 0
     dropped: Annotated[int | None, Metric("those that were lost; null with direct radio")] = 0
@@ -205,8 +206,8 @@ class NodeFigures(_Part):
     vertices: Annotated[int, Metric("vertices of the graph")] = 0
     visits: Annotated[int, Metric("visits of all of them")] = 0
     least_visits: Annotated[int, Metric("visits of the vertex that has fewest: complete patrol cycles")] = 0
-    unvisited: Annotated[int, Metric("vertices that were never visited")] = 0
-    once: Annotated[int, Metric("vertices that were visited once, which the measures over visits leave out")] = 0
+    unvisited: Annotated[list[int], Metric("the vertices that were never visited", sweep="count")] = []
+    once: Annotated[list[int], Metric("the vertices that were visited once, and never again", sweep="count")] = []
     idleness_mean_s: Annotated[
         float, Metric("mean idleness over vertices and ticks (AGI)", "s", "mean idleness", better="lower", sweep="once")
     ] = 0.0
@@ -219,6 +220,7 @@ class NodeFigures(_Part):
         Metric("greatest idleness of a vertex (WI)", "s", "worst idleness", better="lower", sweep="once"),
     ] = 0.0
     worst_late_s: Annotated[float, Metric("the same over the second half", better="lower", sweep="once")] = 0.0
+    worst_end_s: Annotated[float, Metric("greatest idleness of a vertex at the end (IWI)")] = 0.0
     visits_mean_s: Annotated[
         float | None,
         Metric("mean over vertices of the mean idleness that visits end, as patrolling_sim prints it", sweep="once"),
@@ -229,12 +231,25 @@ class NodeFigures(_Part):
     return_s: Annotated[
         list[float], Metric("return times of all vertices: least, 10, 25, 50, 75 and 90 %, greatest")
     ] = []
+    return_mean_s: Annotated[float | None, Metric("their mean, as patrolling_sim's global idleness")] = None
+    return_deviation_s: Annotated[float | None, Metric("their standard deviation")] = None
     interference: Annotated[
-        int, Metric("times that two robots came within 2 m, the same two at most once in 10 s", sweep="once")
+        int,
+        Metric(
+            "times that a robot came within 2 m of one of a lower number, each robot at most once in 10 s", sweep="once"
+        ),
     ] = 0
     interference_per_min: Annotated[float, Metric("the same per minute")] = 0.0
     entropy_bits: Annotated[
         float | None, Metric("how unpredictable the next vertex is, bits per move", better="higher", sweep="once")
+    ] = None
+    original_bytes: Annotated[
+        int | None,
+        Metric(
+            "[bytes that the policy's original would have sent](#what-the-original-would-have-sent) besides positions; "
+            "null for a policy that is not of the literature",
+            sweep="once",
+        ),
     ] = None
 
 
@@ -271,6 +286,7 @@ class Summary(_Part):
         float | None,
         Metric("mean age of a point, over points and ticks", "s", "mean fog", better="lower", sweep="once"),
     ] = None
+    fog_end_s: Annotated[float | None, Metric("mean age of a point at the end", better="lower")] = None
     seen_share: Annotated[
         float,
         Metric(

@@ -148,7 +148,7 @@ class Known:
         self.place = here
         for vertex in visited:
             self.arrive(vertex)
-        self._inside[self.number] = frozenset(visited)
+        self._stay(self.number, here, visited)
         for number, peer in sorted(view.peers.items()):
             self._hear(number, (peer.pose.x, peer.pose.y), peer.tick)
         for number in [number for number in self.others if number not in view.peers]:
@@ -175,6 +175,11 @@ class Known:
         self.visited_s[vertex] = max(self.visited_s[vertex], time_s)
         self.visitor[vertex] = number
 
+    def _stay(self, number: int, place: tuple[float, float], visited: list[int]) -> None:
+        """Take note of the vertices that a robot has not left again."""
+        places = self.graph.places
+        self._inside[number] = frozenset(v for v in visited if math.dist(places[v], place) <= self.tolerance)
+
     def _hear(self, number: int, place: tuple[float, float], tick: int) -> None:
         other = self.others.get(number)
         if other is None:
@@ -186,7 +191,7 @@ class Known:
         for vertex in visited:
             self._visit(number, vertex, tick * self.step)
             other.at = vertex
-        self._inside[number] = frozenset(visited)
+        self._stay(number, place, visited)
         other.place, other.tick = place, tick
         other.aim = self._aim(other)
 

@@ -42,20 +42,46 @@ def test_idleness_in_both_families() -> None:
     assert found["idleness_end_s"] == pytest.approx((2 + 0 + 6) / 3)
     assert found["worst_s"] == 6.0
     assert found["worst_mean_s"] == pytest.approx(sum(max(each) for each in zip(*idle, strict=True)) / 7)
-    assert (found["visits"], found["unvisited"], found["once"], found["least_visits"]) == (4, 1, 0, 0)
+    assert found["worst_end_s"] == 6.0
+    assert (found["visits"], found["unvisited"], found["once"], found["least_visits"]) == (5, [2], [], 0)
+    # Visits to 0 end 0 and 4 s, those to 1 end 2, 2 and 3 s: the first ones do not count, and 2 has a mean of 0.
+    assert found["visits_mean_s"] == pytest.approx((4.0 + 2.0 + 0.0) / 3)
 
 
 def test_a_robot_that_stays_visits_once() -> None:
     found = figures([0.0, 0.0, 0.0, 10.0, 0.0])
     assert found["visits"] == 3
-    assert found["visits_mean_s"] == 2.0, "left at 2 s, back at 4 s"
-    assert found["return_s"] == [2.0] * 7
+    assert found["return_s"] == [2.0] * 7, "left at 2 s, back at 4 s"
+    assert (found["return_mean_s"], found["return_deviation_s"]) == (2.0, 0.0)
+    # Means over visits are 2, 0 and 0 s: two vertices are not visited again.
+    assert (found["visits_mean_s"], found["visits_worst_s"], found["visits_median_s"]) == (
+        pytest.approx(2 / 3),
+        2.0,
+        0.0,
+    )
+    assert found["visits_deviation_s"] == pytest.approx(math.sqrt(8 / 9))
+    assert (found["unvisited"], found["once"]) == ([2], [1])
 
 
 def test_robots_interfere_at_most_once_in_ten_seconds() -> None:
-    near, far = [0.0] * 25, [1.5] * 25
-    assert figures(near, far)["interference"] == 3
-    assert figures(near, [2.5] * 25)["interference"] == 0
+    near, far = [0.0] * 25, [2.0] * 25
+    assert figures(near, far)["interference"] == 3, "at 0, 10 and 20 s"
+    assert figures(near, far)["interference_per_min"] == pytest.approx(3 * 60 / 25)
+    assert figures(near, [2.1] * 25)["interference"] == 0
+    assert figures(near, near, near)["interference"] == 6, "the second and the third robot, not each pair"
+
+
+def test_the_bytes_of_the_original_are_counted_at_visits() -> None:
+    def sent(policy: str) -> int | None:
+        totals = NodeTotals(GRAPH, {1: 0.4}, 1.0, policy)
+        for k, x in enumerate((0.0, 10.0, 20.0)):
+            totals.tick(record(k, (x, 0.0)))
+        found = totals.figures()
+        return found and found["original_bytes"]
+
+    # Three visits; on a graph of three vertices dtag sends 3 + 3 words of two bytes.
+    assert [sent(policy) for policy in ("cr", "gbs", "sebs", "dtag")] == [0, 18, 24, 36]
+    assert sent("committed") is None
 
 
 def test_the_entropy_rate_is_that_of_the_next_vertex() -> None:
