@@ -14,7 +14,10 @@ from patrol.printable import printable
 if TYPE_CHECKING:
     from monitor.report.analysis import Analysis
 
-REPORT_EXAMPLES = ["fogwatch report runs/yards-20260101-120000 --figures figures"]
+REPORT_EXAMPLES = [
+    "fogwatch report runs/yards-20260101-120000 --figures figures",
+    "fogwatch report RUN --csv tables",
+]
 COMPARE_EXAMPLES = ["fogwatch compare runs/yards-1 runs/yards-2 --out compare.html"]
 
 Figures = Annotated[
@@ -28,6 +31,12 @@ def report(
         Path | None, typer.Option(metavar="FILE", help="File to write (default: report.html in the run's folder).")
     ] = None,
     figures: Figures = None,
+    csv: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Write the visits of terrain.graph's vertices as CSV files of patrolling_sim as well."
+        ),
+    ] = None,
     key: Annotated[Path | None, KEY] = None,
 ) -> None:
     """Write a run's report: one HTML file, readable without a network, that shows what happened."""
@@ -39,12 +48,16 @@ def report(
     opened, going = open_folder(run, key)
     from monitor.report.analysis import analyse
     from monitor.report.document import write_report
+    from monitor.report.patrolling_csv import write_csv
 
+    tables = write_csv(opened, csv) if csv is not None else []
     drawn = write_report(analyse(opened), file, going, figures)
     print_state(opened, going)
     typer.echo(printable(f"report: {file}"))
     if figures is not None:
         typer.echo(printable(f"figures: {figures}: {', '.join(drawing.name for drawing in drawn)}"))
+    if csv is not None:
+        typer.echo(printable(f"tables: {csv}: {', '.join(table.name for table in tables)}"))
 
 
 def compare(

@@ -310,8 +310,8 @@ def test_ahpa_gives_each_robot_what_is_nearest_to_its_start() -> None:
 
 
 def test_partitions_are_stretches_of_the_common_tour() -> None:
-    # The common tour is 0, 3, 1, 2: at 0, 12, 17 and 37 of 67 m. Starts are at 1 and 2. From 1 on, 2 comes after 20 m, 0
-    # after 50 m and 3 after 62 m; a stretch is 33.5 m long.
+    # The common tour is 0, 3, 1, 2: at 0, 12, 17 and 37 of 67 m. Starts are at 1 and 2. From 1 on, 2 comes after 20 m,
+    # 0 after 50 m and 3 after 62 m; a stretch is 33.5 m long.
     first, second = policy("partition"), policy("partition")
     one, two = known(Other((42.0, 5.0), 200, 2)), known(Other((22.0, 5.0), 200, 1))
     two.number, two.at, two.others = 2, 2, {1: two.others[2]}

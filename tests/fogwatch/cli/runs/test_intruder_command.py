@@ -1,4 +1,4 @@
-"""Intruder games from the command line, on the ground and on a graph."""
+"""Intruder games from the command line, on the ground and on a graph, and tables of the graph's visits."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ SCENARIO = {
     "point": 1.0,
     "duration": 60,
     "robots": {"count": 2, "model": "holonomic", "starts": [[10, 10], [50, 44]]},
+    "patrol": {"policy": "cr"},
 }
 
 
@@ -66,3 +67,37 @@ def test_durations_that_cannot_be_are_one_line(
 ) -> None:
     assert command("intruder", ran, "--attacks", attacks) == 2
     assert "expected seconds above 0" in capsys.readouterr().err
+
+
+def test_the_tables_of_patrolling_sim_are_written(
+    ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """Robot 1 begins on vertex 0; the tables agree with the summary."""
+    assert command("report", ran, "--out", tmp_path / "report.html", "--csv", tmp_path / "tables") == 0
+    assert "idleness.csv, timeresults.csv, info.csv" in capsys.readouterr().out
+    nodes = json.loads((ran / "summary.json").read_text(encoding="utf-8"))["nodes"]
+    visits, times, info = (
+        [line.split(";") for line in (tmp_path / "tables" / f"{name}.csv").read_text(encoding="utf-8").splitlines()]
+        for name in ("idleness", "timeresults", "info")
+    )
+    assert visits[0] == ["Time", "Robot", "Node", "Idleness", "Interferences"]
+    seen_once = nodes["vertices"] - len(nodes["unvisited"])
+    assert len(visits) - 1 == nodes["visits"] - seen_once > 0
+    assert {row[1] for row in visits[1:]} <= {"0", "1"}
+    assert times[0] == ["Time", "Idleness min", "Idleness avg", "Idleness stddev", "Idleness max", "Interferences"]
+    numbers = (nodes["return_s"][0], nodes["return_mean_s"], nodes["return_deviation_s"], nodes["return_s"][-1])
+    spread = [f"{number:.1f}" for number in numbers]
+    assert times[1:] == [["60.0", *spread, str(nodes["interference"])]]
+    assert len(info) == 1
+    assert len(info[0]) == 22
+    assert (info[0][0], info[0][1], info[0][6], info[0][10], info[0][13]) == ("open", "2", "cr", "60.0", "TIMEOUT")
+    assert info[0][14:19] == [*spread, f"{nodes['interference_per_min']:.2f}"]
+    assert info[0][19] == str(len(visits) - 1)
+
+
+def test_tables_need_a_graph(command: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    scenario = {"terrain": {"builtin": "open"}, "point": 1.0, "duration": 1}
+    folder = fogwatch.run(scenario, out=tmp_path / "run", picture=False).folder
+    assert command("report", folder, "--csv", tmp_path / "tables") == 2
+    assert "has no terrain.graph" in capsys.readouterr().err
+    assert not (tmp_path / "tables").exists()
