@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -239,7 +240,10 @@ def _meeting_places(a: Floats, first: Floats, second: Floats, b: Floats, fill: f
 
 
 def _replaces(chain: Floats, a: Floats, place: Floats, b: Floats, fill: float) -> bool:
-    """Return True if the sides a, place, b, with a concave corner, keep within the tolerances of a chain's corners."""
+    """Return True if the sides a, place, b, with a concave corner, keep within the tolerances of a chain of corners."""
+    spot = place[None, :]
+    if min(float(_distances(spot, here, there)[0]) for here, there in pairwise((a, *chain, b))) > 2.0 * fill:
+        return False  # a long spike, although its sides pass close by the chain
     away = np.minimum(_distances(chain, a, place), _distances(chain, place, b))
     is_free = (cross(place - a, chain - a) > 0.0) | (cross(b - place, chain - place) > 0.0)
     return bool((away <= np.where(is_free, fill, SHAVE) + FLAT).all())

@@ -149,6 +149,7 @@ def test_random_rectangles(boxes: list[tuple[int, int, int, int]], solid: bool, 
 @settings(max_examples=40)
 @example(seed=498)  # upright sides but for rounding
 @example(seed=682)  # a corner on another side of its outline
+@example(seed=1882)  # a bevelled obstacle whose sides meet far beyond its end
 @given(seed=st.integers(0, 2**32 - 1))
 def test_random_slanted_obstacles(seed: int) -> None:
     rng = np.random.default_rng(seed)
