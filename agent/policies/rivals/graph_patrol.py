@@ -25,7 +25,7 @@ NO_NEARER_AT_HAND_S = 1.0
 """The same within the tolerance, s."""
 
 NEARER = 0.1
-"""Least share of a stride by which it must come nearer to count as progress."""
+"""Least share of a stride by which it must come nearer to count as progress; a car, which stops beside a place, is there within it."""
 
 
 class GraphOptions(Section):
@@ -55,6 +55,7 @@ class GraphPatrol:
         self.options = options
         self.step = setup.step
         self.speed = setup.spec.speed
+        self._beside = NEARER * self.speed * self.step if setup.spec.model == "car" else 0.0
         graph = reachable(setup.graph(), setup)
         tolerance = options.tolerance or visit_reach(setup.spec.speed, setup.step)
         self.known = Known(graph, tolerance, setup.step, setup.spec.number, setup.team)
@@ -94,9 +95,9 @@ class GraphPatrol:
         return Place(x, y, bend=way.bend, figures={"vertex": float(self._route[0]), "way_m": way.length})
 
     def _is_there(self, view: View, visits: bool) -> bool:
-        """Return True on the vertex, or where the robot comes no nearer: within the tolerance soon, else later."""
+        """Return True at the vertex, or where the robot comes no nearer: within the tolerance soon, else later."""
         stood_s = (view.tick - self._since) * self.step
-        return self._least == 0.0 or stood_s > (NO_NEARER_AT_HAND_S if visits else NO_NEARER_S)
+        return self._least <= self._beside or stood_s > (NO_NEARER_AT_HAND_S if visits else NO_NEARER_S)
 
 
 def reachable(graph: Graph, setup: PolicySetup) -> Graph:
