@@ -96,6 +96,18 @@ def is_stored(name: str, source: Path) -> bool:
         return False
 
 
+def user_cache(kind: str) -> Path | None:
+    """Return the user's cache folder for one kind of file; None for a user without a home folder.
+
+    Args:
+        kind: Such as "tours".
+    """
+    try:
+        return Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "fogwatch" / kind
+    except RuntimeError:
+        return None
+
+
 def cache_home() -> Path:
     """Return the folder of the cache: below ``NUMBA_CACHE_DIR``, or else the user's cache folder; it may not exist yet.
 
@@ -104,13 +116,12 @@ def cache_home() -> Path:
     """
     if numba_folder := os.environ.get("NUMBA_CACHE_DIR"):
         home = Path(numba_folder) / "fogwatch"
+    elif (found := user_cache("kernels")) is not None:
+        home = found
     else:
-        try:
-            home = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "fogwatch" / "kernels"
-        except RuntimeError:
-            raise BadInput(
-                "the compiled kernels cannot be stored: this user has no home folder; set NUMBA_CACHE_DIR to a folder"
-            ) from None
+        raise BadInput(
+            "the compiled kernels cannot be stored: this user has no home folder; set NUMBA_CACHE_DIR to a folder"
+        )
     try:
         facts = home.stat()
     except OSError:  # it is made later, or cannot be

@@ -26,6 +26,7 @@ from patrol.classes.class_file import class_file
 from patrol.classes.named_class import ClassSort, NamedClass, check_digest, find, options_of
 from patrol.errors import BadInput
 from patrol.ground.footprint import Footprint, Sensor, SensorSetup, View
+from patrol.kernel_cache import user_cache
 from patrol.pose import Pose
 from patrol.scenario.sections import BUILT_IN_SENSORS, SensorSpec
 
@@ -74,7 +75,7 @@ def allow_sensor(spec: SensorSpec) -> None:
     options_of(named, find(named))
     record = _record(named)
     _allowed.add(record)
-    if (folder := _folder()) is not None:
+    if (folder := user_cache("sensors")) is not None:
         with suppress(OSError):
             folder.mkdir(parents=True, exist_ok=True)
             (folder / record).touch()
@@ -218,7 +219,7 @@ def _check_allowed(named: NamedClass) -> None:
     if path is not None and named.sha256 is None:
         raise BadInput(f"{named.field}: the scenario has no sensor.kind_sha256, so the file is not run; run it first")
     record = _text_digest(named.name) if path is None else str(named.sha256)
-    folder = _folder()
+    folder = user_cache("sensors")
     if record not in _allowed and not (folder is not None and _is_own_file(folder / record)):
         where = f"~/.cache/fogwatch/sensors/{record}" if folder is None else str(folder / record)
         raise BadInput(
@@ -243,11 +244,3 @@ def _record(named: NamedClass) -> str:
 
 def _text_digest(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _folder() -> Path | None:
-    """Return the folder of the user's records; None without a home."""
-    own = os.environ.get("XDG_CACHE_HOME")
-    with suppress(RuntimeError):
-        return (Path(own) if own else Path("~/.cache").expanduser()) / "fogwatch" / "sensors"
-    return None

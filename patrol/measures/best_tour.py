@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from patrol.kernel_cache import user_cache
 from patrol.measures.own_ground import OwnGround, own_grounds
 from patrol.prepare import sensor_footprint
 from patrol.scenario.sections import BUILT_IN_SENSORS
@@ -163,10 +164,7 @@ def _keep(file: Path, length_m: float | None) -> None:
 
 
 def _cache() -> Path:
-    own = os.environ.get("XDG_CACHE_HOME")
-    with suppress(RuntimeError):  # the user has no home folder
-        return (Path(own) if own else Path("~/.cache").expanduser()) / "fogwatch" / "tours"
-    return Path(os.devnull)
+    return user_cache("tours") or Path(os.devnull)
 
 
 def _identity(sensor: SensorSpec) -> tuple[str, ...] | None:
