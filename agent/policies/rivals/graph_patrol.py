@@ -25,7 +25,10 @@ NO_NEARER_AT_HAND_S = 1.0
 """The same within the tolerance, s."""
 
 NEARER = 0.1
-"""Least share of a stride by which it must come nearer to count as progress; a car, which stops beside a place, is there within it."""
+"""Least share of a stride by which it must come nearer to count as progress.
+
+A car stops beside a place and not on it: within this it is there.
+"""
 
 
 class GraphOptions(Section):
