@@ -82,6 +82,7 @@ def main() -> None:
     for terrain in TERRAINS:
         for policy, settings in POLICIES.items():
             bench.time(f"a decision, {terrain}, {policy}", decision_time(terrain, settings))
+    bench.end()
 
 
 def decision_time(terrain: str, settings: Mapping[str, object]) -> Callable[[int], float]:

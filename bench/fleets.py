@@ -48,6 +48,7 @@ def main() -> None:
         measure(f"a robot's tick, {size} robots, {100.0 * LOSS:g} % of frames lost", size, loss=LOSS)
     for side in SIDES:
         measure(f"a robot's tick, {AREA_SIZE} robots on {(side / KILOMETRE) ** 2:g} km2", AREA_SIZE, side)
+    bench.end()
 
 
 def square_scenario(size: int, folder: Path, side: int = KILOMETRE, loss: float = 0.0) -> dict[str, Any]:

@@ -44,6 +44,7 @@ def main() -> None:
             bench.measure(f"{task}: {DILATATION_PACKAGE} {version}", partial(rival_dilatation, walls))
     bench.measure("a look of 10 m at 0.1 m", own_look)
     bench.measure("a record of five robots, decoded", own_record)
+    bench.end()
 
 
 def own_wave(ground: str, bends: bool) -> Callable[[], object]:

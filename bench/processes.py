@@ -63,6 +63,7 @@ def main() -> None:
         bench.time(f"{fleet}: the whole command, {duration_s} s, wall", partial(command_time, arguments, duration_s))
         for program, name in PROGRAMS.items():
             bench.time(f"{fleet}: memory of {name}", partial(memory, arguments, tick, program), unit="byte")
+    bench.end()
 
 
 def tick_time(arguments: Sequence[str], duration_s: int, loops: int) -> float:

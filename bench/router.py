@@ -45,6 +45,7 @@ def main() -> None:
         with Load(members) as load:
             bench.time(f"{task}: the router's processor time", load.router_time, inner_loops=each)
             bench.time(f"{task}: bytes both ways", load.bytes_sent, inner_loops=BYTE_ROUNDS * each, unit="byte")
+    bench.end()
 
 
 class Load:

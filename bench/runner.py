@@ -74,6 +74,8 @@ class Bench:
         parser.set_defaults(copy_env=True)  # where compiled kernels are kept may be said there
         self._options = self._runner.parse_args()
         self.worker = bool(self._options.worker)
+        self._others: list[str] = []
+        self._any_chosen = False
         if not self.worker:
             warm(PACKAGES, print, SELDOM)
 
@@ -114,8 +116,17 @@ class Bench:
             note: What else there is to say about the result.
         """
         if self._options.only.lower() in name.lower():
+            self._any_chosen = True
             facts = {"unit": unit, "note": note} if note else {"unit": unit}
             self._runner.bench_time_func(name, time_func, inner_loops=inner_loops, metadata=facts)
+        else:
+            self._others.append(name)
+
+    def end(self) -> None:
+        """Exit with 2 where no name of a benchmark contains what ``--only`` says; called after the last benchmark."""
+        if not self._any_chosen:
+            names = "; ".join(self._others)
+            self._runner.argparser.error(f"--only {self._options.only}: no benchmark has this in its name: {names}")
 
     def _pass_on(self, command: list[str], options: argparse.Namespace) -> None:
         command.extend(f"--{name}={getattr(options, name)}" for name in self._names)

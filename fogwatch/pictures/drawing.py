@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.report.style import check_matplotlib
 from patrol.errors import BadInput
 from patrol.files.whole_file import replacing
 from patrol.ground.terrain import BoolGrid, Terrain
@@ -94,10 +95,9 @@ def canvas(terrain: Terrain, title: str) -> tuple[Figure, Axes]:
     Raises:
         BadInput: matplotlib is not installed.
     """
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise BadInput("pictures need matplotlib; install it with: pip install 'fogwatch[sim]'") from None
+    check_matplotlib("sim")
+    from matplotlib.figure import Figure
+
     xmin, ymin, xmax, ymax = terrain.bounds
     inches = LONGEST / max(xmax - xmin, ymax - ymin)
     width, height = (xmax - xmin) * inches, (ymax - ymin) * inches

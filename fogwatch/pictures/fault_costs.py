@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from experiments.faults.cost import VARIANTS, WITH_TRAIL, Finding
 from fogwatch.pictures.paper_tables import COLOURS, write_figure
-from patrol.errors import BadInput
+from monitor.report.style import check_matplotlib
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -117,10 +117,9 @@ def _curve(
 
 
 def _figure(size: tuple[float, float]) -> Figure:
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise BadInput("pictures need matplotlib; install it with: pip install 'fogwatch[experiments]'") from None
+    check_matplotlib("experiments")
+    from matplotlib.figure import Figure
+
     return Figure(figsize=size, dpi=DPI, facecolor="white", layout="constrained")
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from experiments.paper.printed import Measure
 from experiments.paper.tables import FAR_OFF, Cell, TableComparison
 from fogwatch.pictures.drawing import Key, Layer, canvas, legend, paint, painted, save
+from monitor.report.style import check_matplotlib
 from patrol.errors import BadInput
 from patrol.ground.terrain import Terrain
 from patrol.palette import WALL
@@ -44,10 +45,9 @@ def table_picture(comparison: TableComparison, files: Sequence[Path]) -> None:
     Raises:
         BadInput: matplotlib is not installed, or a file cannot be written.
     """
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise BadInput("pictures need matplotlib; install it with: pip install 'fogwatch[experiments]'") from None
+    check_matplotlib("experiments")
+    from matplotlib.figure import Figure
+
     table, setup = comparison.table, comparison.setup
     measures = table.measures
     bars = len(table.columns) * len(table.rows)

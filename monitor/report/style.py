@@ -7,6 +7,7 @@ an optional dependency, so it is imported only for drawing.
 from __future__ import annotations
 
 import io
+import os
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -17,6 +18,7 @@ from xml.sax.saxutils import quoteattr
 
 from patrol.errors import BadInput
 from patrol.palette import LIGHT, ROBOTS
+from patrol.printable import printable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -95,17 +97,34 @@ class Drawing:
         return [png, svg]
 
 
+def check_matplotlib(extra: str) -> None:
+    """Import matplotlib.
+
+    Args:
+        extra: Of fogwatch's optional dependencies, those with matplotlib that the caller needs.
+
+    Raises:
+        BadInput: It is not installed, or the environment names no backend of it.
+    """
+    try:
+        import matplotlib  # noqa: F401 - whether it can be imported
+    except ImportError:
+        raise BadInput(f"figures need matplotlib; install it with: pip install 'fogwatch[{extra}]'") from None
+    except ValueError:
+        backend = printable(os.environ.get("MPLBACKEND", ""))
+        raise BadInput(f"MPLBACKEND={backend}: no backend of matplotlib; unset it, as figures need none") from None
+
+
 @contextmanager
 def drawn() -> Iterator[None]:
     """A context in which figures are drawn in this style.
 
     Raises:
-        BadInput: matplotlib is not installed.
+        BadInput: matplotlib cannot be used.
     """
-    try:
-        import matplotlib as mpl
-    except ImportError:
-        raise BadInput("figures need matplotlib; install it with: pip install 'fogwatch[monitor]'") from None
+    check_matplotlib("monitor")
+    import matplotlib as mpl
+
     style: dict[str, Any] = {
         "svg.fonttype": "none",
         "svg.hashsalt": _HASH_SALT,

@@ -44,6 +44,15 @@ def test_one_benchmark_is_measured(script: str, name: str, words: tuple[str, ...
 
 
 @pytest.mark.processes
+def test_a_name_that_no_benchmark_has_is_an_error() -> None:
+    command = [sys.executable, "-m", "bench.kernels", "--only", "nosuch"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "--only nosuch: no benchmark has this in its name: wave, " in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.processes
 def test_rivals_are_measured_beside_ours_where_they_are_installed(tmp_path: Path) -> None:
     pytest.importorskip("scipy")
     ours, theirs = measured("kernels", tmp_path, "--only", "dilatation, 400 x 400 open points")

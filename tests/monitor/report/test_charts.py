@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -25,3 +28,12 @@ def test_a_chart_of_states_names_what_robots_did(tmp_path: Path) -> None:
 
 def test_every_state_of_a_mind_has_a_name_in_the_chart() -> None:
     assert {state.value.replace("-", " ") for state in State} <= {name for name, _ in STATES}
+
+
+def test_a_backend_that_does_not_exist_is_one_line() -> None:
+    program = "from monitor.report.style import check_matplotlib; check_matplotlib('monitor')"
+    environment = {**os.environ, "MPLBACKEND": "nonsense"}
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=False)
+    assert done.stderr.endswith(
+        "BadInput: MPLBACKEND=nonsense: no backend of matplotlib; unset it, as figures need none\n"
+    )
