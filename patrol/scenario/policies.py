@@ -10,7 +10,7 @@ the scenario; those of any other when a run finds its class (`agent.policies.fou
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Final, Literal, Self
+from typing import Annotated, Any, ClassVar, Final, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
@@ -48,7 +48,14 @@ OPTION_LENGTHS = ("dilatation", "obstacle_radius", "fuzzy_distance", "critical_w
 
 
 class PatrolOptions(Section):
-    """Settings of both built-in policies: how robots keep apart, and random steps."""
+    """Settings of both built-in policies: how robots keep apart, and random steps.
+
+    Attributes:
+        NEEDS: By setting, the switch that it needs and the values of the switch with which it has an effect. Lengths
+            that follow the body are not among them: those of a whole team are stated together.
+    """
+
+    NEEDS: ClassVar[dict[str, tuple[str, tuple[str, ...]]]] = {"critical_areas": ("separation", ("semaphores",))}
 
     separation: Separation = Field("claims", description=SEPARATIONS)
     random_move: Probability = Field(
@@ -64,6 +71,20 @@ class PatrolOptions(Section):
     critical_width: AutoPositive = Field(
         AUTO, description="m, passages narrower than this are critical areas; auto: 8 radii"
     )
+
+    @model_validator(mode="after")
+    def _have_an_effect(self) -> Self:
+        """Refuse a setting without effect whose switch is not stated.
+
+        Where both are stated it is accepted: files that fogwatch writes state every setting.
+        """
+        for field in sorted(self.model_fields_set & self.NEEDS.keys()):
+            switch, values = self.NEEDS[field]
+            value = self.separations if switch == "separation" else (getattr(self, switch),)
+            if switch not in self.model_fields_set and not set(value) & set(values):
+                needed = " or ".join(values)
+                raise wrong(field, f"has no effect unless {switch} is {needed}; set that as well, or drop this")
+        return self
 
     @property
     def separations(self) -> tuple[str, ...]:
@@ -86,6 +107,14 @@ class CommittedOptions(PatrolOptions):
 
 class PotentialFieldOptions(PatrolOptions):
     """Settings of `potential-field`: the paper's rules, with its switches."""
+
+    NEEDS: ClassVar[dict[str, tuple[str, tuple[str, ...]]]] = {
+        **PatrolOptions.NEEDS,
+        "length": ("distance", ("g3", "g5")),
+        "claim_width": ("separation", ("claims",)),
+        "repulsion": ("separation", ("repulsion",)),
+        "repulsion_reach": ("separation", ("repulsion",)),
+    }
 
     fow: Literal["f1", "f2", "f3", "f4", "f5"] = Field("f3", description="f1..f5, force of a point's staleness")
     distance: Literal["g1", "g2", "g3", "g4", "g5"] = Field("g4", description="g1..g5, fall of the force with distance")

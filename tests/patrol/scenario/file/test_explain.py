@@ -150,6 +150,18 @@ def test_what_may_be_zero_is_never_negative(field: str) -> None:
             {"patrol": {"policy": "potential-field", "options": {"alpah": 2}}},
             "scenario: patrol.options.alpah: unknown key; did you mean alpha?",
         ),
+        (
+            {"patrol": {"policy": "potential-field", "options": {"claim_width": 0.5}}},
+            "scenario: patrol.options.claim_width: has no effect unless separation is claims; set that as well",
+        ),
+        (
+            {"patrol": {"policy": "potential-field", "options": {"length": 500}}},
+            "scenario: patrol.options.length: has no effect unless distance is g3 or g5; set that as well",
+        ),
+        (
+            {"patrol": {"options": {"critical_areas": [[[1, 1], [2, 1], [2, 2]]]}}},
+            "scenario: patrol.options.critical_areas: has no effect unless separation is semaphores; set that as well",
+        ),
         ({"patrol": {"options": 3}}, "scenario: patrol.options = 3: expected keys and values (separation, random_move"),
         (
             {"patrol": {"refine_side": 12}},

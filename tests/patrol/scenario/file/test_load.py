@@ -384,3 +384,19 @@ def test_the_hash_is_the_same_in_another_process() -> None:
     env = {**os.environ, "PYTHONHASHSEED": "12345"}
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=env)
     assert told.stdout.strip() == scenario_hash(load_scenario(YARDS))
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"claim_width": 0.5, "separation": "none"},
+        {"claim_width": 0.5, "separation": ["semaphores", "claims"]},
+        {"length": 500.0, "distance": "g5"},
+        {"obstacle_radius": 5.0, "fuzzy_distance": 5.5, "critical_width": 8.0},
+    ],
+)
+def test_a_setting_stands_beside_its_switch_or_among_lengths(options: dict[str, Any]) -> None:
+    """A run folder's file states every setting, so one without effect is accepted beside its switch."""
+    patrol = {"policy": "potential-field", "options": options}
+    scenario = load_scenario({"terrain": {"builtin": "open"}, "patrol": patrol})
+    assert load_scenario(as_mapping(scenario)) == scenario
