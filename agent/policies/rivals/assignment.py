@@ -122,7 +122,7 @@ def bids(known: Known, number: int, at: int, aim: int | None = None) -> NDArray[
     tasks = set(np.flatnonzero(known.visitor == number).tolist()) | (set() if aim is None else {aim})
     lengths = known.graph.lengths
     centre = min({at, *tasks}, key=lambda v: (float(lengths[v, sorted(tasks)].sum()), v != at, v))
-    bid = lengths[centre] * (len(tasks) + 1)
+    bid: NDArray[np.float64] = lengths[centre] * (len(tasks) + 1)
     if aim is not None:
         bid[aim] = 0.0
     return bid

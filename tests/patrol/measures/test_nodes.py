@@ -77,7 +77,9 @@ def test_the_bytes_of_the_original_are_counted_at_visits() -> None:
         for k, x in enumerate((0.0, 10.0, 20.0)):
             totals.tick(record(k, (x, 0.0)))
         found = totals.figures()
-        return found and found["original_bytes"]
+        assert found is not None
+        sent_bytes: int | None = found["original_bytes"]
+        return sent_bytes
 
     # Three visits; on a graph of three vertices dtag sends 3 + 3 words of two bytes.
     assert [sent(policy) for policy in ("cr", "gbs", "sebs", "dtag")] == [0, 18, 24, 36]
