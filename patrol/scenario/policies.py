@@ -15,6 +15,7 @@ from typing import Annotated, Any, Final, Literal, Self
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from patrol.classes.class_file import beside, class_file
+from patrol.scenario.letter import LETTER, Letter, PaperRule, rules_of
 from patrol.values.section import Section, wrong
 from patrol.values.types import (
     AUTO,
@@ -87,6 +88,7 @@ class CommittedOptions(PatrolOptions):
 class PotentialFieldOptions(PatrolOptions):
     """Settings of `potential-field`: the paper's rules, with its switches."""
 
+    letter: Letter = Field(False, description=f"rules of ours to be replaced by the paper's: {LETTER}")
     fow: Literal["f1", "f2", "f3", "f4", "f5"] = Field("f3", description="f1..f5, force of a point's staleness")
     distance: Literal["g1", "g2", "g3", "g4", "g5"] = Field("g4", description="g1..g5, fall of the force with distance")
     alpha: Exponent = Field(40.0, description="weight of staleness in f")
@@ -123,6 +125,11 @@ class PotentialFieldOptions(PatrolOptions):
         if self.fuzzy and self.direction != "mode":
             raise wrong("fuzzy", "weakens sectors, and direction is vector; set direction to mode")
         return self
+
+    @property
+    def paper_rules(self) -> frozenset[PaperRule]:
+        """The rules of the paper that replace ours (`letter`)."""
+        return rules_of(self.letter)
 
 
 POLICY = (
@@ -184,6 +191,11 @@ class PatrolSpec(Section):
         return self.options.regions if isinstance(self.options, PotentialFieldOptions) else None
 
     @property
+    def paper_rules(self) -> frozenset[PaperRule]:
+        """The rules of the paper that replace ours; none but with `potential-field`."""
+        return self.options.paper_rules if isinstance(self.options, PotentialFieldOptions) else frozenset()
+
+    @property
     def paths(self) -> Literal["wave", "straight", "regions"]:
         """Kind of paths that the policy measures ways by; all but `potential-field` use the wave."""
         return self.options.paths if isinstance(self.options, PotentialFieldOptions) else "wave"
@@ -203,6 +215,15 @@ class PaperPatrol(PatrolSpec):
     options: PotentialFieldOptions = Field(
         default_factory=PotentialFieldOptions, description="settings of potential-field"
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _letter_switches_off_what_is_ours(cls, section: Any) -> Any:
+        """Give `give_way` and `manoeuvres` the paper's values where the whole letter is wanted, unless stated."""
+        options = section.get("options") if isinstance(section, dict) else None
+        if isinstance(options, dict) and options.get("letter") is True:
+            return {"give_way": False, "manoeuvres": False, **section}
+        return section
 
 
 class OwnPatrol(PatrolSpec):
