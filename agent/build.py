@@ -75,7 +75,7 @@ class Shared:
     def posts_of(self, fields: StaticFields, patrol: PatrolSpec) -> Posts:
         """Return the posts of one kind of body; on straight paths, which know no walls, each point is its own."""
         if id(fields) not in self.posts:
-            without = patrol.paths == "straight" or "no-posts" in patrol.paper_rules
+            without = patrol.paths == "straight"
             self.posts[id(fields)] = Posts(np.full_like(fields.proxy, -1) if without else fields.proxy)
         return self.posts[id(fields)]
 

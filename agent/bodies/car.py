@@ -154,7 +154,6 @@ class Unstuck:
             as_printed: Back one step, then follow the paper's five steps alone.
         """
         self._as_printed = as_printed
-        self._shares = EASIER[:1] if as_printed else EASIER
         self._calm = round(CALM_S / step)
         self._hopeless = max(round(HOPELESS_S / step), 1)
         self._chance = chance
@@ -225,7 +224,7 @@ class Unstuck:
         if self._retreat <= 0 and abs(wrap(self._desired - pose.heading)) <= ORIENTED:
             return None
         for _ in range(2):
-            for share in self._shares[self._ease :]:
+            for share in EASIER[self._ease :]:
                 speed = share * self._speed * (-1.0 if self._backing else 1.0)
                 drive = self._steering.turning(pose, self._desired, speed)
                 if self._steering.is_free(pose, drive):

@@ -23,8 +23,7 @@ class HolonomicBody(BodyBase):
 
     def __init__(self, setup: BodySetup) -> None:
         super().__init__(setup)
-        whole_steps = "whole-steps" in setup.patrol.paper_rules
-        self._steering = HolonomicSteering(setup.spec, setup.ground.terrain, setup.step, whole_steps=whole_steps)
+        self._steering = HolonomicSteering(setup.spec, setup.ground.terrain, setup.step)
         self._footing = Footing(setup.ground.terrain, setup.ground, setup.spec.radius, wanted=setup.patrol.manoeuvres)
 
     def _bear(self, intent: Bearing, view: View) -> Choice:

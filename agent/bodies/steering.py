@@ -79,19 +79,10 @@ class HolonomicSteering:
         stride: Longest way in one step, m.
     """
 
-    def __init__(self, spec: RobotSpec, terrain: Terrain, step: float, *, whole_steps: bool = False) -> None:
-        """Steer one robot.
-
-        Args:
-            spec: The robot's speed (m/s) and radius (m).
-            terrain: The map.
-            step: s per tick.
-            whole_steps: Take no step that a wall would shorten.
-        """
+    def __init__(self, spec: RobotSpec, terrain: Terrain, step: float) -> None:
         self._spec = spec
         self._terrain = terrain
         self._step = step
-        self._whole_steps = whole_steps
         self.stride = spec.speed * step
 
     def towards(self, pose: Pose, target: tuple[float, float]) -> tuple[Velocity, float]:
@@ -113,7 +104,7 @@ class HolonomicSteering:
         end = Pose(pose.x + way * across, pose.y + way * up, pose.heading)
         share = free_fraction(self._terrain, pose, end, self._spec.radius)
         if share < 1.0:
-            way = 0.0 if self._whole_steps else max(0.0, way * share - TOUCH)
+            way = max(0.0, way * share - TOUCH)
         return Velocity(way * across / self._step, way * up / self._step), way
 
     def along(self, pose: Pose, wanted: Velocity) -> Velocity:

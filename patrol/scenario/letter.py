@@ -8,11 +8,9 @@
 | first-step | takes for the direction of a force the first of eight steps of the wave's path, not its first bend |
 | one-direction | tries the strongest direction only, although a wall may be right there |
 | no-stop | does not stop at a stale place close by (cars never do) |
-| whole-steps | takes no step that a wall would shorten (holonomic robots; cars never do) |
 | far-goal | has its goal at the goal distance, although a wall may be in between |
 | whole-square | may refine its goal to any point of the square, also to the side or behind a wall |
 | square-window | spreads staleness over a square, through walls |
-| no-posts | is not attracted by points on which its body does not fit |
 | plain-unstuck | gets out of dead ends by the five printed steps alone, without draws (cars) |
 | surround-forces | surrounds an intruder by attraction and repulsion, not by places on a ring |
 
@@ -36,11 +34,9 @@ PaperRule = Literal[
     "first-step",
     "one-direction",
     "no-stop",
-    "whole-steps",
     "far-goal",
     "whole-square",
     "square-window",
-    "no-posts",
     "plain-unstuck",
     "surround-forces",
 ]
@@ -108,10 +104,8 @@ def _needs(patrol: PaperPatrol, bodies: set[str], intruders: bool) -> dict[Paper
     return {
         "first-step": (options.paths == "wave", "set patrol.options.paths to wave"),
         "no-stop": (bodies != {"car"}, "set a robot's model to holonomic"),
-        "whole-steps": ("holonomic" in bodies, "set a robot's model to holonomic"),
         "whole-square": (patrol.avoidance == "goal-refinement", "set patrol.avoidance to goal-refinement"),
         "square-window": (options.dilatation != 0.0, "give a patrol.options.dilatation above 0"),
-        "no-posts": (options.paths != "straight", "set patrol.options.paths to wave or regions"),
         "plain-unstuck": ("car" in bodies, "set a robot's model to car"),
         "surround-forces": (intruders, "give intruders"),
     }
