@@ -133,6 +133,9 @@ class Unstuck:
     `HOPELESS_S` in one, it chooses a random direction to face. From then on each bump makes the next move shorter, and
     each successful move makes the next one longer: between a wall and a wreck, which steering does not see, there may
     be room for a short step where a full one always bumps.
+
+    As printed (`patrol.scenario.letter`), the paper's steps are all there is; the first step back is taken in any case,
+    because the paper backs before it asks which way the robot faces.
     """
 
     def __init__(
@@ -151,7 +154,7 @@ class Unstuck:
             speed: Top speed, m/s.
             step: s per tick.
             chance: Called with a tick and 0 or 1 for the purpose of the draw; returns a repeatable draw from [0, 1).
-            as_printed: Back one step, then follow the paper's five steps alone.
+            as_printed: Follow the paper's five steps alone, which draw nothing.
         """
         self._as_printed = as_printed
         self._calm = round(CALM_S / step)

@@ -21,8 +21,7 @@ from patrol.scenario.faults.kinds import Faults
 from patrol.scenario.faults.nemesis_spec import NemesisSpec, room_for
 from patrol.scenario.faults.roster import check_faults
 from patrol.scenario.lengths import BodyLengths, check_refinement, resolve_lengths
-from patrol.scenario.letter import check_letter
-from patrol.scenario.policies import CommittedPatrol, PaperPatrol, Patrol
+from patrol.scenario.policies import CommittedPatrol, PaperPatrol, Patrol, check_letter
 from patrol.scenario.radio_spec import IdealRadio, Radio, check_radio_spec
 from patrol.scenario.robots import RobotSpec, roster_of
 from patrol.scenario.sections import IntruderSpec, RobotGroup, Robots, SensorSpec, TerrainSpec

@@ -10,11 +10,13 @@ the scenario; those of any other when a run finds its class (`agent.policies.fou
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from patrol.classes.class_file import beside, class_file
+from patrol.scenario.letter import FIELD as LETTER_FIELD
 from patrol.scenario.letter import LETTER, Letter, PaperRule, rules_of
 from patrol.values.section import Section, wrong
 from patrol.values.types import (
@@ -224,6 +226,50 @@ class PaperPatrol(PatrolSpec):
         if isinstance(options, dict) and options.get("letter") is True:
             return {"give_way": False, "manoeuvres": False, **section}
         return section
+
+
+def check_letter(patrol: PaperPatrol, models: Iterable[str], intruders: bool) -> None:
+    """Refuse a rule that has no effect, and what contradicts the whole letter.
+
+    Args:
+        patrol: The scenario's section.
+        models: Those of the robots.
+        intruders: Whether there are any.
+
+    Raises:
+        PydanticCustomError: It names the field and the remedy.
+    """
+    letter, bodies = patrol.options.letter, set(models)
+    if letter is True:
+        _check_whole(patrol, bodies)
+    elif letter is not False:
+        named = patrol.paper_rules
+        for rule, (has_effect, remedy) in _needs(patrol, bodies, intruders).items():
+            if rule in named and not has_effect:
+                raise wrong(LETTER_FIELD, f"{rule} has no effect here; drop it, or {remedy}")
+
+
+def _check_whole(patrol: PaperPatrol, bodies: set[str]) -> None:
+    if "differential" in bodies:
+        remedy = "set their model to holonomic or car, or name the rules that you want"
+        raise wrong(LETTER_FIELD, f"true, and the paper has no differential robots; {remedy}")
+    for field, ours in (("give_way", "give way"), ("manoeuvres", "search for manoeuvres")):
+        if getattr(patrol, field):
+            problem = f"true, and {LETTER_FIELD} is true: the paper's robots do not {ours}; set it to false, or drop it"
+            raise wrong(f"patrol.{field}", problem)
+
+
+def _needs(patrol: PaperPatrol, bodies: set[str], intruders: bool) -> dict[PaperRule, tuple[bool, str]]:
+    """Return, by rule, whether the scenario has what it acts on, and how to get that."""
+    options = patrol.options
+    return {
+        "first-step": (options.paths == "wave", "set patrol.options.paths to wave"),
+        "no-stop": (bodies != {"car"}, "set a robot's model to holonomic"),
+        "whole-square": (patrol.avoidance == "goal-refinement", "set patrol.avoidance to goal-refinement"),
+        "square-window": (options.dilatation != 0.0, "give a patrol.options.dilatation above 0"),
+        "plain-unstuck": ("car" in bodies, "set a robot's model to car"),
+        "surround-forces": (intruders, "give intruders"),
+    }
 
 
 class OwnPatrol(PatrolSpec):

@@ -109,7 +109,7 @@ def decided(
 
 def test_the_strongest_direction_is_the_only_one_that_is_tried() -> None:
     """Straight paths pull into the wall, which is closer than half a step."""
-    straight = {"options": {"paths": "straight", "dilatation": 0}, "avoidance": "none"}
+    straight: dict[str, Any] = {"options": {"paths": "straight", "dilatation": 0}, "avoidance": "none"}
     pose = Pose(13.75, 5.25, 0.0)
     ours, _ = decided(False, pose, ticks=40, **straight)
     printed, stuck = decided("one-direction", pose, ticks=40, **straight)
@@ -210,7 +210,8 @@ def test_forces_alone_surround_an_intruder() -> None:
     printed, decision = decided("surround-forces", pose, contacts=(intruder,))
     assert isinstance(ours, Place)
     assert isinstance(printed, Bearing)
-    assert printed.bearings == (pytest.approx(math.pi, abs=0.05),)
+    assert len(printed.bearings) == 1
+    assert abs(printed.bearings[0]) == pytest.approx(math.pi, abs=0.05)
     assert decision.state == State.SURROUNDING
     inside, _ = decided("surround-forces", Pose(5.25, 15.25, 0.0), contacts=(intruder,))
     assert inside == Stay(State.SURROUNDING)
