@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from patrol.ground.fields import StaticFields
     from patrol.ground.terrain import Terrain
     from patrol.prepare import Prepared
-    from patrol.scenario import Scenario
+    from patrol.scenario import PatrolSpec, Scenario
     from patrol.scenario.lengths import BodyLengths
 
 
@@ -72,18 +72,20 @@ class Shared:
             self.grounds[id(fields)] = Ground(terrain, fields.reach)
         return self.grounds[id(fields)]
 
-    def posts_of(self, fields: StaticFields, straight: bool) -> Posts:
+    def posts_of(self, fields: StaticFields, patrol: PatrolSpec) -> Posts:
         """Return the posts of one kind of body; on straight paths, which know no walls, each point is its own."""
         if id(fields) not in self.posts:
-            self.posts[id(fields)] = Posts(np.full_like(fields.proxy, -1) if straight else fields.proxy)
+            without = patrol.paths == "straight"
+            self.posts[id(fields)] = Posts(np.full_like(fields.proxy, -1) if without else fields.proxy)
         return self.posts[id(fields)]
 
-    def area_of(self, fields: StaticFields, straight: bool, dilatation: int) -> Area:
+    def area_of(self, fields: StaticFields, patrol: PatrolSpec, dilatation: int) -> Area:
         """Return the area of one kind of body, for a window of some points in each direction."""
         kind = id(fields), dilatation
         if kind not in self.areas:
-            ground = fields.patrolled if straight else fields.reach
-            self.areas[kind] = Area(fields.patrolled, ground, self.posts_of(fields, straight), dilatation)
+            ground = fields.patrolled if patrol.paths == "straight" else fields.reach
+            square = "square-window" in patrol.paper_rules
+            self.areas[kind] = Area(fields.patrolled, ground, self.posts_of(fields, patrol), dilatation, square)
         return self.areas[kind]
 
 
@@ -157,9 +159,8 @@ def build_mind(
         return draw(scenario.seed, purpose, number, incarnation, tick, index)
 
     beliefs = shared.beliefs or Beliefs(inboxes_of(scenario, [number], terrain.bounds, key), shared.footprint)
-    straight = patrol.paths == "straight"
-    posts = shared.posts_of(fields, straight)
-    belief = beliefs.join(number, shared.area_of(fields, straight, _rounds(scenario, terrain, lengths, kind)))
+    posts = shared.posts_of(fields, patrol)
+    belief = beliefs.join(number, shared.area_of(fields, patrol, _rounds(scenario, terrain, lengths, kind)))
     ground = Ground(terrain, fields.reach, shared.ground_of(terrain, fields) if shared.beliefs else None)
     policy = _policy_of(
         kind,

@@ -48,12 +48,14 @@ class Area:
         ground: bool (h, w), the points over which staleness spreads.
         posts: The points on which no body fits, and where to see them from.
         dilatation: Half-width of the window in points; 0 for no dilatation.
+        square: Whether staleness spreads through walls.
     """
 
     patrolled: BoolGrid
     ground: BoolGrid
     posts: Posts
     dilatation: int
+    square: bool = False
 
 
 class BelievedFog:
@@ -85,7 +87,7 @@ class BelievedFog:
         if area.dilatation > 0 or not len(area.posts.rows):
             from agent.belief.dilated import Dilated  # here, as most robots do without its kernels
 
-            self._dilated = Dilated(self.fog, area.ground, area.posts, area.dilatation)
+            self._dilated = Dilated(self.fog, area.ground, area.posts, area.dilatation, square=area.square)
 
     def fork(self) -> BelievedFog:
         """Return the same fog with its own grids, for others."""

@@ -24,7 +24,7 @@ class Dilated:
     looks since the last read; a block that is not read costs nothing.
     """
 
-    def __init__(self, fog: Fog, ground: BoolGrid, posts: Posts, reach: int) -> None:
+    def __init__(self, fog: Fog, ground: BoolGrid, posts: Posts, reach: int, *, square: bool = False) -> None:
         """Start with a fog in which nothing has been seen.
 
         Args:
@@ -32,6 +32,7 @@ class Dilated:
             ground: bool (h, w), the points over which staleness spreads.
             posts: The points on which no body fits, and where to see them from.
             reach: Half-width of the window, in points.
+            square: Whether the window is a square, as in the paper, which staleness fills through walls too.
         """
         self._fog = fog
         self._gap = posts.gap
@@ -39,6 +40,7 @@ class Dilated:
         self._reach_in_blocks = -(-reach // SIDE)
         self._ground = np.ascontiguousarray(ground).astype(np.uint8)
         self._ground[posts.rows[:, 2], posts.rows[:, 3]] *= POST
+        self._passable = np.ones_like(self._ground) if square else self._ground
         self._carried = np.zeros(ground.shape, dtype=np.int32)
         self._grid: NDArray[np.int32] = np.where(ground, np.int32(0), np.int32(AGELESS))
         rows, cols = (-(-size // SIDE) for size in ground.shape)
@@ -101,8 +103,10 @@ class Dilated:
             if count == 0:
                 return self._grid
             boxes = self._boxes[:count]
-            grids = (self._carried, self._ground, self._ground, self._grid)
+            grids = (self._carried, self._ground, self._passable, self._grid)
             dilate_all(*grids, boxes, self._reach, tick, self._scratch)
+            if self._passable is not self._ground:
+                np.copyto(self._grid, AGELESS, where=self._ground == 0)
             note_freshest(self._ground, self._grid, self._freshest, boxes)
         return self._grid
 

@@ -133,9 +133,20 @@ class Unstuck:
     `HOPELESS_S` in one, it chooses a random direction to face. From then on each bump makes the next move shorter, and
     each successful move makes the next one longer: between a wall and a wreck, which steering does not see, there may
     be room for a short step where a full one always bumps.
+
+    As printed (`patrol.scenario.letter`), the paper's steps are all there is; the first step back is taken in any case,
+    because the paper backs before it asks which way the robot faces.
     """
 
-    def __init__(self, steering: CarSteering, speed: float, step: float, chance: Callable[[int, int], float]) -> None:
+    def __init__(
+        self,
+        steering: CarSteering,
+        speed: float,
+        step: float,
+        chance: Callable[[int, int], float],
+        *,
+        as_printed: bool = False,
+    ) -> None:
         """Start outside of any dead end.
 
         Args:
@@ -143,7 +154,9 @@ class Unstuck:
             speed: Top speed, m/s.
             step: s per tick.
             chance: Called with a tick and 0 or 1 for the purpose of the draw; returns a repeatable draw from [0, 1).
+            as_printed: Follow the paper's five steps alone, which draw nothing.
         """
+        self._as_printed = as_printed
         self._calm = round(CALM_S / step)
         self._hopeless = max(round(HOPELESS_S / step), 1)
         self._chance = chance
@@ -172,8 +185,9 @@ class Unstuck:
         """
         again = tick - self._ended <= self._calm
         self._in_a_row = min(self._in_a_row + 1, LONGEST_RETREAT) if again else 1
-        self._retreat = self._in_a_row
-        self._desired = desired if self._in_a_row < AT_A_LOSS else TAU * self._chance(tick, 0)
+        self._retreat = 1 if self._as_printed else self._in_a_row
+        at_a_loss = self._in_a_row >= AT_A_LOSS and not self._as_printed
+        self._desired = TAU * self._chance(tick, 0) if at_a_loss else desired
         self._begun = tick
         self._backing = True
         self._wedged = False
@@ -204,9 +218,9 @@ class Unstuck:
         self._stood = True
         if bumped:
             self._backing = not self._backing
-            if self._chance(tick, 1) < YIELDS:
+            if not self._as_printed and self._chance(tick, 1) < YIELDS:
                 return Drive(0.0, 0.0)
-        if tick - self._begun >= self._hopeless:
+        if tick - self._begun >= self._hopeless and not self._as_printed:
             self._wedged = True
             self._begun = tick
             self._desired = TAU * self._chance(tick, 0)
@@ -337,7 +351,11 @@ class CarBody(BodyBase):
         self._step = setup.step
         chance = setup.chance
         self._unstuck = Unstuck(
-            self._steering, setup.spec.speed, setup.step, lambda k, index: chance(k, index, Purpose.UNSTUCK)
+            self._steering,
+            setup.spec.speed,
+            setup.step,
+            lambda k, index: chance(k, index, Purpose.UNSTUCK),
+            as_printed="plain-unstuck" in setup.patrol.paper_rules,
         )
         self._parking = max(self.stride, 2.0 * setup.spec.turning_radius)
         self._chance = chance

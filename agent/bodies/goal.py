@@ -1,8 +1,12 @@
-"""The goal in a direction: ahead of the robot, clipped to the free ground, refined (paper, step 7)."""
+"""The goal in a direction: ahead of the robot, clipped to the free ground, refined (paper, step 7).
+
+As printed, the goal may lie behind a wall, and so may the point that refinement chooses (`patrol.scenario.letter`).
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +15,7 @@ from agent.bodies.kernels.goal import free_run, refine
 from agent.ports import Goal
 from agent.routes.ground import Ground
 from patrol.scenario import BodyLengths
+from patrol.scenario.letter import PaperRule
 
 
 class GoalFinder:
@@ -21,14 +26,23 @@ class GoalFinder:
     since neither leg may cross a wall.
     """
 
-    def __init__(self, lengths: BodyLengths, ground: Ground, psi: NDArray[np.float32] | None) -> None:
+    def __init__(
+        self,
+        lengths: BodyLengths,
+        ground: Ground,
+        psi: NDArray[np.float32] | None,
+        paper_rules: Collection[PaperRule] = (),
+    ) -> None:
         """Convert the distances to points.
 
         Args:
             lengths: The goal distance and the side of the square, m (the paper's: 5.5 and 2).
             ground: Where the robot's centre may be.
             psi: float32 (h, w) of `agent.bodies.refine.psi_field`, or None for no refinement.
+            paper_rules: ``far-goal`` clips no goal, and ``whole-square`` refines to any point of the square.
         """
+        self._clips = "far-goal" not in paper_rules
+        self._whole_square = "whole-square" in paper_rules
         self._ground = ground
         self._psi = psi
         self._point = ground.terrain.point
@@ -48,11 +62,13 @@ class GoalFinder:
         """
         state = self._ground.state
         up, across = math.sin(bearing), math.cos(bearing)
-        run = float(free_run(state, row + 0.5, col + 0.5, up, across, self._distance))
+        run = self._distance
+        if self._clips:
+            run = float(free_run(state, row + 0.5, col + 0.5, up, across, run))
         goal_row, goal_col = math.floor(row + 0.5 + run * up), math.floor(col + 0.5 + run * across)
         goal = self._ground.centre(goal_row, goal_col)
         if self._psi is None:
             return Goal(goal, goal)
-        best = refine(state, self._psi, goal_row, goal_col, row + 0.5, col + 0.5, up, across, self._side)
-        refined = self._ground.centre(*divmod(int(best), state.shape[1]))
-        return Goal(goal, refined)
+        here, towards = (row + 0.5, col + 0.5), (up, across)
+        best = refine(state, self._psi, goal_row, goal_col, *here, *towards, self._side, self._whole_square)
+        return Goal(goal, goal if best < 0 else self._ground.centre(*divmod(int(best), state.shape[1])))

@@ -77,7 +77,7 @@ class BodyBase(ABC):
     def __init__(self, setup: BodySetup) -> None:
         self.spec = setup.spec
         self.stride = setup.spec.speed * setup.step
-        self.goals = GoalFinder(setup.lengths, setup.ground, setup.psi)
+        self.goals = GoalFinder(setup.lengths, setup.ground, setup.psi, setup.patrol.paper_rules)
         self.way_back = WayBack(setup.ground, setup.spec.radius, wanted=setup.patrol.manoeuvres)
         self._point = setup.ground.terrain.point
         gives = setup.patrol.give_way

@@ -23,6 +23,9 @@ MOST_POINTS = 2**28
 ROOM = 2**12
 """Entries for which a new wave has room, a power of two; it makes more as needed."""
 
+NEXT_TO = 1.5
+"""How far a look reaches to the eight neighbours, and no farther, in points."""
+
 Box = tuple[int, int, int, int]
 """First and end row, first and end column of the terrain; ends are exclusive."""
 
@@ -129,8 +132,17 @@ def paths_in(ground: Ground, starts: Sequence[Place], box: Box, limit: int, *, b
 class Wave(PathWindow):
     """Shortest 8-connected paths: straight steps count 1, diagonal ones 1.41 points, and no path cuts a corner."""
 
-    def __init__(self, height: int, width: int, span: int) -> None:
+    def __init__(self, height: int, width: int, span: int, *, first_steps: bool = False) -> None:
+        """Allocate the window.
+
+        Args:
+            height: Of the terrain, in points.
+            width: Of the terrain, in points.
+            span: How far the window reaches from the start, in points.
+            first_steps: Give each path's first step, one of eight (paper, "The wave"), in place of its first bend.
+        """
         super().__init__(height, width, span)
+        self._first_steps = first_steps
         if self.state.size > MOST_POINTS:
             raise ValueError(f"a window of {self.state.size} points is larger than {MOST_POINTS}")
         self._sight = np.zeros_like(self.state)
@@ -158,8 +170,10 @@ class Wave(PathWindow):
         reach = limit // 100
         top, bottom = max(0, self.start_row - reach), min(rows, self.start_row + reach + 1)
         left, right = max(0, self.start_col - reach), min(cols, self.start_col + reach + 1)
-        # All of the box is in range of this look, its corners too, unless the window's span ends before.
-        cast(self.state, self.start_row, self.start_col, float(min(self.span, 2 * reach)), self._sight, 0, 0)
+        # All of the box is in range of this look, its corners too, unless the window's span ends before. Where only
+        # the start's neighbours are in sight, the first bend of every path is its first step.
+        look = NEXT_TO if self._first_steps else float(min(self.span, 2 * reach))
+        cast(self.state, self.start_row, self.start_col, look, self._sight, 0, 0)
         grids, box = (self.state, self._sight, self.length, self.bend), (top, bottom, left, right)
         while not settle(*grids, self._queues, self.start_row, self.start_col, limit, *box):
             self._queues = np.zeros((2, 4 * self._queues.shape[1]), dtype=np.uint64)

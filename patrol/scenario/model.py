@@ -21,7 +21,7 @@ from patrol.scenario.faults.kinds import Faults
 from patrol.scenario.faults.nemesis_spec import NemesisSpec, room_for
 from patrol.scenario.faults.roster import check_faults
 from patrol.scenario.lengths import BodyLengths, check_refinement, resolve_lengths
-from patrol.scenario.policies import CommittedPatrol, Patrol
+from patrol.scenario.policies import CommittedPatrol, PaperPatrol, Patrol, check_letter
 from patrol.scenario.radio_spec import IdealRadio, Radio, check_radio_spec
 from patrol.scenario.robots import RobotSpec, roster_of
 from patrol.scenario.sections import IntruderSpec, RobotGroup, Robots, SensorSpec, TerrainSpec
@@ -116,6 +116,8 @@ class Scenario(Section):
         check_radio_spec(self.radio, self.roster, self.step, self.sensor, intruders=bool(self.intruders))
         self._check_roster()
         check_refinement(self.patrol, self.roster, self.lengths)
+        if isinstance(self.patrol, PaperPatrol):
+            check_letter(self.patrol, (spec.model for spec in self.roster), bool(self.intruders))
         names = [spec.name for spec in self.roster]
         check_faults(self.faults, names, self.spares, self.step, self.ticks, self.seed)
         if self.nemesis is not None:

@@ -10,11 +10,14 @@ the scenario; those of any other when a run finds its class (`agent.policies.fou
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Annotated, Any, ClassVar, Final, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from patrol.classes.class_file import beside, class_file
+from patrol.scenario.letter import FIELD as LETTER_FIELD
+from patrol.scenario.letter import LETTER, Letter, PaperRule, rules_of
 from patrol.values.section import Section, wrong
 from patrol.values.types import (
     AUTO,
@@ -116,6 +119,7 @@ class PotentialFieldOptions(PatrolOptions):
         "repulsion_reach": ("separation", ("repulsion",)),
     }
 
+    letter: Letter = Field(False, description=f"rules of ours to be replaced by the paper's: {LETTER}")
     fow: Literal["f1", "f2", "f3", "f4", "f5"] = Field("f3", description="f1..f5, force of a point's staleness")
     distance: Literal["g1", "g2", "g3", "g4", "g5"] = Field("g4", description="g1..g5, fall of the force with distance")
     alpha: Exponent = Field(40.0, description="weight of staleness in f")
@@ -152,6 +156,11 @@ class PotentialFieldOptions(PatrolOptions):
         if self.fuzzy and self.direction != "mode":
             raise wrong("fuzzy", "weakens sectors, and direction is vector; set direction to mode")
         return self
+
+    @property
+    def paper_rules(self) -> frozenset[PaperRule]:
+        """The rules of the paper that replace ours (`letter`)."""
+        return rules_of(self.letter)
 
 
 POLICY = (
@@ -213,6 +222,11 @@ class PatrolSpec(Section):
         return self.options.regions if isinstance(self.options, PotentialFieldOptions) else None
 
     @property
+    def paper_rules(self) -> frozenset[PaperRule]:
+        """The rules of the paper that replace ours; none but with `potential-field`."""
+        return self.options.paper_rules if isinstance(self.options, PotentialFieldOptions) else frozenset()
+
+    @property
     def paths(self) -> Literal["wave", "straight", "regions"]:
         """Kind of paths that the policy measures ways by; all but `potential-field` use the wave."""
         return self.options.paths if isinstance(self.options, PotentialFieldOptions) else "wave"
@@ -232,6 +246,59 @@ class PaperPatrol(PatrolSpec):
     options: PotentialFieldOptions = Field(
         default_factory=PotentialFieldOptions, description="settings of potential-field"
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _letter_switches_off_what_is_ours(cls, section: Any) -> Any:
+        """Give `give_way` and `manoeuvres` the paper's values where the whole letter is wanted, unless stated."""
+        options = section.get("options") if isinstance(section, dict) else None
+        if isinstance(options, dict) and options.get("letter") is True:
+            return {"give_way": False, "manoeuvres": False, **section}
+        return section
+
+
+def check_letter(patrol: PaperPatrol, models: Iterable[str], intruders: bool) -> None:
+    """Refuse a rule that has no effect, and what contradicts the whole letter.
+
+    Args:
+        patrol: The scenario's section.
+        models: Those of the robots.
+        intruders: Whether there are any.
+
+    Raises:
+        PydanticCustomError: It names the field and the remedy.
+    """
+    letter, bodies = patrol.options.letter, set(models)
+    if letter is True:
+        _check_whole(patrol, bodies)
+    elif letter is not False:
+        named = patrol.paper_rules
+        for rule, (has_effect, remedy) in _needs(patrol, bodies, intruders).items():
+            if rule in named and not has_effect:
+                raise wrong(LETTER_FIELD, f"{rule} has no effect here; drop it, or {remedy}")
+
+
+def _check_whole(patrol: PaperPatrol, bodies: set[str]) -> None:
+    if "differential" in bodies:
+        remedy = "set their model to holonomic or car, or name the rules that you want"
+        raise wrong(LETTER_FIELD, f"true, and the paper has no differential robots; {remedy}")
+    for field, ours in (("give_way", "give way"), ("manoeuvres", "search for manoeuvres")):
+        if getattr(patrol, field):
+            problem = f"true, and {LETTER_FIELD} is true: the paper's robots do not {ours}; set it to false, or drop it"
+            raise wrong(f"patrol.{field}", problem)
+
+
+def _needs(patrol: PaperPatrol, bodies: set[str], intruders: bool) -> dict[PaperRule, tuple[bool, str]]:
+    """Return, by rule, whether the scenario has what it acts on, and how to get that."""
+    options = patrol.options
+    return {
+        "first-step": (options.paths == "wave", "set patrol.options.paths to wave"),
+        "no-stop": (bodies != {"car"}, "set a robot's model to holonomic"),
+        "whole-square": (patrol.avoidance == "goal-refinement", "set patrol.avoidance to goal-refinement"),
+        "square-window": (options.dilatation != 0.0, "give a patrol.options.dilatation above 0"),
+        "plain-unstuck": ("car" in bodies, "set a robot's model to car"),
+        "surround-forces": (intruders, "give intruders"),
+    }
 
 
 class OwnPatrol(PatrolSpec):

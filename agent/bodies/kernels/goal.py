@@ -54,13 +54,15 @@ def _reaches(state, row, col, to_row, to_col):
     return True
 
 
-@njit(int64(STATE, PSI, int64, int64, float64, float64, float64, float64, int64), cache=True, nogil=True)
-def refine(state, psi, goal_row, goal_col, from_row, from_col, up, across, side):
-    """The point with the lowest psi in a square around the goal (paper, psi).
+@njit(int64(STATE, PSI, int64, int64, float64, float64, float64, float64, int64, types.boolean), cache=True, nogil=True)
+def refine(state, psi, goal_row, goal_col, from_row, from_col, up, across, side, whole):
+    """Find the point with the lowest psi in a square around the goal (paper, psi).
 
     A candidate is open, within reach of a straight line both from the goal and from the robot, and at a bearing within
     45 degrees of the robot's direction: near a wall the square would otherwise turn the robot round. Of equally good
     points the one nearest to the goal is taken, and of those the first, row by row.
+
+    As printed, every point of the square is a candidate.
 
     Args:
         state: uint8 (h + 2, w + 2) with a blocked frame, 0 in the two low bits is blocked.
@@ -72,30 +74,36 @@ def refine(state, psi, goal_row, goal_col, from_row, from_col, up, across, side)
         up: Row component of the direction's unit vector.
         across: Column component of the direction's unit vector.
         side: Half the side of the square, in points.
+        whole: Whether every point of the square is a candidate.
 
     Returns:
-        Flat index of the point in ``state``.
+        Flat index of the point in ``state``; -1 where none is better than the goal itself, which may lie anywhere.
     """
     rows, cols = state.shape
-    best_row, best_col = goal_row, goal_col
-    best = psi[goal_row - 1, goal_col - 1]
+    found = int64(-1)
+    best = math.inf
+    if 0 < goal_row < rows - 1 and 0 < goal_col < cols - 1:
+        best = psi[goal_row - 1, goal_col - 1]
+    elif not whole:
+        return found
     nearest = 0
     for row in range(max(1, goal_row - side), min(rows - 1, goal_row + side + 1)):
         for col in range(max(1, goal_col - side), min(cols - 1, goal_col + side + 1)):
-            if state[row, col] & 3 == 0:
+            if not whole and state[row, col] & 3 == 0:
                 continue
             value = psi[row - 1, col - 1]
             gap = (row - goal_row) * (row - goal_row) + (col - goal_col) * (col - goal_col)
             if value > best or (value == best and gap >= nearest):
                 continue
-            ahead_row, ahead_col = row + 0.5 - from_row, col + 0.5 - from_col
-            ahead = ahead_row * up + ahead_col * across
-            if 2.0 * ahead * abs(ahead) < ahead_row * ahead_row + ahead_col * ahead_col:
-                continue
-            if not _reaches(state, goal_row + 0.5, goal_col + 0.5, row + 0.5, col + 0.5):
-                continue
-            if not _reaches(state, from_row, from_col, row + 0.5, col + 0.5):
-                continue
+            if not whole:
+                ahead_row, ahead_col = row + 0.5 - from_row, col + 0.5 - from_col
+                ahead = ahead_row * up + ahead_col * across
+                if 2.0 * ahead * abs(ahead) < ahead_row * ahead_row + ahead_col * ahead_col:
+                    continue
+                if not _reaches(state, goal_row + 0.5, goal_col + 0.5, row + 0.5, col + 0.5):
+                    continue
+                if not _reaches(state, from_row, from_col, row + 0.5, col + 0.5):
+                    continue
             best, nearest = value, gap
-            best_row, best_col = row, col
-    return best_row * cols + best_col
+            found = row * cols + col
+    return found

@@ -102,7 +102,9 @@ class Field:
         sources = int(np.count_nonzero(fields.patrolled))
         self.law = ForceLaw(options, point, sources, longest=400 * (height + width), team=team)
         span = min(max(height, width), -(-self.law.limit // 100))
-        self.paths = window_of(options.paths, (height, width, span), scratch, fields.patrolled, regions)
+        first_steps = "first-step" in options.paper_rules
+        sizes = (height, width, span)
+        self.paths = window_of(options.paths, sizes, scratch, fields.patrolled, regions, first_steps=first_steps)
         self._point = point
         self._nearby = min(self.law.limit, round(100.0 * lengths.goal_distance / point))
         self._posts = posts
@@ -270,6 +272,8 @@ def window_of(
     scratch: dict[str, PathWindow],
     patrolled: NDArray[np.bool_],
     regions: RegionSplit | None,
+    *,
+    first_steps: bool = False,
 ) -> PathWindow:
     """Return the window of a path method, shared where possible.
 
@@ -279,12 +283,13 @@ def window_of(
         scratch: Windows made so far.
         patrolled: bool (h, w), for straight paths.
         regions: For paths through regions.
+        first_steps: Whether the wave gives first steps in place of first bends.
 
     Raises:
         ValueError: Paths through regions without regions.
     """
-    key = f"{paths} {sizes}"
-    make: Callable[[], PathWindow] = partial(Wave, *sizes)
+    key = f"{paths} {sizes} {first_steps}"
+    make: Callable[[], PathWindow] = partial(Wave, *sizes, first_steps=first_steps)
     # A window holds a reference to the object whose id is in its key, so no other object can get that id.
     if paths == "regions":
         if regions is None:

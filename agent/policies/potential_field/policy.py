@@ -28,6 +28,8 @@ class PotentialField:
         """Tabulate the law of attraction and find the critical areas."""
         options, terrain = setup.options, setup.terrain
         self._options = options
+        self._tries_others = "one-direction" not in options.paper_rules
+        self._stops = "no-stop" not in options.paper_rules
         self._separation = Separation(setup)
         self._random_steps = RandomSteps(setup)
         self._fuzzy = FuzzySectors(terrain, options.sectors, setup.lengths.fuzzy_distance) if options.fuzzy else None
@@ -58,7 +60,9 @@ class PotentialField:
         if not bearings:
             return Stay(figures=figures) if wander is None else Bearing((), wander=wander, figures=figures)
         centre = view.ground.centre
-        near = None if pull.near is None else centre(*pull.near)
+        near = centre(*pull.near) if self._stops and pull.near is not None else None
+        if not self._tries_others:
+            return Bearing(bearings[:1], near, wander=wander, figures=figures)
         bend = None if pull.bend is None or pull.bend == start else centre(*pull.bend)
         return Bearing(bearings, near, bend, wander, figures=figures)
 

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from agent.policies.surround.assignment import assign
 from agent.policies.surround.ring import FARTHEST, Stand, spots_around, spread
-from agent.ports import Place, State
+from agent.ports import Bearing, Place, State, Stay
 from agent.routes.ground import Ground, Spot
 from agent.routes.routes import Routes, Way
 from agent.routes.wave import LONGEST, paths_in
@@ -59,6 +59,7 @@ class Surround:
         self._number = setup.spec.number
         self._radius = setup.lengths.surround_distance
         self._repulsion = setup.patrol.surround_repulsion
+        self._by_forces = "surround-forces" in setup.patrol.paper_rules
         self._spacing = 2.0 * max(setup.radii.values()) + STANDING_GAP
         self._reach = setup.fields.reach
         self._terrain = setup.terrain
@@ -71,12 +72,27 @@ class Surround:
         start = view.start
         way = None
         if view.contacts and start is not None:
+            if self._by_forces:
+                return self._pulled(view)
             way = self.way(view.reported, view.peers, view.contacts, view.routes, start)
         if way is None:
             return self.otherwise.decide(view)
         far = math.dist((view.pose.x, view.pose.y), way.place) > view.stride
         lean = self.pushed(view.pose, view.peers, way.bend) if far else None
         return Place(*way.place, bend=way.bend, lean=lean, state=State.SURROUNDING)
+
+    def _pulled(self, view: View) -> Intent:
+        """Return the direction of the paper's forces: attraction from outside the ring, repulsion everywhere."""
+        pose, here = view.pose, (view.pose.x, view.pose.y)
+        intruder = _nearest(here, view.contacts)
+        way = view.way(intruder) if math.dist(here, intruder) > self._radius else None
+        x, y = 0.0, 0.0
+        if way is not None and (distance := math.dist(here, way.bend)) > 0.0:
+            x, y = (way.bend[0] - pose.x) / distance, (way.bend[1] - pose.y) / distance
+        x, y = self._repelled(pose, view.peers, x, y)
+        if x == 0.0 == y:
+            return Stay(State.SURROUNDING)
+        return Bearing((math.atan2(y, x),), state=State.SURROUNDING)
 
     def way(
         self,
@@ -127,15 +143,19 @@ class Surround:
         distance = math.hypot(across, up)
         if distance == 0.0:
             return bend
-        x, y = across / distance, up / distance
+        x, y = self._repelled(pose, peers, across / distance, up / distance)
+        length = math.hypot(x, y)
+        return (pose.x + distance * x / length, pose.y + distance * y / length) if length > 0.0 else bend
+
+    def _repelled(self, pose: Pose, peers: Mapping[int, Peer], x: float, y: float) -> tuple[float, float]:
+        """Return the sum of a force (x, y) and the repulsion of peers close by."""
         for _, peer in sorted(peers.items()):
             away_x, away_y = pose.x - peer.pose.x, pose.y - peer.pose.y
             apart = math.hypot(away_x, away_y)
             if apart > 0.0:
                 push = self._repulsion * math.exp(-((2.0 * apart / self._radius) ** 2)) / apart
                 x, y = x + push * away_x, y + push * away_y
-        length = math.hypot(x, y)
-        return (pose.x + distance * x / length, pose.y + distance * y / length) if length > 0.0 else bend
+        return x, y
 
     def _ring_of(self, intruder: Spot, count: int) -> _Ring:
         """The places around an intruder for ``count`` robots; recomputed when the intruder or the number changes."""

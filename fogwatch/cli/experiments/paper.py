@@ -37,6 +37,7 @@ from fogwatch.progress import command_line, print_failures
 from patrol.errors import BadInput
 from patrol.ground.builtins import builtin_terrain
 from patrol.scenario import parse_overrides
+from patrol.scenario.letter import FIELD as LETTER
 
 app = typer.Typer(
     help="Reproduce the paper's tables: our values beside the printed ones.",
@@ -50,7 +51,10 @@ Point = Annotated[float, typer.Option(metavar="M", help="Side of one grid point 
 Seeds = Annotated[int, typer.Option(metavar="K", help="Run each cell with seeds 1 to K.")]
 Out = Annotated[
     Path | None,
-    typer.Option(metavar="DIR", help="Folder of the results, new and earlier ones (default: runs/paper-POINTm)."),
+    typer.Option(
+        metavar="DIR",
+        help="Folder of the results, new and earlier ones (default: runs/paper-POINTm; runs/paper-letter-POINTm).",
+    ),
 ]
 Duration = Annotated[
     float | None, typer.Option("--duration", metavar="S", help="Simulated time in s (default: the paper's 5000).")
@@ -62,6 +66,9 @@ Settings = Annotated[
 Radius = Annotated[
     float | None,
     typer.Option(metavar="R", help="Sensor range in m (default: calibrated for the size of the points)."),
+]
+Letter = Annotated[
+    bool, typer.Option("--letter", help="Follow the paper to the letter (patrol.options.letter=true in every cell).")
 ]
 Rows = Annotated[str | None, typer.Option(metavar="NAME,...", help="Run only these rows.")]
 Columns = Annotated[str | None, typer.Option(metavar="NAME,...", help="Run only these columns.")]
@@ -77,6 +84,7 @@ def table(
     columns: Columns = None,
     duration: Duration = None,
     settings: Settings = None,
+    letter: Letter = False,
     out: Out = None,
     workers: Workers = None,
     cluster: ClusterAddress = None,
@@ -87,7 +95,7 @@ def table(
     not repeated.
     """
     chosen = [paper().table(number).part(_names(rows), _names(columns)) for number in dict.fromkeys(numbers)]
-    setup = _setup(point, sensor_range, seeds, duration, settings)
+    setup = _setup(point, sensor_range, seeds, duration, settings, letter=letter)
     return _reproduce(chosen, setup, out, workers, cluster)
 
 
@@ -98,12 +106,13 @@ def everything(
     sensor_range: Radius = None,
     duration: Duration = None,
     settings: Settings = None,
+    letter: Letter = False,
     out: Out = None,
     workers: Workers = None,
     cluster: ClusterAddress = None,
 ) -> int:
     """Run all tables of the paper, and test the paper's conclusions on our values."""
-    setup = _setup(point, sensor_range, seeds, duration, settings)
+    setup = _setup(point, sensor_range, seeds, duration, settings, letter=letter)
     return _reproduce(list(paper().tables.values()), setup, out, workers, cluster)
 
 
@@ -114,6 +123,7 @@ def calibrate(
     seeds: Seeds = 1,
     duration: Duration = None,
     settings: Settings = None,
+    letter: Letter = False,
     out: Out = None,
     workers: Workers = None,
     cluster: ClusterAddress = None,
@@ -122,10 +132,10 @@ def calibrate(
 
     The paper does not give the sensor range.
     """
-    base = _setup(point, None, seeds, duration, settings)
+    base = _setup(point, None, seeds, duration, settings, letter=letter)
     setups = setups_of(point, _numbers(ranges), base.seeds, base.settings)
     console = Console()
-    folder = _folder(out, point)
+    folder = _folder(out, base)
     outcome = make_runs(calibration_plan(setups), folder, workers_of(workers, cluster), console, estimate_time=True)
     fits = fit_radii(setups, outcome)
     write_text(folder / "calibration.json", json_text(fits_as_json(point, base.seeds, fits)))
@@ -150,7 +160,7 @@ def _reproduce(
     tables: Sequence[PaperTable], setup: PaperSetup, out: Path | None, workers: int | None, cluster: str | None
 ) -> int:
     console = Console()
-    folder = _folder(out, setup.point)
+    folder = _folder(out, setup)
     plan = plan_of(tables, {"": setup})
     _say(console, f"points of {setup.point:g} m, sensor range {setup.sensor_range:g} m{_calibrated(setup)}")
     outcome = make_runs(plan, folder, workers_of(workers, cluster), console, estimate_time=True)
@@ -197,17 +207,24 @@ def _page(
 
 
 def _setup(
-    point: float, sensor_range: float | None, seeds: int, duration: float | None, settings: list[str] | None
+    point: float,
+    sensor_range: float | None,
+    seeds: int,
+    duration: float | None,
+    settings: list[str] | None,
+    *,
+    letter: bool,
 ) -> PaperSetup:
-    given = parse_overrides(settings or [])
+    given = ({LETTER: True} if letter else {}) | parse_overrides(settings or [])
     if duration is not None:
         given["duration"] = duration
     radius = paper().sensor_range(point).range if sensor_range is None else sensor_range
     return PaperSetup(point, radius, count_of_seeds(seeds, "--seeds"), given)
 
 
-def _folder(out: Path | None, point: float) -> Path:
-    return out or Path("runs") / f"paper-{point:g}m"
+def _folder(out: Path | None, setup: PaperSetup) -> Path:
+    name = "paper-letter" if setup.settings.get(LETTER) is True else "paper"
+    return out or Path("runs") / f"{name}-{setup.point:g}m"
 
 
 def _calibrated(setup: PaperSetup) -> str:

@@ -34,7 +34,7 @@ from patrol.scenario.file.older import translate_field, translate_overrides, tra
 from patrol.scenario.lengths import FIELDS
 from patrol.scenario.model import Scenario
 from patrol.scenario.nemesis import written_out
-from patrol.scenario.policies import COMMITTED, OPTION_LENGTHS, PatrolOptions
+from patrol.scenario.policies import COMMITTED, OPTION_LENGTHS, PaperPatrol, PatrolOptions
 from patrol.scenario.radio_spec import IDEAL
 from patrol.scenario.robots import RobotSpec
 from patrol.scenario.sections import BUILT_IN_SENSORS, RobotEntry, RobotGroup
@@ -248,6 +248,8 @@ def _meaning(scenario: Scenario) -> dict[str, Any]:
             del meaning["sensor"][field]
     if scenario.terrain.graph is None:  # as before there were graphs, so that hashes stay
         del meaning["terrain"]["graph"]
+    if isinstance(scenario.patrol, PaperPatrol) and scenario.patrol.options.letter is False:
+        del meaning["patrol"]["options"]["letter"]  # as before there was one, so that hashes stay
     if scenario.radio.model == IDEAL:  # as before there were others, so that hashes stay
         for field in ("model", "model_sha256", "options"):
             del meaning["radio"][field]

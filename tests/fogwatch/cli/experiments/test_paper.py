@@ -39,6 +39,21 @@ def run(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]
 
 
 @pytest.mark.processes
+def test_a_table_is_made_to_the_letter(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code, said, _ = run(
+        capsys, "table", "4", "--letter", "--rows", "wave+mode", "--columns", "3", "--seeds", "1", *QUICK
+    )
+    assert code == 0
+    assert "set: patrol.options.letter = True" in said
+    folder = tmp_path / "runs" / "paper-letter-1m"
+    assert json.loads((folder / "table_4.json").read_text())["set"]["patrol.options.letter"] is True
+    assert "Set in addition: `patrol.options.letter: true`." in (folder / "paper.md").read_text()
+
+
+@pytest.mark.processes
 def test_a_table_is_made_shown_and_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     part = ("--rows", "f3", "--columns", "g3,g4", "--seeds", "2", "--sensor-range", "11")
     code, said, _ = run(capsys, "table", "2", "3", *part, *QUICK, "--out", str(tmp_path))

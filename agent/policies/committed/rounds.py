@@ -1,0 +1,133 @@
+"""Following a round: always on to the first place from which something stale is to be seen.
+
+A robot on a round keeps a *cursor*, the place of the tour that it has come to. Its next target is the first point after
+the cursor that is stale, and it drives to the place from which that point is seen best, the shortest way. So it cuts
+corners where nothing is left to see, leaves out what another robot has just seen, and misses nothing.
+
+A point is stale that has been unseen for half as long as a round takes per robot. Where nothing is stale within one and a
+half sensor ranges along the tour, the robot drives that far along.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from agent.ports import PolicySetup
+    from agent.view import View
+    from patrol.ground.tour.round import Flat, Round
+
+STALE = 0.5
+"""Share of the time between two robots of an evenly spaced round after which a point is stale."""
+
+AHEAD = 1.5
+"""Length of the tour on which the next target is looked for, in sensor ranges."""
+
+Point = tuple[int, int]
+
+
+class Stop(NamedTuple):
+    """The next stop on a round.
+
+    Attributes:
+        point: Row and column of the point to be seen; of the place itself where nothing is stale.
+        stand: Row and column of where to see it from.
+        age: Of the point, ticks; 0 where nothing is stale.
+        place: Number of the round's place.
+    """
+
+    point: Point
+    stand: Point
+    age: int
+    place: int
+
+
+class RoundAhead:
+    """The part of a round that lies ahead of one robot.
+
+    Attributes:
+        round: The round.
+        cursor: Number of the place that the robot has come to; None before it has begun.
+    """
+
+    def __init__(self, setup: PolicySetup, laid_out: Round) -> None:
+        """Begin nowhere.
+
+        Args:
+            setup: The policy's.
+            laid_out: The round.
+        """
+        self.round = laid_out
+        self.cursor: int | None = None
+        self._width = setup.terrain.width
+        self._step = setup.step
+        self._speed = setup.spec.speed
+        self._ahead_m = AHEAD * setup.sight.range_m
+        self._firsts = np.searchsorted(laid_out.place_of, np.arange(len(laid_out.places) + 1))
+        points = laid_out.points
+        own = np.where(setup.fields.reach.reshape(-1)[points], points, setup.fields.proxy.reshape(-1)[points])
+        self._own_stands = np.where(own >= 0, own, laid_out.stands)
+
+    def interval(self, team: int) -> float:
+        """Return the time between two robots of an evenly spaced round, ticks.
+
+        Args:
+            team: Number of robots on the round.
+        """
+        return self.round.length_m / (team * self._speed * self._step)
+
+    def go_to(self, along_m: float) -> None:
+        """Put the cursor to the place at a length along the tour, m."""
+        self.cursor = int(np.searchsorted(self.round.along, along_m)) % len(self.round.places)
+
+    def come_to(self, along_m: float) -> None:
+        """Move the cursor on with the robot, m along the tour; not farther than stops are looked for."""
+        if self.cursor is None or (along_m - self.round.along[self.cursor]) % self.round.length_m < self._ahead_m:
+            self.go_to(along_m)
+
+    def next(self, view: View, left_out: Flat) -> Stop:
+        """Return the next stop.
+
+        Args:
+            view: Of this tick.
+            left_out: int64 (n, 3), row, column and squared radius in points of where not to stand.
+        """
+        cursor = self.cursor or 0
+        end = float(self.round.along[cursor]) + self._ahead_m
+        last = int(np.searchsorted(self.round.along, end))
+        stretches = [(cursor, last)]
+        if end > self.round.length_m:
+            stretches.append((0, min(int(np.searchsorted(self.round.along, end - self.round.length_m)), cursor)))
+        least = max(1.0, min(STALE * self.interval(len(view.peers) + 1), 0.5 * view.mfow))
+        for first, until in stretches:
+            if (stop := self._first(view, first, until, least, left_out)) is not None:
+                return stop
+        place = stretches[-1][1] % len(self.round.places)
+        spot = divmod(int(self.round.places[place]), self._width)
+        return Stop(spot, spot, 0, place)
+
+    def _first(self, view: View, first: int, until: int, least: float, left_out: Flat) -> Stop | None:
+        """Return the first stale point of a stretch of places, in the order of the tour."""
+        part = slice(int(self._firsts[first]), int(self._firsts[until]))
+        points, stands = self.round.points[part], self.round.stands[part]
+        ages = view.tick - np.maximum(view.fog.last_seen.reshape(-1)[points], 0)
+        counts = (ages >= least) & (view.fog.looked.reshape(-1)[points] != view.tick)
+        if left_out.size:
+            # What cannot be seen from its place on the tour may be seen from the point itself, or from its post.
+            stands = np.where(self._is_out(stands, left_out), self._own_stands[part], stands)
+            counts &= ~self._is_out(stands, left_out)
+        at = int(counts.argmax()) if counts.size else 0
+        if not counts.size or not counts[at]:
+            return None
+        point, stand = divmod(int(points[at]), self._width), divmod(int(stands[at]), self._width)
+        return Stop(point, stand, int(ages[at]), int(self.round.place_of[part][at]))
+
+    def _is_out(self, stands: Flat, left_out: Flat) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+        """bool, like stands: whether each lies within what is left out."""
+        rows, cols = stands // self._width, stands % self._width
+        out = np.zeros(stands.shape, dtype=np.bool_)
+        for row, col, squared in left_out.tolist():
+            out |= (rows - row) ** 2 + (cols - col) ** 2 <= squared
+        return out

@@ -1,0 +1,260 @@
+"""Equal gaps between robots that follow one closed tour, kept by what is heard.
+
+Robots tell each other where they are, not how far along the tour. Where the tour passes a corridor twice, a position
+alone does not say which way the robot is going. So each robot follows all others along the tour: of all ways along it
+that fit the positions heard so far, it takes the likeliest (`agent.policies.committed.kernels.track`).
+
+- *Beginning*: all robots work out the same places, at equal distances on the tour, and which robot goes to which.
+- *Waiting*: a robot that is nearer to the one ahead than to the one behind stands still until it no longer is. So gaps
+  become equal again after a death, and open for a newcomer.
+
+For example, three robots on a tour of 90 m, at 0, 20 and 60 m: the gaps ahead are 20, 40 and 30 m. The first robot has
+30 m behind it and 20 m ahead, so it waits.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.policies.committed.kernels.track import JUMP, follow
+
+if TYPE_CHECKING:
+    from agent.routes.ground import Spot
+    from agent.view import View
+    from patrol.ground.tour.round import Round
+
+SLACK = 0.1
+"""Difference of the gaps, as a share of an equal gap, from which on a robot waits."""
+
+OFFSETS = 24
+"""Positions of the equally spaced places on the tour that are compared."""
+
+PATIENCE = 0.5
+"""Time for which a robot waits on end, as a share of the time between two robots; then it drives for as long."""
+
+LATE_TICKS = 20
+"""Ticks of silence at most for which a robot's way is followed on."""
+
+LONG_BUMPED_S = 5.0
+"""Time after a bump in which a robot does not wait, so that it does not block others, s."""
+
+CLEAR_RADII = 6.0
+"""A robot does not wait while one that drives another stretch of the tour is nearer than so many of its radii."""
+
+Ticks = int
+
+
+@dataclass(slots=True)
+class Followed:
+    """A robot that is followed along the tour.
+
+    Attributes:
+        place: Number of the tour's place where it is.
+        heard: Tick at which it was heard last.
+        spot: Where it was then, x and y in m.
+        course: Direction in which it last drove, x and y; (0, 0) before it has.
+        costs: float64, of each place (`agent.policies.committed.kernels.track.follow`).
+        until: Tick until which it is taken to be on its way to `place`.
+    """
+
+    place: int
+    heard: int
+    spot: Spot
+    course: Spot
+    costs: NDArray[np.float64]
+    until: int = -1
+
+
+@dataclass(slots=True)
+class Spacing:
+    """The robots on a round, as one of them knows them.
+
+    Attributes:
+        robots: Those that are followed, by number; the robot itself is one.
+    """
+
+    round: Round
+    number: int
+    stride: float
+    tour: NDArray[np.float64]
+    robots: dict[int, Followed] = field(default_factory=dict)
+    _scratch: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    _bumped: Ticks = -(2**30)
+    _waited: Ticks = 0
+    _rests: bool = True
+
+    @classmethod
+    def on(cls, laid_out: Round, number: int, stride: float, width: int, place_of: PlaceOf) -> Spacing:
+        """Lay places a stride apart along a round.
+
+        Args:
+            laid_out: The round.
+            number: Of the robot itself.
+            stride: Its way in a tick, m.
+            width: Columns of the terrain.
+            place_of: Gives x and y in m of a point (row, col).
+        """
+        count = max(4, min(int(laid_out.length_m / stride), len(laid_out.places)))
+        at = np.searchsorted(laid_out.along, np.arange(count) * (laid_out.length_m / count))
+        chosen = laid_out.places[np.minimum(at, len(laid_out.places) - 1)]
+        spots = np.array([place_of(divmod(int(place), width)) for place in chosen])
+        course = np.roll(spots, -1, axis=0) - np.roll(spots, 1, axis=0)
+        length = np.sqrt((course**2).sum(axis=1))[:, None]
+        tour = np.ascontiguousarray(np.hstack([spots, course / np.maximum(length, 1e-9)]))
+        return cls(laid_out, number, stride, tour, _scratch=np.zeros(count))
+
+    @property
+    def count(self) -> int:
+        """Number of places."""
+        return len(self.tour)
+
+    def along_m(self, place: int) -> float:
+        """Return the length of the tour up to a place, m."""
+        return place * self.round.length_m / self.count
+
+    @property
+    def own_place(self) -> int:
+        """Number of the place where this robot is."""
+        return self.robots[self.number].place
+
+    def nearest(self, spot: Spot) -> int:
+        """Return the number of the place that is nearest to x and y in m."""
+        return int(((self.tour[:, :2] - np.array(spot)) ** 2).sum(axis=1).argmin())
+
+    def begin(self, view: View) -> int:
+        """Spread all robots over the tour, and return the place of this one.
+
+        Of some positions of equally spaced places that one is taken in which the robot with the longest way, as the
+        crow flies, has the shortest; pairs that are nearest to each other go first.
+
+        Args:
+            view: Of this tick.
+        """
+        spots = _spots(view, self.number)
+        numbers = sorted(spots)
+        team = len(numbers)
+        here = np.array([spots[number] for number in numbers])
+        best: tuple[float, float] = (math.inf, math.inf)
+        chosen: dict[int, int] = {}
+        for offset in range(OFFSETS):
+            shift = offset / OFFSETS
+            slots = [int((slot + shift) * self.count / team) % self.count for slot in range(team)]
+            ways = np.sqrt(((here[:, None, :] - self.tour[slots, :2][None]) ** 2).sum(axis=2))
+            pairs = _pairs(ways)
+            lengths = [float(ways[robot, slot]) for robot, slot in enumerate(pairs)]
+            if (max(lengths), sum(lengths)) < best:
+                best = max(lengths), sum(lengths)
+                chosen = {number: slots[slot] for number, slot in zip(numbers, pairs, strict=True)}
+        for number in numbers:
+            way_m = math.dist(spots[number], tuple(self.tour[chosen[number], :2]))
+            self._enter(number, spots[number], view.tick, chosen[number])
+            self.robots[number].until = view.tick + 4 + math.ceil(2.0 * way_m / self.stride)
+        return chosen[self.number]
+
+    def note(self, view: View) -> None:
+        """Follow the robots to where they were heard.
+
+        Args:
+            view: Of this tick.
+        """
+        if view.bumped:
+            self._bumped = view.tick
+        spots = _spots(view, self.number)
+        for number in [number for number in self.robots if number not in spots]:
+            del self.robots[number]
+        for number in sorted(spots):
+            spot = spots[number]
+            heard = view.tick if number == self.number else view.peers[number].tick
+            robot = self.robots.get(number)
+            if robot is None:
+                robot = self._enter(number, spot, heard, None)
+            self._follow(robot, spot, heard)
+
+    def _enter(self, number: int, spot: Spot, heard: int, place: int | None) -> Followed:
+        costs = np.full(self.count, JUMP if place is not None else 0.0)
+        if place is not None:
+            costs[place] = 0.0
+        self.robots[number] = robot = Followed(
+            self.nearest(spot) if place is None else place, heard - 1, spot, (0.0, 0.0), costs
+        )
+        return robot
+
+    def _follow(self, robot: Followed, spot: Spot, heard: int) -> None:
+        if heard <= robot.heard:
+            return
+        ticks = min(heard - robot.heard, LATE_TICKS)
+        across, up = spot[0] - robot.spot[0], spot[1] - robot.spot[1]
+        driven = math.hypot(across, up)
+        if driven >= 0.5 * self.stride:
+            robot.course = across / driven, up / driven
+            robot.spot = spot
+        robot.heard = heard
+        if heard < robot.until:
+            if math.dist(spot, tuple(self.tour[robot.place, :2])) > 2.0 * self.round.length_m / self.count:
+                return
+            robot.until = -1
+        spacing = self.round.length_m / self.count
+        robot.place = follow(robot.costs, self._scratch, self.tour, spacing, ticks, *spot, *robot.course)
+
+    def waits(self, view: View) -> bool:
+        """Return True if this robot should stand still, because it is nearer to the one ahead than to the one behind.
+
+        A robot behind that does not come, because it is stuck or has something else to see, is not waited for long.
+
+        Args:
+            view: Of this tick.
+        """
+        longest = PATIENCE * self.count / max(len(self.robots), 1)
+        if self._waited >= longest:
+            self._rests = False
+        elif self._waited <= 0:
+            self._rests = True
+        waits = self._rests and self._is_too_near(view)
+        self._waited = self._waited + 1 if waits else max(self._waited - 1, 0)
+        return waits
+
+    def _is_too_near(self, view: View) -> bool:
+        own = self.robots.get(self.number)
+        if own is None or len(self.robots) < 2 or any(robot.until > view.tick for robot in self.robots.values()):
+            return False
+        if view.tick - self._bumped < LONG_BUMPED_S * view.spec.speed / self.stride:
+            return False
+        ahead = behind = self.count
+        for number, robot in self.robots.items():
+            if number == self.number:
+                continue
+            gap = (robot.place - own.place) % self.count
+            if gap == 0 and number > self.number:
+                gap = self.count
+            ahead, behind = min(ahead, gap), min(behind, self.count - gap)
+            pose = view.peers[number].pose
+            apart = math.hypot(pose.x - view.pose.x, pose.y - view.pose.y)
+            on_another_stretch = self.along_m(min(gap, self.count - gap)) > 2.0 * apart + 4.0 * self.stride
+            if apart < CLEAR_RADII * view.spec.radius and on_another_stretch:
+                return False
+        return ahead < behind - SLACK * self.count / len(self.robots)
+
+
+def _spots(view: View, number: int) -> Mapping[int, Spot]:
+    """x and y in m of this robot, and of those heard lately."""
+    spots = {other: (peer.pose.x, peer.pose.y) for other, peer in view.peers.items()}
+    spots[number] = view.reported.x, view.reported.y
+    return spots
+
+
+def _pairs(ways: NDArray[np.float64]) -> list[int]:
+    """Give each row a column of its own, those first that are nearest to each other."""
+    left = ways.copy()
+    pairs = [0] * len(ways)
+    for _ in range(len(ways)):
+        row, column = divmod(int(left.argmin()), len(ways))
+        pairs[row] = column
+        left[row, :] = np.inf
+        left[:, column] = np.inf
+    return pairs

@@ -1,0 +1,130 @@
+"""A round: a closed tour laid out over the ground that it shows, so that a robot can follow it by what is left to see.
+
+Each patrolled point belongs to the place of the tour that sees it from nearest. A robot that has seen all points of the
+next places may cut the corner; one that has missed a point knows from where it would be seen.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.pose import Pose
+
+if TYPE_CHECKING:
+    from patrol.ground.footprint import Footprint
+    from patrol.ground.terrain import BoolGrid, Terrain
+    from patrol.ground.tour.tour import Tour
+
+PLACES = 0.05
+"""Distance of the places of a round, as a share of the sensor's range; at least one point."""
+
+ARRAYS = ("places", "along", "points", "place_of", "stands")
+
+Flat = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """A closed tour through places, and the points that are to be seen from each.
+
+    Attributes:
+        length_m: Length of the tour, m.
+        places: int64 (n,), flat index of the point of each place, in the order of the tour.
+        along: float64 (n,), length of the tour up to each place, m; ascending from 0.
+        points: int64 (p,), flat indices of the patrolled points, by the place to which they belong.
+        place_of: int64 (p,), the place of each of them, ascending.
+        stands: int64 (p,), flat index of the point to stand on to see each of them: its place, or the point's own post
+            where no place sees it.
+    """
+
+    length_m: float
+    places: Flat
+    along: NDArray[np.float64]
+    points: Flat
+    place_of: Flat
+    stands: Flat
+
+    def save(self, folder: Path) -> None:
+        """Write the arrays as .npy files.
+
+        Args:
+            folder: Where to write; it is made when missing.
+        """
+        folder.mkdir(parents=True, exist_ok=True)
+        np.save(folder / "length_m.npy", np.float64(self.length_m))
+        for name in ARRAYS:
+            np.save(folder / f"{name}.npy", getattr(self, name))
+
+    @staticmethod
+    def load(folder: Path) -> Round:
+        """Load what `save` wrote, memory-mapped and read-only.
+
+        Args:
+            folder: The folder that `save` wrote into.
+        """
+        arrays = {name: np.load(folder / f"{name}.npy", mmap_mode="r", allow_pickle=False) for name in ARRAYS}
+        return Round(float(np.load(folder / "length_m.npy", allow_pickle=False)), **arrays)
+
+
+def lay_out(
+    terrain: Terrain, reach: BoolGrid, ground: BoolGrid, proxy: NDArray[np.int32], footprint: Footprint, tour: Tour
+) -> Round:
+    """Lay a tour out over the ground that is seen from it.
+
+    Args:
+        terrain: The terrain.
+        reach: bool (height, width), where the body's centre may be.
+        ground: bool (height, width), the patrolled points.
+        proxy: int32 (height, width), flat index of the post of each point on which no body fits.
+        footprint: The sensor, which looks all around.
+        tour: Over which all of the ground is seen.
+    """
+    width = terrain.width
+    places, along, length_m = _places(terrain, reach, tour, max(terrain.point, PLACES * footprint.range_m))
+    nearest = np.full(terrain.shape, np.inf)
+    owner = np.full(terrain.shape, -1, dtype=np.int64)
+    for number, (row, col) in enumerate(zip(*np.divmod(places, width), strict=True)):
+        view = footprint.visible(Pose(*terrain.centre(int(row), int(col)), 0.0))
+        top, left = max(0, view.row0), max(0, view.col0)
+        seen = view.mask[top - view.row0 : terrain.height - view.row0, left - view.col0 : width - view.col0] != 0
+        rows, cols = slice(top, top + seen.shape[0]), slice(left, left + seen.shape[1])
+        off = np.hypot(np.arange(rows.start, rows.stop)[:, None] - row, np.arange(cols.start, cols.stop)[None] - col)
+        nearer = seen & ground[rows, cols] & (off < nearest[rows, cols])
+        nearest[rows, cols][nearer] = off[nearer]
+        owner[rows, cols][nearer] = number
+    flat_owner = owner.reshape(-1)
+    stands = np.where(flat_owner >= 0, places[np.maximum(flat_owner, 0)], -1)
+    for point in np.flatnonzero(ground.reshape(-1) & (flat_owner < 0)).tolist():
+        stands[point] = point if reach.flat[point] else int(proxy.flat[point])
+        row, col = divmod(int(stands[point]), width)
+        flat_owner[point] = np.argmin((places // width - row) ** 2 + (places % width - col) ** 2)
+    points = np.flatnonzero(ground.reshape(-1) & (stands >= 0))
+    points = points[np.argsort(flat_owner[points], kind="stable")]
+    return Round(length_m, places, along, points, flat_owner[points], stands[points])
+
+
+def _places(
+    terrain: Terrain, reach: BoolGrid, tour: Tour, spacing: float
+) -> tuple[Flat, NDArray[np.float64], float]:
+    """Return the points of a tour at most a spacing (m) apart, how far along it they lie, and its length, m."""
+    places: list[int] = []
+    along: list[float] = []
+    passed = 0.0
+    for (x, y), (to_x, to_y) in zip(tour.way, [*tour.way[1:], tour.way[0]], strict=True):
+        length = math.dist((x, y), (to_x, to_y))
+        count = max(1, math.ceil(length / spacing))
+        for part in range(count):
+            share = part / count
+            row, col = terrain.point_at(x + share * (to_x - x), y + share * (to_y - y))
+            flat = row * terrain.width + col
+            if reach[row, col] and (not places or places[-1] != flat):
+                places.append(flat)
+                along.append(passed + share * length)
+        passed += length
+    return np.array(places, dtype=np.int64), np.array(along), passed

@@ -1,0 +1,64 @@
+"""The paper to the letter: which rules of ours a patrol replaces by the paper's (`patrol.options.letter`).
+
+    letter: true                       the paper: every rule below, no giving way, no manoeuvres
+    letter: [first-step, no-stop]      two of the paper's rules, and ours otherwise
+
+| rule | the paper's robot |
+|---|---|
+| first-step | takes for the direction of a force the first of eight steps of the wave's path, not its first bend |
+| one-direction | tries the strongest direction only, although a wall may be right there |
+| no-stop | does not stop at a stale place close by (cars never do) |
+| far-goal | has its goal at the goal distance, although a wall may be in between |
+| whole-square | may refine its goal to any point of the square, also to the side or behind a wall |
+| square-window | spreads staleness over a square, through walls |
+| plain-unstuck | gets out of dead ends by the five printed steps alone, without draws (cars) |
+| surround-forces | surrounds an intruder by attraction and repulsion, not by places on a ring |
+
+A rule that is named has to have an effect in the scenario (`patrol.scenario.policies.check_letter`). `letter: true`
+takes those that have one.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, get_args
+
+from pydantic import Tag
+
+from patrol.values.types import Flag, at_least, by_shape, expecting
+
+PaperRule = Literal[
+    "first-step",
+    "one-direction",
+    "no-stop",
+    "far-goal",
+    "whole-square",
+    "square-window",
+    "plain-unstuck",
+    "surround-forces",
+]
+PAPER_RULES: tuple[PaperRule, ...] = get_args(PaperRule)
+
+LETTER = f"true (all) | false (none) | {' | '.join(PAPER_RULES)}, or a list"
+Letter = Annotated[
+    Annotated[Flag | PaperRule, expecting(LETTER), Tag("=single")]
+    | Annotated[
+        tuple[Annotated[PaperRule, expecting(LETTER)], ...],
+        at_least(1, "rules"),
+        Tag("=list"),
+    ],
+    by_shape(LETTER),
+]
+
+FIELD = "patrol.options.letter"
+"""The option's place in a scenario."""
+
+
+def rules_of(letter: Letter) -> frozenset[PaperRule]:
+    """Return the rules of the paper that replace ours.
+
+    Args:
+        letter: The option.
+    """
+    if isinstance(letter, bool):
+        return frozenset(PAPER_RULES if letter else ())
+    return frozenset((letter,) if isinstance(letter, str) else letter)
