@@ -28,6 +28,7 @@ from agent.routes.routes import Routes
 from agent.sender import Sending
 from agent.view import FogView
 from patrol.ground.footprint import Footprint
+from patrol.measures.best_tour import round_of
 from patrol.prepare import inboxes_of, sensor_footprint
 from patrol.radio.prediction import Predictor
 from patrol.random import Purpose, draw
@@ -180,6 +181,8 @@ def build_mind(
             regions=prepared.regions_of(number),
             scratch=scratch,
             graph=lambda: prepared.graph,
+            round=lambda: round_of(prepared, number),
+            fleet_chance=lambda question: draw(scenario.seed, Purpose.PHASE, question),
         ),
     )
     body = BODIES[spec.model](

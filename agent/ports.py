@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from patrol.ground.fields import StaticFields
     from patrol.ground.footprint import Footprint
     from patrol.ground.terrain import Terrain
+    from patrol.ground.tour.round import Round
     from patrol.pose import Pose
     from patrol.radio.peers import Peer
     from patrol.regions.split import RegionSplit
@@ -142,6 +143,8 @@ class PolicySetup:
         regions: The ground split into regions, where `patrol.options.paths` leads through them.
         scratch: Windows shared by policies of one process that never think at the same time.
         graph: Gives the terrain's graph, which is made when somebody first asks for it.
+        round: Gives the tour that shows the robot all of its own ground, likewise; None where there is none.
+        fleet_chance: A random number in [0, 1) for a question 0, 1, ..., the same for all robots of the fleet.
     """
 
     spec: RobotSpec
@@ -159,6 +162,8 @@ class PolicySetup:
     regions: RegionSplit | None
     scratch: dict[str, PathWindow]
     graph: Callable[[], Graph]
+    round: Callable[[], Round | None]
+    fleet_chance: Callable[[int], float]
 
 
 class Policy(Protocol):

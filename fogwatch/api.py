@@ -20,6 +20,7 @@ from fogwatch.launch.folder.runfolder import PolicyNotMade, RunFolder, fill, mak
 from fogwatch.launch.limits import check_limits
 from fogwatch.launch.terminal.live_table import CallbackDisplay, RunDisplay, SilentDisplay
 from patrol.errors import BadInput
+from patrol.measures.best_tour import round_of
 from patrol.net.messages.telemetry import Metrics
 from patrol.own_sensor import allow_sensor
 from patrol.process.lifeline import InterruptedBySignal
@@ -416,6 +417,8 @@ def _write_static(prepared: Prepared, folder: RunFolder) -> None:
 
     part = _unfinished(folder.static)
     try:
+        if prepared.scenario.patrol.needs_rounds:
+            round_of(prepared, 1)
         prepared.save(part)
         save_psi(prepared, part)
     except OSError as error:  # without a number where numpy could write a part only

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,6 +18,7 @@ from patrol.errors import BadInput
 from patrol.ground.fields import StaticFields, compute_fields, load_grid
 from patrol.ground.footprint import REMEMBERED, Footprint
 from patrol.ground.terrain import BoolGrid, Terrain, frozen_grid
+from patrol.ground.tour.round import Round
 from patrol.own_sensor import make_footprint
 from patrol.pose import Pose
 from patrol.radio.inbox import Inboxes, Rules
@@ -48,6 +49,7 @@ class Prepared:
         starts: In roster order.
         fields: By robot number.
         regions: By robot number, or None where paths do not lead through regions.
+        rounds: By robot number, once somebody has asked for one (`patrol.measures.best_tour.round_of`).
     """
 
     scenario: Scenario
@@ -55,6 +57,7 @@ class Prepared:
     starts: tuple[Pose, ...]
     fields: Mapping[int, StaticFields]
     regions: Mapping[int, RegionSplit] | None = None
+    rounds: dict[int, Round | None] = field(default_factory=dict)
 
     def regions_of(self, number: int) -> RegionSplit | None:
         """Return the split for a robot's body, or None where paths do not lead through regions.
@@ -111,12 +114,18 @@ class Prepared:
             split_folder = folder / places[id(self.fields[number])] / REGIONS
             if not split_folder.exists():
                 split.save(split_folder)
+        kept: dict[int, str] = {}
+        for laid_out in self.rounds.values():
+            if laid_out is not None and id(laid_out) not in kept:
+                kept[id(laid_out)] = f"round-{len(kept) + 1}"
+                laid_out.save(folder / kept[id(laid_out)])
         facts = {
             "name": self.terrain.name,
             "point": self.terrain.point,
             "origin": list(self.terrain.origin),
             "starts": [[start.x, start.y, start.heading] for start in self.starts],
             "fields": {str(number): places[id(fields)] for number, fields in self.fields.items()},
+            "rounds": {str(number): laid_out and kept[id(laid_out)] for number, laid_out in self.rounds.items()},
         }
         (folder / FACTS).write_text(json.dumps(facts, indent=1), encoding="utf-8")
 
@@ -136,12 +145,14 @@ class Prepared:
         passable, keep_out, free, blocked = (load_grid(folder / f"{name}.npy") for name in GROUND)
         terrain = Terrain(facts["name"], passable, facts["point"], (x, y), keep_out).with_grids(free, blocked)
         bodies = {part: StaticFields.load(folder / part) for part in sorted(set(facts["fields"].values()))}
+        kept = {part: Round.load(folder / part) for part in sorted({*facts["rounds"].values()} - {None})}
         return Prepared(
             scenario=scenario,
             terrain=terrain,
             starts=tuple(Pose(*start) for start in facts["starts"]),
             fields={int(number): bodies[part] for number, part in facts["fields"].items()},
             regions=_load_regions(scenario, folder, {int(number): part for number, part in facts["fields"].items()}),
+            rounds={int(number): part and kept[part] for number, part in facts["rounds"].items()},
         )
 
 

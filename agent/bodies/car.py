@@ -31,6 +31,7 @@ from patrol.pose import TAU, Drive, wrap
 from patrol.random import Purpose
 
 if TYPE_CHECKING:
+    from agent.routes.ground import Spot
     from agent.view import View
     from patrol.pose import Pose
     from patrol.radio.peers import Peer
@@ -459,7 +460,7 @@ class CarBody(BodyBase):
         near = bend == spot and math.dist((pose.x, pose.y), spot) < parking
         if near and not view.bumped and self._mode is not Mode.ESCAPING:
             self._after(Event.NEAR, view.tick)
-            return Choice(self._steering.park(pose, spot), place.state, bearing, goal)
+            return Choice(self._park(view, spot), place.state, bearing, goal)
         if self._manoeuvres is not None and self._mode is not Mode.ESCAPING and self._bumps < OFTEN:
             if view.bumped and self._chance(view.tick, 1, Purpose.UNSTUCK) < YIELDS:
                 return Choice(Drive(0.0, 0.0), place.state, bearing, goal)
@@ -469,6 +470,17 @@ class CarBody(BodyBase):
                 return Choice(drive, place.state, bearing, goal)
         choice = self._drive(view, bearing, goal, place.state)
         return Choice(choice.command, choice.state, bearing, goal)
+
+    def _park(self, view: View, spot: Spot) -> Drive:
+        """Return a step to a place close by; where none brings the car nearer, arcs that lead onto its point."""
+        pose, manoeuvres = view.pose, self._manoeuvres
+        if manoeuvres is None:
+            return self._steering.park(pose, spot)
+        if not manoeuvres.goes_onto(pose, spot):
+            drive = self._steering.park(pose, spot)
+            if drive.speed != 0.0 or view.point_of((pose.x, pose.y)) == view.point_of(spot):
+                return drive
+        return manoeuvres.onto(view, spot) or Drive(0.0, 0.0)
 
     def _come_back(self, view: View, state: str) -> Choice | None:
         """Return a step of a car that is off the reachable points, back to them; None where it knows no way there."""

@@ -58,6 +58,9 @@ MARGIN = 8.0
 NEAR = 0.5
 """A search ends where at most so many strides of the way are left."""
 
+ON_IT = 0.25
+"""The way left on the point of a place, in points: less than to a neighbour."""
+
 OFF_CENTRES = 1.5
 """Sum of the distances of two places from the centres of their points, in points; rounded up."""
 
@@ -101,12 +104,14 @@ class Manoeuvres:
         self._cell = max(0.5 * stride * self._times * SHORT, terrain.point)
         self._plan: deque[Drive] = deque()
         self._place: Spot | None = None
+        self._onto: Spot | None = None
         self._expected: Pose | None = None
 
     def drop(self) -> None:
         """Forget what was found."""
         self._plan.clear()
         self._place = None
+        self._onto = None
 
     def next(self, view: View, place: Spot) -> Drive | None:
         """Return the next step towards a place.
@@ -124,6 +129,26 @@ class Manoeuvres:
             self.drop()
             self._approach(view, place)
         return self._take(view.pose)
+
+    def onto(self, view: View, place: Spot) -> Drive | None:
+        """Return the next step of a car that is close to a place, onto its very point.
+
+        Args:
+            view: Of this tick.
+            place: x and y in m, where the car's centre may be.
+
+        Returns:
+            None where no arcs lead there.
+        """
+        if self._onto != place or not self._goes_on(view.pose):
+            self.drop()
+            self._onto = place
+            self._approach(view, place, near=ON_IT * self._terrain.point)
+        return self._take(view.pose)
+
+    def goes_onto(self, pose: Pose, place: Spot) -> bool:
+        """Return True if the car is on its way onto the point of a place (`onto`)."""
+        return self._onto == place and self._goes_on(pose)
 
     def proceed(self, pose: Pose) -> Drive | None:
         """Return the next step of what was found before, wherever it leads.
@@ -174,9 +199,10 @@ class Manoeuvres:
         self._expected = advance(pose, drive, self._step)
         return drive
 
-    def _approach(self, view: View, place: Spot) -> None:
+    def _approach(self, view: View, place: Spot, near: float | None = None) -> None:
         """Look for arcs that bring the car nearer to a place; none where no way leads there.
 
+        A search ends `near` m from it, at the place itself, or, without `near`, also where it has made progress.
         The longest ways that count are twice the direct way and a margin; where the car's own way winds more than that,
         its length and a margin.
         """
@@ -202,7 +228,10 @@ class Manoeuvres:
         if ground.terrain.point_at(pose.x, pose.y) != here:
             first += math.dist(ground.centre(*start), (pose.x, pose.y))
         self._place = place
-        self._search(view, paths, first, paths.limit, near=min(self._near, 0.5 * first), progress=AHEAD * turning)
+        if near is None:
+            self._search(view, paths, first, paths.limit, near=min(self._near, 0.5 * first), progress=AHEAD * turning)
+        else:
+            self._search(view, paths, first, paths.limit, near=near, progress=math.inf)
 
     def _search(self, view: View, paths: BoxPaths, first: float, limit: int, *, near: float, progress: float) -> None:
         """Look for arcs that bring the car nearer.

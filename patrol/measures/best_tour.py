@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from patrol.ground.tour.round import Round, lay_out
+from patrol.ground.tour.tour import Tour
 from patrol.kernel_cache import user_cache
 from patrol.measures.own_ground import OwnGround, own_grounds
 from patrol.prepare import sensor_footprint
@@ -29,14 +31,14 @@ if TYPE_CHECKING:
     from patrol.scenario import Scenario
     from patrol.scenario.sections import SensorSpec
 
-VERSION = 1
+VERSION = 2
 """Version of the search: a change of `patrol.ground.tour` that gives other tours adds 1."""
 
 NO_BOUND = "discs of the sensor's range around the robots have a larger area than the ground"
 """Why the lower bound of MFoW (`worldsim.output.record.lower_bound`) is 0 where it is."""
 
-_known: dict[str, float | None] = {}
-"""Lengths in m by digest, of this process."""
+_known: dict[str, Tour | None] = {}
+"""Tours by digest, of this process."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,39 +129,86 @@ def best_tour(prepared: Prepared) -> BestTour:
         part_ground = own.patrolled & uncovered
         uncovered &= ~own.patrolled
         if part_ground.any():
-            length_m = _length(terrain, own, part_ground, prepared.fields[robots[0]].proxy, footprint, identity)
+            tour = _tour(terrain, own, part_ground, prepared.fields[robots[0]].proxy, footprint, identity)
             speed = min(specs[number].speed for number in robots)
-            parts.append(PartTour(tuple(robots), speed, length_m))
+            parts.append(PartTour(tuple(robots), speed, None if tour is None else tour.length_m))
     return BestTour(tuple(parts))
 
 
-def _length(
+def round_of(prepared: Prepared, number: int) -> Round | None:
+    """Find a robot's round: a short closed tour on which it sees all of its own ground, laid out.
+
+    Rounds are found for all robots at once; `Prepared.rounds` keeps them.
+
+    Args:
+        prepared: The scenario, its terrain and the bodies' static fields.
+        number: Of the robot.
+
+    Returns:
+        The round; None where the ground is too large for a tour, or the sensor has none (`BestTour.parts`). Robots of
+        one radius in one part of the terrain share one.
+    """
+    if number not in prepared.rounds:
+        prepared.rounds.update(_rounds_of(prepared))
+    return prepared.rounds[number]
+
+
+def _rounds_of(prepared: Prepared) -> dict[int, Round | None]:
+    scenario, terrain = prepared.scenario, prepared.terrain
+    footprint, identity = sensor_footprint(scenario, terrain), _identity(scenario.sensor)
+    rounds: dict[int, Round | None] = {}
+    of_ground: dict[int, Round | None] = {}
+    for number, own in own_grounds(prepared).items():
+        if id(own) not in of_ground:
+            proxy = prepared.fields[number].proxy
+            tour = None
+            if footprint.all_round and not footprint.leaves_age and identity is not None and own.patrolled.any():
+                tour = _tour(terrain, own, own.patrolled, proxy, footprint, identity)
+            of_ground[id(own)] = (
+                None if tour is None else lay_out(terrain, own.reach, own.patrolled, proxy, footprint, tour)
+            )
+        rounds[number] = of_ground[id(own)]
+    return rounds
+
+
+def _tour(
     terrain: Terrain, own: OwnGround, ground: BoolGrid, proxy: Any, footprint: Footprint, identity: tuple[str, ...]
-) -> float | None:
-    """Find the length of a tour, m: known to this process, in the cache, or by a search."""
+) -> Tour | None:
+    """Find a tour: known to this process, in the cache, or by a search."""
     digest = _digest(terrain, own.reach, ground, footprint, identity)
     if digest not in _known:
         file = _cache() / f"{digest}.json"
         try:
-            length = json.loads(file.read_text(encoding="utf-8"))["length_m"]
-            if length is not None and not (isinstance(length, float) and 0.0 <= length < float("inf")):
-                raise ValueError("no length")
+            tour = _read(file, terrain, own)
         except (OSError, ValueError, LookupError, TypeError):
             from patrol.ground.tour.search import find_tour  # here: most processes need no tour
 
             tour = find_tour(terrain, own.reach, ground, proxy, footprint)
-            length = None if tour is None else tour.length_m
-            _keep(file, length)
-        _known[digest] = length
+            _keep(file, tour)
+        _known[digest] = tour
     return _known[digest]
 
 
-def _keep(file: Path, length_m: float | None) -> None:
-    """Write a tour's length into the cache, if it can be written."""
+def _read(file: Path, terrain: Terrain, own: OwnGround) -> Tour | None:
+    """Read a tour from the cache; raise ValueError or what reading raises where it holds none of this ground."""
+    says = json.loads(file.read_text(encoding="utf-8"))
+    if says["length_m"] is None:
+        return None
+    tour = Tour(float(says["length_m"]), tuple((float(x), float(y)) for x, y in says["way"]))
+    if not (0.0 <= tour.length_m < float("inf")) or not tour.way:
+        raise ValueError("no tour")
+    if not all(terrain.contains(*corner) and own.reach[terrain.point_at(*corner)] for corner in tour.way):
+        raise ValueError("a tour of other ground")
+    return tour
+
+
+def _keep(file: Path, tour: Tour | None) -> None:
+    """Write a tour into the cache, if it can be written."""
     part = file.with_name(f"{file.name}.{os.getpid()}")
     with suppress(OSError):
         file.parent.mkdir(parents=True, exist_ok=True)
-        part.write_text(json.dumps({"length_m": length_m}), encoding="utf-8")
+        says = {"length_m": None} if tour is None else {"length_m": tour.length_m, "way": tour.way}
+        part.write_text(json.dumps(says), encoding="utf-8")
         part.replace(file)
 
 

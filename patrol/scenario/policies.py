@@ -99,6 +99,9 @@ class PatrolOptions(Section):
 class CommittedOptions(PatrolOptions):
     """Settings of `committed`: one place is chosen, and kept until it has been seen."""
 
+    unpredictability: Probability = Field(
+        0.0, description="0: an evenly spaced tour; 1: every choice is free; share of the time of free choices"
+    )
     separation: Separation = Field("claims", description="none | claims | artificial-obstacles | semaphores, or a list")
 
     @model_validator(mode="after")
@@ -210,6 +213,11 @@ class PatrolSpec(Section):
         if self.policy_sha256 is not None and class_file(self.policy) is None:
             raise wrong("policy_sha256", "only a policy that is a file has a hash; drop it")
         return self
+
+    @property
+    def needs_rounds(self) -> bool:
+        """Whether the policy follows tours, at least at times."""
+        return isinstance(self.options, CommittedOptions) and self.options.unpredictability < 1.0
 
     @property
     def critical_areas(self) -> Polygons | None:

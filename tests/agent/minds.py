@@ -10,8 +10,10 @@ from agent.ports import PolicySetup
 from patrol.exchange import Sensed
 from patrol.ground.fields import compute_fields
 from patrol.ground.terrain import Terrain
+from patrol.measures.best_tour import round_of
 from patrol.pose import Pose
 from patrol.prepare import Prepared, sensor_footprint
+from patrol.random import Purpose, draw
 from patrol.scenario import Scenario
 
 STEP = 0.5
@@ -48,4 +50,6 @@ def setup_of(prepared: Prepared, number: int = 1) -> PolicySetup:
         regions=prepared.regions_of(number),
         scratch={},
         graph=lambda: prepared.graph,
+        round=lambda: round_of(prepared, number),
+        fleet_chance=lambda question: draw(scenario.seed, Purpose.PHASE, question),
     )

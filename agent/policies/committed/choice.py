@@ -85,7 +85,16 @@ class TargetChoice:
         self._least_reach = math.ceil(FIRST_REACH * setup.sight.range_m / point)
         self._reach = self._least_reach
 
-    def best(self, view: View, start: Element, rivals: NDArray[np.float64], given_up: GivenUp) -> Best | None:
+    def best(
+        self,
+        view: View,
+        start: Element,
+        rivals: NDArray[np.float64],
+        given_up: GivenUp,
+        *,
+        least_age: int = 1,
+        others: float = OTHERS,
+    ) -> Best | None:
         """Find the point that counts most.
 
         Args:
@@ -93,39 +102,49 @@ class TargetChoice:
             start: The element of the ground on which the robot stands.
             rivals: float64 (n, 2), x and y in m of the other robots.
             given_up: What is left out, unless nothing else is left.
+            least_age: Points that are fresher count nothing, ticks.
+            others: Share that a point counts to which another robot has the shorter way.
 
         Returns:
             The point, or None where nothing is stale.
         """
         left_out = given_up.now(view.tick)
-        best = self._search(view, start, rivals, left_out)
-        if best is None and left_out.size:
+        worth = np.arange(view.mfow + 1.0) ** 2
+        worth[:least_age] = 0.0
+        best = self._search(view, start, rivals, left_out, worth, others)
+        if best is None and left_out.size and least_age == 1:
             given_up.clear()
-            best = self._search(view, start, rivals, given_up.now(view.tick))
+            best = self._search(view, start, rivals, given_up.now(view.tick), worth, others)
         return best
 
     def _search(
-        self, view: View, start: Element, rivals: NDArray[np.float64], left_out: NDArray[np.int64]
+        self,
+        view: View,
+        start: Element,
+        rivals: NDArray[np.float64],
+        left_out: NDArray[np.int64],
+        worth: NDArray[np.float64],
+        others: float,
     ) -> Best | None:
-        if view.mfow == 0:
+        if worth[-1] == 0.0:
             return None
         here, shape = (start[0] - 1, start[1] - 1), view.ground.terrain.shape
-        worth = np.arange(view.mfow + 1.0) ** 2
         reach = self._reach
         while True:
             box, limit = box_around(here, reach, shape), 100 * reach
             if 2 * (box[1] - box[0]) * (box[3] - box[2]) >= shape[0] * shape[1]:
                 box, limit = (0, shape[0], 0, shape[1]), LONGEST
             own, rival = paths_in(view.ground, [here], box, limit), NO_PATHS
-            score, place = self._best_in(view, own, rival, worth, left_out)
+            score, place = self._best_in(view, own, rival, worth, left_out, others)
             if score > 0.0 and _may_be_nearer(view, rivals, place[2:], own.length_to(*place[2:])):
                 rival = _paths_of_rivals(view, rivals, box, limit)
-                score, place = self._best_in(view, own, rival, worth, left_out)
+                score, place = self._best_in(view, own, rival, worth, left_out, others)
                 length = own.length_to(*place[2:])
                 if limit != LONGEST and 2 * length > limit and rival.length_to(*place[2:]) >= length:
                     reach = math.ceil(length / 50)
                     continue
-            to_beat = score / (OTHERS if 2 * farthest_of_own(own.length, rival.length, limit) <= limit else 1.0)
+            patch_ends = 2 * farthest_of_own(own.length, rival.length, limit) <= limit
+            to_beat = (score / others if others > 0.0 else math.inf) if patch_ends else score
             enough = self._enough(view, here, worth, to_beat, 2 * reach) if score > 0.0 else 2 * reach
             if limit == LONGEST or reach >= enough:
                 break
@@ -155,7 +174,13 @@ class TargetChoice:
         return longest(int(oldest))
 
     def _best_in(
-        self, view: View, own: BoxPaths, rival: BoxPaths, worth: NDArray[np.float64], left_out: NDArray[np.int64]
+        self,
+        view: View,
+        own: BoxPaths,
+        rival: BoxPaths,
+        worth: NDArray[np.float64],
+        left_out: NDArray[np.int64],
+        others: float,
     ) -> tuple[float, tuple[int, int, int, int]]:
         """Return the best score in a box, 0 without any, and row and column of the point and of where to stand."""
         score, place, fog = np.zeros(1), np.zeros(4, dtype=np.int64), view.fog
@@ -163,7 +188,7 @@ class TargetChoice:
         grids = (*known, fog.patrolled, fog.last_seen, fog.looked, view.tick)
         posts = self.posts.between(own.row0 + 1, own.row0 + own.length.shape[0] - 2)
         for points, listed in ((NO_POINTS, False), (posts, True)):
-            best_of(points, listed, *grids, worth, self._near, OTHERS, left_out, score, place)
+            best_of(points, listed, *grids, worth, self._near, others, left_out, score, place)
         row, col, stand_row, stand_col = place.tolist()
         return float(score[0]), (row, col, stand_row, stand_col)
 

@@ -1,7 +1,7 @@
 """Phases: when a fleet follows the round, and when each robot chooses freely.
 
-The time is cut into phases of equal length. In each phase all robots do the same, without saying so, because all work it
-out from what all of them know: the scenario's seed, and the fog that they rebuild from the positions they hear.
+The time is cut into phases of equal length. In each phase all robots do the same, without saying so, because all work
+it out from what all of them know: the scenario's seed, and the fog that they rebuild from the positions they hear.
 
 - *By chance*: with the probability `unpredictability` a phase is free, by a draw that is the same for all robots.
 - *By experience*: otherwise the robots follow the round, as long as it keeps the fog about as fresh as its length
@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-INTERVALS = 4.0
+INTERVALS = 6.0
 """Length of a phase, in times between two robots of an evenly spaced round."""
 
 GOOD = 1.75

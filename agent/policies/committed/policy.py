@@ -1,16 +1,24 @@
-"""The default policy: a robot that has chosen a place goes there until a robot has seen it.
+"""The default policy: a robot follows a round, and goes on when what it went to see has been seen.
 
 The paper's robot chooses its direction anew at each tick, from sums over directions that may hardly differ. Between two
 rooms with equally stale points it turns round again and again, and sees neither. A committed robot goes to one point,
 its target:
 
-- *Choice*: the point with the greatest age squared per way (`agent.policies.committed.choice`). A point to which
+- *On the round*: the first stale point ahead on a short closed tour that shows all of the ground
+  (`agent.policies.committed.rounds`). All robots follow the same tour, evenly spaced
+  (`agent.policies.committed.spacing`).
+- *Free choice*: the point with the greatest age squared per way (`agent.policies.committed.choice`). A point to which
   another robot has the shorter way counts a tenth.
 - *Commitment*: it keeps the target until half of its age or more has gone, because a robot has seen it.
 - *Giving up*: a target that comes no nearer for a while is left out for some time, with what lies around it.
 
-For example, a point not seen for 60 s at the end of a way of 9 m counts 60^2 / (9 + 3) = 300; one not seen for 90 s,
-27 m away, 270. The first one is the target.
+The option `unpredictability` and the experience with the round decide how much of the time choices are free
+(`agent.policies.committed.phases`). Where there is no round, because the ground is too large for a tour or the sensor
+does not look all around, each choice is free. On the round too a robot chooses freely what has become overdue: points
+that have been unseen for twice as long as usual there, and to which no other robot has a shorter way.
+
+For example, for a free choice a point not seen for 60 s at the end of a way of 9 m counts 60^2 / (9 + 3) = 300; one not
+seen for 90 s, 27 m away, 270. The first one is the target.
 """
 
 from __future__ import annotations
@@ -21,6 +29,9 @@ from typing import TYPE_CHECKING
 
 from agent.policies.committed.choice import TargetChoice
 from agent.policies.committed.given_up import GivenUp
+from agent.policies.committed.phases import INTERVALS, Phases
+from agent.policies.committed.rounds import RoundAhead
+from agent.policies.committed.spacing import Spacing
 from agent.policies.random_steps import RandomSteps
 from agent.policies.separation import Separation
 from agent.ports import Bearing, Intent, Place, Stay
@@ -50,6 +61,16 @@ STILL_STALE = 0.5
 """A target counts as seen once its age is below this share of what it was when it was chosen."""
 
 
+PROMPT_TICKS = 4
+"""Ticks after the begin of a phase in which a robot still begins the round together with the others."""
+
+FOUND_SHARE = 0.05
+"""Weight of the age at which a target is found on the round in the mean of these ages."""
+
+OVERDUE = 2.0
+"""A point is overdue on the round after so many times between two robots."""
+
+
 @dataclass(frozen=True, slots=True)
 class Target:
     """A place that a robot goes to see.
@@ -71,13 +92,16 @@ class Committed:
     Attributes:
         target: Where it is going; None for nowhere.
         given_up: The places that it leaves out for a while.
+        ahead: The round ahead of it; None where each choice is free.
+        spacing: The robots on the round; None likewise.
+        phases: When the robots follow the round; None likewise.
     """
 
     Options = CommittedOptions
 
     def __init__(self, setup: PolicySetup) -> None:
         """Start without a target."""
-        spec, terrain = setup.spec, setup.terrain
+        spec, terrain, options = setup.spec, setup.terrain, setup.options
         self._step = setup.step
         self._point = terrain.point
         self._separation = Separation(setup)
@@ -88,18 +112,33 @@ class Committed:
         self._at_hand_s = max(AT_HAND_S, AT_HAND_STEPS * setup.step)
         self._sees_all_round = setup.sight.all_round and not setup.sight.leaves_age
         self.target: Target | None = None
+        self.ahead: RoundAhead | None = None
+        self.spacing: Spacing | None = None
+        self.phases: Phases | None = None
+        if options.unpredictability < 1.0 and (laid_out := setup.round()) is not None:
+            stride = max(spec.speed * setup.step, terrain.point)
+            self.ahead = RoundAhead(setup, laid_out)
+            self.spacing = Spacing.on(laid_out, spec.number, stride, terrain)
+            length = max(1, round(INTERVALS * self.ahead.interval(setup.team)))
+            self.phases = Phases(length, options.unpredictability, setup.fleet_chance)
         self._expected = 0
         self._shortest = math.inf
         self._least_age = 0
         self._progress_at = 0
+        self._on_round = False
+        self._found_age = 0.0
 
     def decide(self, view: View) -> Intent:
         """Return the way to the target, or to a new one; now and then a random step."""
         self._separation.keep_apart(view)
-        start, wander = view.start, self._random_steps.draw(view)
+        self._on_round = self._is_on_round(view)
+        start, wander = view.start, None if self._on_round else self._random_steps.draw(view)
         if start is None:
             # The body has to find its way back to the reachable ground first.
             return Bearing((), wander=wander)
+        if self._on_round and self.spacing is not None and self.spacing.waits(view):
+            self._progress_at = view.tick
+            return Stay(figures={"way_m": 0.0, "age_s": 0.0})
         way = self._kept(view, start) or self._chosen(view, start)
         target = self.target
         if way is None or target is None:
@@ -118,7 +157,7 @@ class Committed:
         if target is None:
             return None
         age = self._age(view, target.point)
-        if age < STILL_STALE * target.age:
+        if target.age == 0 or age < STILL_STALE * target.age:
             self.given_up.forgive(target.stand)
             return None
         way = self._way_to(view, start, target.stand)
@@ -134,23 +173,88 @@ class Committed:
             return None
         return way
 
+    def _is_on_round(self, view: View) -> bool:
+        """Return True in a phase in which the robots follow the round; take note of where they are on it."""
+        if self.ahead is None or self.spacing is None or self.phases is None:
+            return False
+        team = len(view.peers) + 1
+        if not self.phases.update(view.tick, view.mfow, team, self.ahead.interval(team)):
+            self.ahead.cursor = None
+            self.spacing.robots.clear()
+            return False
+        if self.ahead.cursor is None and view.tick % self.phases.length <= PROMPT_TICKS:
+            self.ahead.go_to(self.spacing.along_m(self.spacing.begin(view)))
+            self.target = None
+        if self.ahead.cursor is not None:
+            self.spacing.note(view)
+        return True
+
     def _chosen(self, view: View, start: Element) -> Way | None:
-        """Commit to the best point, and return the way there; None where there is none that a way leads to."""
+        """Commit to the next target, and return the way there; None where there is none that a way leads to."""
         self.target = None
+        ahead = self.ahead
+        if not self._on_round or ahead is None:
+            return self._free_choice(view, start)
+        if ahead.cursor is None:
+            # A robot that joins the others on the round begins where most is to be seen.
+            way = self._free_choice(view, start)
+            self._join_round(view)
+            return way
+        overdue = math.ceil(OVERDUE * max(ahead.interval(len(view.peers) + 1), self._found_age))
+        if view.mfow >= overdue and (way := self._free_choice(view, start, overdue)) is not None:
+            return way
+        return self._next_on_round(view, start, ahead)
+
+    def _join_round(self, view: View) -> None:
+        """Put the cursor to where the target is seen from."""
+        if self.ahead is not None and self.spacing is not None and self.target is not None:
+            self.ahead.go_to(self.spacing.along_m(self.spacing.nearest(view.place_of(self.target.stand))))
+
+    def _next_on_round(self, view: View, start: Element, ahead: RoundAhead) -> Way | None:
+        """Commit to the first stale point ahead on the round, and return the way there."""
+        for _ in range(TRIES):
+            stop = ahead.next(view, self.given_up.now(view.tick))
+            self._expected = 0
+            way = self._way_to(view, start, stop.stand)
+            if way is None:
+                self.given_up.add(view.tick, stop.stand)
+                continue
+            if stop.age > 0 or way.length == 0.0:
+                ahead.cursor = stop.place
+                self._found_age += FOUND_SHARE * (stop.age - self._found_age)
+            elif self.spacing is not None:
+                ahead.come_to(self.spacing.along_m(self.spacing.own_place))
+            self._commit(view, Target(stop.point, stop.stand, stop.age))
+            return way
+        return None
+
+    def _free_choice(self, view: View, start: Element, overdue: int = 0) -> Way | None:
+        """Commit to the best point of all, and return the way there.
+
+        Args:
+            view: Of this tick.
+            start: The element of the ground on which the robot stands.
+            overdue: Least age of a point, ticks, among those that are left to this robot alone; 0 for all points.
+        """
         rivals = self._separation.rivals(view)
         for _ in range(TRIES):
-            best = self._choice.best(view, start, rivals, self.given_up)
+            if overdue:
+                best = self._choice.best(view, start, rivals, self.given_up, least_age=overdue, others=0.0)
+            else:
+                best = self._choice.best(view, start, rivals, self.given_up)
             if best is None:
                 return None
             self._expected = best.length
             way = self._way_to(view, start, best.stand)
             if way is not None:
-                age = self._age(view, best.point)
-                self.target = Target(best.point, best.stand, age)
-                self._shortest, self._least_age, self._progress_at = math.inf, age, view.tick
+                self._commit(view, Target(best.point, best.stand, self._age(view, best.point)))
                 return way
             self.given_up.add(view.tick, best.stand)
         return None
+
+    def _commit(self, view: View, target: Target) -> None:
+        self.target = target
+        self._shortest, self._least_age, self._progress_at = math.inf, target.age, view.tick
 
     def _way_to(self, view: View, start: Element, stand: Point) -> Way | None:
         """Return the shortest way to a point of the terrain; None if no way leads there now."""

@@ -4,8 +4,8 @@ A robot on a round keeps a *cursor*, the place of the tour that it has come to. 
 the cursor that is stale, and it drives to the place from which that point is seen best, the shortest way. So it cuts
 corners where nothing is left to see, leaves out what another robot has just seen, and misses nothing.
 
-A point is stale that has been unseen for half as long as a round takes per robot. Where nothing is stale within one and a
-half sensor ranges along the tour, the robot drives that far along.
+A point is stale once it has been unseen for half of the time between two robots of an evenly spaced round. Where
+nothing is stale within one and a half sensor ranges along the tour, the robot drives that far along.
 """
 
 from __future__ import annotations

@@ -47,8 +47,6 @@ LONG_BUMPED_S = 5.0
 CLEAR_RADII = 6.0
 """A robot does not wait while one that drives another stretch of the tour is nearer than so many of its radii."""
 
-Ticks = int
-
 
 @dataclass(slots=True)
 class Followed:
@@ -85,25 +83,24 @@ class Spacing:
     tour: NDArray[np.float64]
     robots: dict[int, Followed] = field(default_factory=dict)
     _scratch: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
-    _bumped: Ticks = -(2**30)
-    _waited: Ticks = 0
+    _bumped: int = -(2**30)
+    _waited: int = 0
     _rests: bool = True
 
     @classmethod
-    def on(cls, laid_out: Round, number: int, stride: float, width: int, place_of: PlaceOf) -> Spacing:
+    def on(cls, laid_out: Round, number: int, stride: float, terrain: Terrain) -> Spacing:
         """Lay places a stride apart along a round.
 
         Args:
             laid_out: The round.
             number: Of the robot itself.
             stride: Its way in a tick, m.
-            width: Columns of the terrain.
-            place_of: Gives x and y in m of a point (row, col).
+            terrain: The terrain.
         """
         count = max(4, min(int(laid_out.length_m / stride), len(laid_out.places)))
         at = np.searchsorted(laid_out.along, np.arange(count) * (laid_out.length_m / count))
         chosen = laid_out.places[np.minimum(at, len(laid_out.places) - 1)]
-        spots = np.array([place_of(divmod(int(place), width)) for place in chosen])
+        spots = np.array([terrain.centre(*divmod(int(place), terrain.width)) for place in chosen])
         course = np.roll(spots, -1, axis=0) - np.roll(spots, 1, axis=0)
         length = np.sqrt((course**2).sum(axis=1))[:, None]
         tour = np.ascontiguousarray(np.hstack([spots, course / np.maximum(length, 1e-9)]))

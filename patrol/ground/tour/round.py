@@ -109,9 +109,7 @@ def lay_out(
     return Round(length_m, places, along, points, flat_owner[points], stands[points])
 
 
-def _places(
-    terrain: Terrain, reach: BoolGrid, tour: Tour, spacing: float
-) -> tuple[Flat, NDArray[np.float64], float]:
+def _places(terrain: Terrain, reach: BoolGrid, tour: Tour, spacing: float) -> tuple[Flat, NDArray[np.float64], float]:
     """Return the points of a tour at most a spacing (m) apart, how far along it they lie, and its length, m."""
     places: list[int] = []
     along: list[float] = []

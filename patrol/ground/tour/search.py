@@ -8,7 +8,6 @@ greedy choice of places, then 2-opt and Or-opt on their path lengths. It is the 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -18,6 +17,7 @@ from patrol.ground.footprint import Footprint
 from patrol.ground.kernels.tour import FAR, lengths_between, shorten, way_between
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.ground.tour.cover import Looks, Views, choose, complete, lattice, needed
+from patrol.ground.tour.tour import Tour
 
 SPACING = 0.4
 """Distance of the candidate places, as a share of the sensor's range."""
@@ -58,20 +58,6 @@ PASSES = 8
 
 Flat = NDArray[np.int64]
 """Flat indices of points."""
-
-
-@dataclass(frozen=True, slots=True)
-class Tour:
-    """A closed tour.
-
-    Attributes:
-        length_m: Its length, m.
-        way: Its corners in order, x and y in m. It leads straight from each to the next, and from the last to the
-            first.
-    """
-
-    length_m: float
-    way: tuple[tuple[float, float], ...]
 
 
 def find_tour(

@@ -13,7 +13,8 @@ from patrol.ground.fields import StaticFields, compute_fields
 from patrol.ground.kernels.tour import FAR, clear_line, lengths_between, shorten, way_between
 from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import BoolGrid, Terrain
-from patrol.ground.tour.search import Tour, find_tour
+from patrol.ground.tour.search import find_tour
+from patrol.ground.tour.tour import Tour
 from patrol.pose import Pose
 
 
