@@ -27,6 +27,7 @@ from agent.policies.committed.kernels.track import JUMP, follow
 if TYPE_CHECKING:
     from agent.routes.ground import Spot
     from agent.view import View
+    from patrol.ground.terrain import Terrain
     from patrol.ground.tour.round import Round
 
 SLACK = 0.1

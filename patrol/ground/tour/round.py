@@ -87,14 +87,18 @@ def lay_out(
     """
     width = terrain.width
     places, along, length_m = _places(terrain, reach, tour, max(terrain.point, PLACES * footprint.range_m))
-    nearest = np.full(terrain.shape, np.inf)
+    reach_points = math.ceil(footprint.radius) + 1
+    lines = np.arange(-reach_points, reach_points + 1, dtype=np.int32)
+    squares = lines[:, None] ** 2 + lines[None] ** 2
+    nearest = np.full(terrain.shape, np.iinfo(np.int32).max, dtype=np.int32)
     owner = np.full(terrain.shape, -1, dtype=np.int64)
     for number, (row, col) in enumerate(zip(*np.divmod(places, width), strict=True)):
         view = footprint.visible(Pose(*terrain.centre(int(row), int(col)), 0.0))
         top, left = max(0, view.row0), max(0, view.col0)
         seen = view.mask[top - view.row0 : terrain.height - view.row0, left - view.col0 : width - view.col0] != 0
         rows, cols = slice(top, top + seen.shape[0]), slice(left, left + seen.shape[1])
-        off = np.hypot(np.arange(rows.start, rows.stop)[:, None] - row, np.arange(cols.start, cols.stop)[None] - col)
+        up, across = top - row + reach_points, left - col + reach_points
+        off = squares[up : up + seen.shape[0], across : across + seen.shape[1]]
         nearer = seen & ground[rows, cols] & (off < nearest[rows, cols])
         nearest[rows, cols][nearer] = off[nearer]
         owner[rows, cols][nearer] = number
