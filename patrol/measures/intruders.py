@@ -13,6 +13,7 @@ before the run does is none.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -20,10 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 SAMPLES = 5
-"""Least number of times that a place was unseen by which the statistical intruder judges it; else by those of all."""
+"""Least number of times that a place was unseen by which the statistical intruder judges it; else by those of all.
+Also the number of failures that it adds to those it knows."""
 
 AT_ONCE = 128
 """Places that are played on at once, so that a long run takes little memory."""
+
+ROUNDING = 1e-6
+"""Rounding error of a number of ticks."""
 
 Seen = NDArray[np.bool_]
 Ticks = NDArray[np.int32]
@@ -70,11 +75,11 @@ def intruder_games(seen: Seen, step: float, attacks_s: Sequence[float]) -> list[
     stays = [unseen_times(seen[:half, place]) for place in range(seen.shape[1])]
     every = np.concatenate(stays) if stays else np.zeros(0, dtype=np.int64)
     known = [own if len(own) >= SAMPLES else every for own in stays]
-    durations = [max(round(attack_s / step), 1) for attack_s in attacks_s]
+    durations = [attack_ticks(attack_s, step) for attack_s in attacks_s]
     shares = np.full((len(durations), 3, seen.shape[1]), np.nan)
     for first in range(0, seen.shape[1], AT_ONCE):
         places = slice(first, first + AT_ONCE)
-        free, since = _unseen_after(seen[:, places]), _unseen_since(seen[:, places])
+        free, since = unseen_after(seen[:, places]), unseen_since(seen[:, places])
         for row, ticks in zip(shares, durations, strict=True):
             row[0, places] = _random(free, ticks)
             row[1, places] = _waiting(seen[:, places], free, ticks)
@@ -84,8 +89,25 @@ def intruder_games(seen: Seen, step: float, attacks_s: Sequence[float]) -> list[
     ]
 
 
-def _unseen_after(seen: Seen) -> Ticks:
-    """int32 (ticks, places): for how many ticks from the next one on a place stays unseen; to the run's end at most."""
+def attack_ticks(attack_s: float, step: float) -> int:
+    """Return the least number of ticks that are not shorter than an attack.
+
+    Args:
+        attack_s: Its duration, s.
+        step: Length of a tick, s.
+    """
+    return max(math.ceil(attack_s / step - ROUNDING), 1)
+
+
+def unseen_after(seen: Seen) -> Ticks:
+    """Return for how many ticks from the next one on each place stays unseen, to the run's end at most.
+
+    Args:
+        seen: bool (ticks, places).
+
+    Returns:
+        int32 (ticks, places).
+    """
     free = np.zeros(seen.shape, dtype=np.int32)
     for k in range(len(seen) - 2, -1, -1):
         free[k] = np.where(seen[k + 1], 0, free[k + 1] + 1)
@@ -123,6 +145,8 @@ def _statistical(free: Ticks, since: Ticks, known: Sequence[NDArray[np.int64]], 
 def best_wait(times: NDArray[np.int64], ticks: int) -> int:
     """Return after how many unseen ticks an attack is most likely to succeed; of equally good ones the least.
 
+    Each is judged as if `SAMPLES` more attacks had failed, so that a few lucky ones do not outweigh many.
+
     Args:
         times: int64 (n,), for how many ticks a place was unseen each time.
         ticks: Of the attack.
@@ -131,12 +155,18 @@ def best_wait(times: NDArray[np.int64], ticks: int) -> int:
     waits = np.append(0, np.unique(ordered) + 1)
     reached = len(ordered) - np.searchsorted(ordered, waits)
     won = len(ordered) - np.searchsorted(ordered, waits + ticks)
-    counts = reached >= min(SAMPLES, len(ordered))
-    return int(waits[np.argmax(np.where(counts, won / np.maximum(reached, 1), -1.0))])
+    return int(waits[np.argmax(won / (reached + SAMPLES))])
 
 
-def _unseen_since(seen: Seen) -> Ticks:
-    """int32 (ticks, places): for how many ticks each place has been unseen, this one included; 0 where it is seen."""
+def unseen_since(seen: Seen) -> Ticks:
+    """Return for how many ticks each place has been unseen, this one included; 0 where it is seen.
+
+    Args:
+        seen: bool (ticks, places).
+
+    Returns:
+        int32 (ticks, places); before a place was seen, counted from the run's beginning.
+    """
     ticks = np.arange(len(seen), dtype=np.int32)[:, None]
     return ticks - np.maximum.accumulate(np.where(seen, ticks, np.int32(-1)), axis=0)
 
