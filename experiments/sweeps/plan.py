@@ -80,6 +80,7 @@ class Plan:
         seeds: The seeds that each case is run with.
         runs: The runs, case by case.
         partners: For each case that is compared with another one, the name of that one.
+        games: Whether intruder games are played on each run.
     """
 
     name: str
@@ -87,6 +88,7 @@ class Plan:
     seeds: tuple[int, ...]
     runs: tuple[Run, ...]
     partners: Mapping[str, str] = default(default_factory=dict)
+    games: bool = False
 
     def runs_of(self, case: str) -> list[Run]:
         """Return the runs of a case, one per seed.

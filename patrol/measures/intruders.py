@@ -13,11 +13,24 @@ before the run does is none.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
+from patrol.graph.graph import graph_of
+
+if TYPE_CHECKING:
+    from patrol.ground.terrain import BoolGrid
+    from patrol.scenario import Scenario
+
+ATTACKS_S = (25.0, 50.0, 75.0, 100.0, 125.0, 150.0)
+"""Durations of attacks in the literature, s."""
+
+MOST_POINTS = 2000
+"""Points of the ground that are played on; of more, every so many are taken, row by row."""
 
 SAMPLES = 5
 """Least number of times that a place was unseen by which the statistical intruder judges it; else by those of all."""
@@ -53,6 +66,78 @@ class Successes:
         return max(
             (share for share in (self.random, self.waiting, self.statistical) if share is not None), default=None
         )
+
+
+@dataclass(frozen=True, slots=True)
+class Games:
+    """The games on a run.
+
+    Attributes:
+        points: How many points of the ground were played on.
+        ground: On these; a point is seen when it is in a robot's view.
+        vertices: How many vertices the graph has; 0 without one.
+        nodes: On these; a vertex is visited when a robot comes close (`patrol.graph.graph.Graph.visit_reach`).
+    """
+
+    points: int
+    ground: list[Successes]
+    vertices: int
+    nodes: list[Successes]
+
+
+class Sightings:
+    """Which places are seen in each tick of a run: points of its ground, and the vertices of its graph.
+
+    Attributes:
+        rows: Rows of the points.
+        cols: Columns of the points.
+        seen: bool (ticks, points), to be filled in by the caller.
+        visited: bool (ticks, vertices), filled in by `visit`.
+    """
+
+    def __init__(self, scenario: Scenario, patrolled: BoolGrid, ticks: int) -> None:
+        """Begin with nothing seen.
+
+        Args:
+            scenario: The run's.
+            patrolled: bool (h, w), the ground that counts.
+            ticks: How many there are.
+        """
+        every = np.flatnonzero(patrolled)
+        self.rows, self.cols = np.divmod(every[:: -(-len(every) // MOST_POINTS)], patrolled.shape[1])
+        self.seen = np.zeros((ticks, len(self.rows)), dtype=np.bool_)
+        given = scenario.terrain.graph
+        self._graph = None if given is None else graph_of(given.vertices, given.edges, given.pixel, given.visit)
+        self.visited = np.zeros((ticks, 0 if self._graph is None else self._graph.size), dtype=np.bool_)
+        graph, roster = self._graph, scenario.roster
+        self._reach = {} if graph is None else {s.number: graph.visit_reach(s.speed, scenario.step) for s in roster}
+        self._step = scenario.step
+        self._before: dict[int, tuple[float, float]] = {}
+
+    def visit(self, k: int, places: Iterable[tuple[int, tuple[float, float]]]) -> None:
+        """Note which vertices are visited in the next tick.
+
+        Args:
+            k: The tick.
+            places: Number, and x and y in m, of each robot that takes part.
+        """
+        if self._graph is None:
+            return
+        here = dict(places)
+        for number, place in here.items():
+            self.visited[k, self._graph.within(self._before.get(number, place), place, self._reach[number])] = True
+        self._before = here
+
+    def games(self, ticks: int, attacks_s: Sequence[float] = ATTACKS_S) -> Games:
+        """Play the games.
+
+        Args:
+            ticks: How many there were.
+            attacks_s: Durations of attacks, s.
+        """
+        seen, visited = self.seen[:ticks], self.visited[:ticks]
+        nodes = intruder_games(visited, self._step, attacks_s) if visited.shape[1] else []
+        return Games(seen.shape[1], intruder_games(seen, self._step, attacks_s), visited.shape[1], nodes)
 
 
 def intruder_games(seen: Seen, step: float, attacks_s: Sequence[float]) -> list[Successes]:

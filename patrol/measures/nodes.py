@@ -1,7 +1,7 @@
 """Measures of the literature on the vertices of a graph: idleness in both families, interference, entropy.
 
 A vertex is visited when a robot is within a tolerance of it, or passes by so close from one tick to the next
-(`patrol.graph.graph.visit_reach`). Its *idleness* is the time since its last visit, and since tick 0 before the first.
+(`patrol.graph.graph.Graph.visit_reach`). Its *idleness* is the time since its last visit, and since tick 0 before the first.
 
 - *Over time* (M2Bench, MAEPS): the mean and the greatest idleness over vertices, averaged over all ticks, or the
   greatest of all.
@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from patrol.graph.graph import graph_of, visit_reach
+from patrol.graph.graph import VISIT_M, graph_of
 from patrol.journal.records import Status
 
 if TYPE_CHECKING:
@@ -112,7 +112,7 @@ class NodeTotals:
             return None
         means = [statistics.fmean(each) for each in self._intervals if each]
         pooled = [interval for each in self._intervals for interval in each]
-        late = self._worst[len(self._worst) // 2 :]
+        half = len(self._worst) // 2
         minutes = len(self._mean) * self._step / 60.0
         return {
             "vertices": self._graph.size,
@@ -121,10 +121,12 @@ class NodeTotals:
             "unvisited": sum(visits == 0 for visits in self._visits),
             "once": sum(visits > 0 and not each for visits, each in zip(self._visits, self._intervals, strict=True)),
             "idleness_mean_s": statistics.fmean(self._mean),
+            "idleness_late_s": statistics.fmean(self._mean[half:]),
             "idleness_end_s": self._mean[-1],
             "worst_mean_s": statistics.fmean(self._worst),
             "worst_s": max(self._worst),
-            "worst_late_s": max(late),
+            "worst_late_s": max(self._worst[half:]),
+            "worst_end_s": self._worst[-1],
             "visits_mean_s": statistics.fmean(means) if means else None,
             "visits_worst_s": max(means) if means else None,
             "visits_median_s": statistics.median(means) if means else None,
@@ -157,9 +159,10 @@ def node_totals(header: Header) -> NodeTotals | None:
     given = scenario["terrain"].get("graph")
     if given is None:
         return None
-    graph = graph_of([tuple(place) for place in given["vertices"]], [tuple(edge) for edge in given["edges"]])
+    places, edges = ([tuple(entry) for entry in given[key]] for key in ("vertices", "edges"))
+    graph = graph_of(places, edges, visit=given.get("visit", VISIT_M))
     step = float(scenario["step"])
     entries = scenario["robots"]
     speeds = [robots["speed"] for robots in (entries if isinstance(entries, list) else [entries] * len(header.robots))]
-    reach = {robot.number: visit_reach(speed, step) for robot, speed in zip(header.robots, speeds, strict=True)}
+    reach = {robot.number: graph.visit_reach(speed, step) for robot, speed in zip(header.robots, speeds, strict=True)}
     return NodeTotals(graph, reach, step)

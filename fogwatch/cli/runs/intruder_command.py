@@ -12,6 +12,7 @@ import typer
 
 from fogwatch.cli.runs.open_run import RUN, open_folder, print_state
 from patrol.errors import BadInput
+from patrol.measures.intruders import ATTACKS_S
 from patrol.printable import printable
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from patrol.measures.intruders import Successes
 
 EXAMPLES = ["fogwatch intruder runs/yards-20260101-120000", "fogwatch intruder RUN --attacks 30,90,180 --json"]
-ATTACKS = "25,50,75,100,125,150"
+ATTACKS = ",".join(f"{attack_s:g}" for attack_s in ATTACKS_S)
 
 
 def intruder(
@@ -33,7 +34,7 @@ def intruder(
     Random attacks any place at any time. Waiting attacks a place that has just been left. Statistical has learned from
     the first half of the run after which time a place is likely to stay unseen. An attack succeeds if no robot sees
     the place until it is over. With terrain.graph the games are played on its vertices as well, where a robot must come
-    within 0.4 m, as in the literature.
+    within `terrain.graph.visit` (0.4 m), as in the literature.
     """
     durations = _durations(attacks)
     opened, going = open_folder(run)
