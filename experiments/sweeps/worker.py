@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from patrol.scenario import Scenario
 
 Task = dict[str, Any]
-"""A run to make: its key, case, seed, scenario (resolved, as plain lists, texts and numbers), and whether intruder games
-are played on it (games)."""
+"""A run to make: its key, case, seed, scenario (resolved, as plain lists, texts and numbers), and under `games` whether
+intruder games are played on it."""
 
 Answer = dict[str, Any]
 """The fields of `experiments.sweeps.results.RunResult`, but for its settings."""

@@ -1,7 +1,8 @@
 """Measures of the literature on the vertices of a graph: idleness in both families, interference, entropy.
 
 A vertex is visited when a robot is within a tolerance of it, or passes by so close from one tick to the next
-(`patrol.graph.graph.Graph.visit_reach`). Its *idleness* is the time since its last visit, and since tick 0 before the first.
+(`patrol.graph.graph.Graph.visit_reach`). Its *idleness* is the time since its last visit, and since tick 0 before the
+first.
 
 - *Over time* (M2Bench, MAEPS): the mean and the greatest idleness over vertices, averaged over all ticks, or the
   greatest of all.

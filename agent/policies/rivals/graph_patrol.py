@@ -32,7 +32,9 @@ class GraphOptions(Section):
     """Settings of all patrols on graphs."""
 
     tolerance: float | None = Field(
-        None, gt=0.0, description="m, within which a vertex is visited; null: the graph's `visit`, or half a stride if more"
+        None,
+        gt=0.0,
+        description="m, within which a vertex is visited; null: the graph's `visit`, or half a stride if more",
     )
 
 
