@@ -6,6 +6,7 @@ several at once, as in ``loss-90+deaths``.
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from patrol.errors import BadInput, did_you_mean
@@ -15,7 +16,7 @@ DEFAULT = (NONE, "loss-50", "loss-90", SILENCE, DEATHS, SPOOF)
 """All conditions, with two examples of `loss-P`."""
 
 DEATHS_S = (300.0, 1100.0)
-"""When two robots die in a run of `DEATHS_OF_S` or more, as in patrolling_zoo; in a shorter run in proportion, s."""
+"""When the robots r1 and r2 die in a run of `DEATHS_OF_S` or more, s; in a shorter run earlier, in proportion."""
 
 DEATHS_OF_S = 1800.0
 
@@ -41,7 +42,7 @@ def check_condition(name: str) -> None:
 
 
 def least_team(name: str) -> int:
-    """Return the smallest team in which a condition differs from a smaller one.
+    """Return the smallest team that a condition makes sense for.
 
     Args:
         name: The condition.
@@ -49,18 +50,17 @@ def least_team(name: str) -> int:
     return max(1 if part == NONE else 3 if part == DEATHS else 2 for part in name.split("+"))
 
 
-def faults_of(name: str, team: int, duration_s: float) -> Faults:
+def faults_of(name: str, duration_s: float) -> Faults:
     """Return a condition's faults, as in a scenario.
 
     Args:
         name: The condition.
-        team: Number of robots.
         duration_s: Simulated time, s.
     """
-    return [fault for part in name.split("+") for fault in _part(part, team, duration_s)]
+    return [fault for part in name.split("+") for fault in _part(part, duration_s)]
 
 
-def _part(part: str, team: int, duration_s: float) -> Faults:
+def _part(part: str, duration_s: float) -> Faults:
     if part == SILENCE:
         return [{"kind": "silence", "who": "all"}]
     if part == SPOOF:
@@ -68,8 +68,8 @@ def _part(part: str, team: int, duration_s: float) -> Faults:
     if part == DEATHS:
         earlier = min(duration_s / DEATHS_OF_S, 1.0)
         return [
-            {"kind": "kill", "who": f"r{team - place}", "at": round(at_s * earlier, 3), "wreck": "removed"}
-            for place, at_s in enumerate(DEATHS_S)
+            {"kind": "kill", "who": f"r{number}", "at": round(at_s * earlier, 3), "wreck": "removed"}
+            for number, at_s in enumerate(DEATHS_S, start=1)
         ]
     rate = _loss(part)
     return [] if rate is None else [{"kind": "loss", "rate": rate}]
@@ -78,6 +78,6 @@ def _part(part: str, team: int, duration_s: float) -> Faults:
 def _loss(part: str) -> float | None:
     """Return the share of lost frames that `loss-P` means; None for another text."""
     percent = part.removeprefix(LOSS)
-    if part == percent or not percent.isdecimal() or not percent.isascii() or not 1 <= int(percent[:4]) <= 100:
+    if part == percent or not re.fullmatch("[1-9][0-9]?|100", percent):
         return None
     return int(percent) / 100.0

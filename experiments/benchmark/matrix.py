@@ -117,7 +117,7 @@ class Cell:
     @property
     def settings(self) -> dict[str, object]:
         """What it sets in the scenario, by dotted field."""
-        faults = faults_of(self.condition, self.team, self.matrix.duration_s)
+        faults = faults_of(self.condition, self.matrix.duration_s)
         return {
             **self.terrain.settings,
             **self.matrix.settings,

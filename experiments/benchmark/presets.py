@@ -1,8 +1,9 @@
 """Conditions of published numbers: `m2bench` and `magec`, both on the graph of cumberland with six robots.
 
 The numbers are those that the authors' repositories keep: result files of M2Bench (SpikeW726/M2Bench at 83a8238; Wang
-et al., arXiv 2605.09633), and curves in the notebooks of patrolling_zoo (NU-IDEAS-Lab/patrolling_zoo at 85239cd; MAGEC,
-arXiv 2403.13093; AHPA, arXiv 2304.01386), read off. The map and the graph are files of patrolling_sim.
+et al., arXiv 2605.09633), and curves in a notebook (src/patrol_algorithms_magec/data-analysis.ipynb in
+NU-IDEAS-Lab/patrolling_sim at 308bc28; MAGEC, arXiv 2403.13093; AHPA, arXiv 2304.01386), read off. The map and the
+graph are files of patrolling_sim.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ class Preset:
         conditions: Names of conditions.
         body: Settings of the robots, by dotted field.
         visit_m: Distance within which a robot visits a vertex, m.
-        starts: Vertices on which the robots start; none for random starts.
+        starts: Vertices on which the robots start.
         measures: What is compared.
         published: The numbers.
         differs: In what our runs differ from theirs, a line each.
@@ -99,9 +100,9 @@ MAGEC_DIFFERS = """\
 Mean idleness over vertices: its plateau (ours: the mean of the second half), and at the end.
 Theirs are read off plots of three runs each, in Flatland with Nav2's planner DWB; ours are bodies of 0.2 m in \
 fogwatch's world.
-Which robots die and where all start is not recorded: here r6 and r5 die at 300 and 1100 s, their bodies are carried \
-off, and starts are random.
-Their 50 % loss comes with a radius of 40 m; ours has no radius.
+Ours start on the vertices at or next to the places of their configuration. As there, the first robot dies at 300 s, \
+the second at 1100 s, and their bodies are carried off.
+With losses, MAGEC's robots observe vertices within 40 m only; our policies know no such radius.
 Theirs are told of a death, unless the message is lost; ours notice that a robot is silent (`radio.forget_after`).
 """.splitlines()
 
@@ -138,12 +139,12 @@ PRESETS: Mapping[str, Preset] = {
         differs=(*M2BENCH_DIFFERS, SEES_FROM_AFAR),
     ),
     "magec": Preset(
-        title="MAGEC and AHPA in patrolling_zoo",
+        title="MAGEC's notebook",
         duration_s=1800.0,
         conditions=("none", "loss-50", "loss-90+deaths"),
         body={"robots.model": "differential", "robots.speed": 0.52, "robots.radius": 0.2},
         visit_m=0.25,
-        starts=(),
+        starts=(24, 34, 30, 0, 9, 13),
         measures=(
             Measure("nodes_idleness_late_s", "plateau (s)"),
             Measure("nodes_idleness_end_s", "end (s)"),
@@ -207,8 +208,8 @@ def preset_matrix(
     graph: object = str(graph_file)
     if preset.visit_m != VISIT_M:
         graph = {"file": graph, "visit": preset.visit_m}
-    starts = {"robots.starts": [list(places[vertex]) for vertex in preset.starts]} if preset.starts else {}
-    shared = {"point": POINT_M, **preset.body, **starts, **settings}
+    starts = [list(places[vertex]) for vertex in preset.starts]
+    shared = {"point": POINT_M, **preset.body, "robots.starts": starts, **settings}
     terrain = terrain_choice("cumberland", str(map_file), graph)
     return Matrix(policies, (terrain,), (preset.team,), preset.conditions, seeds, preset.duration_s, shared)
 

@@ -183,7 +183,7 @@ def benchmark(
             if value is not None:
                 raise BadInput(f"{option}: --preset {preset} says what is run; leave it out, or drop --preset")
         if preset not in PRESETS:
-            raise BadInput(f"--preset {preset}: no such preset; {did_you_mean(preset, PRESETS)}")
+            raise BadInput(f"--preset {preset}: no such preset; {did_you_mean(preset, list(PRESETS))}")
         more = given if point is None else {"point": point, **given}
         matrix = preset_matrix(preset, all_policies, numbers, map_file, graph_file, more)
     else:
@@ -240,7 +240,8 @@ def _print(console: Console, results: BenchmarkResults, preset: str | None) -> N
     if preset is not None:
         tables.append((f"beside {PRESETS[preset].title}", *beside_published(PRESETS[preset], results.cells)))
     for title, heads, rows in tables:
-        table = Table(*heads, title=title, title_justify="left", box=None, pad_edge=False, header_style="cyan")
+        console.print(title, highlight=False, markup=False, soft_wrap=True)
+        table = Table(*heads, box=None, pad_edge=False, header_style="cyan")
         for column in table.columns[1:]:
             column.justify = "right"
         for row in rows:
