@@ -34,7 +34,7 @@ OPTIONS_OF_RUN = {
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
+class NamedSettings:
     """A policy or a terrain.
 
     Attributes:
@@ -60,8 +60,8 @@ class Matrix:
         settings: What else each run sets in the scenario, by dotted field.
     """
 
-    policies: tuple[Choice, ...]
-    terrains: tuple[Choice, ...]
+    policies: tuple[NamedSettings, ...]
+    terrains: tuple[NamedSettings, ...]
     teams: tuple[int, ...]
     conditions: tuple[str, ...]
     seeds: tuple[int, ...]
@@ -69,10 +69,10 @@ class Matrix:
     settings: Mapping[str, object] = field(default_factory=dict)
 
     @property
-    def cells(self) -> list[Cell]:
+    def cells(self) -> list[BenchmarkCell]:
         """The cells, policy by policy on each terrain; without conditions that need more robots than a team has."""
         return [
-            Cell(policy, terrain, team, condition, self)
+            BenchmarkCell(policy, terrain, team, condition, self)
             for team in self.teams
             for condition in self.conditions
             if team >= least_team(condition)
@@ -82,7 +82,7 @@ class Matrix:
 
 
 @dataclass(frozen=True, slots=True)
-class Cell:
+class BenchmarkCell:
     """A policy on a terrain, in a team, under a condition.
 
     Attributes:
@@ -93,8 +93,8 @@ class Cell:
         matrix: What it is a cell of.
     """
 
-    policy: Choice
-    terrain: Choice
+    policy: NamedSettings
+    terrain: NamedSettings
     team: int
     condition: str
     matrix: Matrix
@@ -162,7 +162,7 @@ def plan_of(matrix: Matrix) -> Plan:
     return replace(plan, games=True)
 
 
-def read_policies(text: str) -> tuple[Choice, ...]:
+def read_policies(text: str) -> tuple[NamedSettings, ...]:
     """Read a list of policies, NAME or NAME:OPTION=VALUE:OPTION=VALUE.
 
     Args:
@@ -186,11 +186,11 @@ def read_policies(text: str) -> tuple[Choice, ...]:
                     f"--policies {name}: {option}: expected OPTION=VALUE, as in committed:unpredictability=0.3"
                 )
             settings[f"patrol.options.{key}"] = value
-        policies.append(Choice(name, settings))
+        policies.append(NamedSettings(name, settings))
     return tuple(policies)
 
 
-def read_terrains(text: str) -> tuple[Choice, ...]:
+def read_terrains(text: str) -> tuple[NamedSettings, ...]:
     """Read a list of terrains: built-in ones, maps (MAP.yaml), and either with a graph (FILE.graph+MAP.yaml).
 
     Args:
@@ -214,7 +214,7 @@ def read_terrains(text: str) -> tuple[Choice, ...]:
     )
 
 
-def terrain_choice(name: str, ground: str, graph: object = None) -> Choice:
+def terrain_choice(name: str, ground: str, graph: object = None) -> NamedSettings:
     """Return a terrain.
 
     Args:
@@ -232,7 +232,7 @@ def terrain_choice(name: str, ground: str, graph: object = None) -> Choice:
     else:
         hint = f"{did_you_mean(ground, BUILTINS)}, or give MAP.yaml or FILE.graph+MAP.yaml"
         raise BadInput(f"--terrains {ground}: no such built-in terrain, and no map's YAML file; {hint}")
-    return Choice(name, settings if graph is None else {**settings, "terrain.graph": graph})
+    return NamedSettings(name, settings if graph is None else {**settings, "terrain.graph": graph})
 
 
 def read_teams(text: str) -> tuple[int, ...]:
@@ -276,6 +276,6 @@ def _listed(text: str, option: str, example: str) -> Sequence[str]:
     return words
 
 
-def _stem(terrain: Choice) -> str:
+def _stem(terrain: NamedSettings) -> str:
     file = terrain.settings.get("terrain.map")
     return terrain.name if file is None else Path(str(file)).stem

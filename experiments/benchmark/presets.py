@@ -12,8 +12,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from experiments.benchmark.matrix import Choice, Matrix, terrain_choice
-from experiments.benchmark.results import CellResult, Measure, number_text
+from experiments.benchmark.matrix import Matrix, NamedSettings, terrain_choice
+from experiments.benchmark.results import CellResult, ShownMetric, number_text
 from patrol.errors import BadInput
 from patrol.graph.graph import VISIT_M
 from patrol.graph.graph_file import read_graph
@@ -66,7 +66,7 @@ class Preset:
     body: Mapping[str, object]
     visit_m: float
     starts: tuple[int, ...]
-    measures: tuple[Measure, ...]
+    measures: tuple[ShownMetric, ...]
     published: tuple[Published, ...]
     differs: tuple[str, ...]
 
@@ -115,10 +115,10 @@ PRESETS: Mapping[str, Preset] = {
         visit_m=VISIT_M,
         starts=(0, 8, 16, 24, 32, 39),
         measures=(
-            Measure("nodes_worst_s", "WI (s)"),
-            Measure("nodes_idleness_mean_s", "AGI (s)", 1),
-            Measure("nodes_idleness_end_s", "IGI (s)", 1),
-            Measure("nodes_worst_end_s", "IWI (s)"),
+            ShownMetric("nodes_worst_s", "WI (s)"),
+            ShownMetric("nodes_idleness_mean_s", "AGI (s)", 1),
+            ShownMetric("nodes_idleness_end_s", "IGI (s)", 1),
+            ShownMetric("nodes_worst_end_s", "IWI (s)"),
         ),
         published=(
             _m2bench("TWLO (learned; after 50 s)", None, "95.85", "-", "-", "-"),
@@ -146,8 +146,8 @@ PRESETS: Mapping[str, Preset] = {
         visit_m=0.25,
         starts=(24, 34, 30, 0, 9, 13),
         measures=(
-            Measure("nodes_idleness_late_s", "plateau (s)"),
-            Measure("nodes_idleness_end_s", "end (s)"),
+            ShownMetric("nodes_idleness_late_s", "plateau (s)"),
+            ShownMetric("nodes_idleness_end_s", "end (s)"),
         ),
         published=(
             *(
@@ -174,7 +174,7 @@ PRESETS: Mapping[str, Preset] = {
 
 def preset_matrix(
     name: str,
-    policies: tuple[Choice, ...],
+    policies: tuple[NamedSettings, ...],
     seeds: tuple[int, ...],
     map_file: Path | None,
     graph_file: Path | None,

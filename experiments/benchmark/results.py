@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 
-from experiments.benchmark.matrix import Cell, Matrix
+from experiments.benchmark.matrix import BenchmarkCell, Matrix
 from experiments.sweeps.casetable import CaseRow, case_rows
 from experiments.sweeps.game_log import game_metric
 from experiments.sweeps.results import RunResult
@@ -24,7 +24,7 @@ INTRUDED = game_metric("worst", ATTACK_S)
 
 
 @dataclass(frozen=True, slots=True)
-class Measure:
+class ShownMetric:
     """A number of each cell that pages show.
 
     Attributes:
@@ -39,16 +39,16 @@ class Measure:
 
 
 MEASURES = (
-    Measure(LATE, "MFoW, second half (s)"),
-    Measure(OVER_TOUR, "MFoW / best tour", 2),
-    Measure("mfow_max_s", "largest MFoW (s)"),
-    Measure("fog_mean_s", "mean fog (s)"),
-    Measure("nodes_worst_s", "worst idleness of a vertex (s)"),
-    Measure("nodes_idleness_mean_s", "mean idleness of vertices (s)"),
-    Measure("collisions", "collisions"),
-    Measure("nodes_interference", "interference"),
+    ShownMetric(LATE, "MFoW, second half (s)"),
+    ShownMetric(OVER_TOUR, "MFoW / best tour", 2),
+    ShownMetric("mfow_max_s", "largest MFoW (s)"),
+    ShownMetric("fog_mean_s", "mean fog (s)"),
+    ShownMetric("nodes_worst_s", "worst idleness of a vertex (s)"),
+    ShownMetric("nodes_idleness_mean_s", "mean idleness of vertices (s)"),
+    ShownMetric("collisions", "collisions"),
+    ShownMetric("nodes_interference", "interference"),
     *(
-        Measure(game_metric(intruder, ATTACK_S), f"{intruder} intruder, {ATTACK_S:g} s (%)", 1)
+        ShownMetric(game_metric(intruder, ATTACK_S), f"{intruder} intruder, {ATTACK_S:g} s (%)", 1)
         for intruder in ("random", "waiting", "statistical")
     ),
 )
@@ -65,11 +65,16 @@ class CellResult:
         command: The command line that makes its first run again.
     """
 
-    cell: Cell
+    cell: BenchmarkCell
     row: CaseRow
     command: str
 
-    def text(self, measure: Measure) -> str:
+    @property
+    def seen_all(self) -> bool:
+        """Whether all ground was seen in each run."""
+        return self.mean(SEEN) == 1.0
+
+    def text(self, measure: ShownMetric) -> str:
         """Return a measure with half the width of its 95 % interval, "-" without one.
 
         A late MFoW of runs in which some ground was never seen is the time since the start, so that it says how much
@@ -78,9 +83,9 @@ class CellResult:
         Args:
             measure: The measure.
         """
-        seen = self.row.metrics.get(SEEN)
-        if measure.metric in (LATE, OVER_TOUR) and seen is not None and seen.mean < 1.0:
-            return f"({100.0 * seen.mean:.2f} % seen)"
+        seen = self.mean(SEEN)
+        if measure.metric in (LATE, OVER_TOUR) and seen is not None and not self.seen_all:
+            return f"({100.0 * seen:.2f} % seen)"
         return number_text(self.row.metrics.get(measure.metric), measure.digits)
 
     def mean(self, metric: str) -> float | None:
@@ -95,7 +100,7 @@ class BenchmarkResults:
 
     Attributes:
         outcome: Of the sweep, with the ratio to the best tour as one more metric.
-        cells: Cell by cell.
+        cells: BenchmarkCell by cell.
     """
 
     outcome: SweepOutcome

@@ -16,11 +16,11 @@ from experiments.benchmark.results import (
     INTRUDED,
     LATE,
     MEASURES,
-    SEEN,
+    OVER_TOUR,
     TOUR,
     BenchmarkResults,
     CellResult,
-    Measure,
+    ShownMetric,
     describe,
     policy_table,
     shared_settings,
@@ -45,7 +45,7 @@ MARKERS = "osD^vPX*"
 LOGARITHMIC = 8.0
 """A measure whose means differ by more than this factor is drawn on a logarithmic scale."""
 
-WORST = Measure(INTRUDED, f"attacks of {ATTACK_S:g} s that succeed, best intruder (%)", 1)
+WORST = ShownMetric(INTRUDED, f"attacks of {ATTACK_S:g} s that succeed, best intruder (%)", 1)
 
 
 def drawings(matrix: Matrix, results: BenchmarkResults) -> list[Drawing]:
@@ -196,7 +196,7 @@ def _plane(axes: Axes, results: list[CellResult], matrix: Matrix) -> None:
         if x is None or y is None:
             continue
         tone, marker, _ = _look(matrix, result)
-        face = tone if (result.mean(SEEN) or 0.0) >= 1.0 else "none"
+        face = tone if result.seen_all else "none"
         axes.errorbar(
             x.mean,
             y.mean,
@@ -231,8 +231,10 @@ def _attacks(axes: Axes, results: list[CellResult], matrix: Matrix) -> None:
     plain(axes)
 
 
-def _dots_drawing(matrix: Matrix, measure: Measure, results: Sequence[CellResult], team: int) -> Drawing:
+def _dots_drawing(matrix: Matrix, measure: ShownMetric, results: Sequence[CellResult], team: int) -> Drawing:
     policies = [policy.name for policy in matrix.policies]
+
+    hollow = measure.metric in (LATE, OVER_TOUR)
 
     def fill(axes: Axes, cells: list[CellResult]) -> None:
         conditions = list(dict.fromkeys(cell.cell.condition for cell in results))
@@ -250,6 +252,7 @@ def _dots_drawing(matrix: Matrix, measure: Measure, results: Sequence[CellResult
                     xerr=found.half,
                     color=colour(place),
                     marker=MARKERS[place % len(MARKERS)],
+                    markerfacecolor="none" if hollow and not cell.seen_all else colour(place),
                     markersize=4,
                     linestyle="none",
                     label=label,
@@ -268,16 +271,17 @@ def _dots_drawing(matrix: Matrix, measure: Measure, results: Sequence[CellResult
 
     several = len({result.cell.condition for result in results}) > 1
     height = 0.9 + 0.19 * len(policies)
-    tour = " Dotted: the best tour found." if measure.metric == LATE else ""
+    more = " Hollow: some ground was never seen." if hollow else ""
+    more += " Dotted: the best tour found." if measure.metric == LATE else ""
     return draw(
         f"dots-{measure.metric}",
         measure.title[0].upper() + measure.title[1:],
-        f"Means over seeds with their 95 % intervals, {team} robot{'s' * (team > 1)}.{tour}",
+        f"Means over seeds with their 95 % intervals, {team} robot{'s' * (team > 1)}.{more}",
         lambda: _facets(results, fill, legend=several, height=height),
     )
 
 
-def _teams_drawing(matrix: Matrix, measure: Measure, results: Sequence[CellResult], condition: str) -> Drawing:
+def _teams_drawing(matrix: Matrix, measure: ShownMetric, results: Sequence[CellResult], condition: str) -> Drawing:
     def fill(axes: Axes, cells: list[CellResult]) -> None:
         for policy in matrix.policies:
             own = [cell for cell in cells if cell.cell.policy == policy and measure.metric in cell.row.metrics]

@@ -9,7 +9,6 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from agent.policies.found import POLICIES
 from experiments.benchmark import markdown
 from experiments.benchmark.conditions import DEFAULT, NONE
 from experiments.benchmark.matrix import (
@@ -175,7 +174,11 @@ def benchmark(
         for field, option in TAKEN.items():
             if name == field or name.startswith(f"{field}.") or field.startswith(f"{name}."):
                 raise BadInput(f"--set {name}: the benchmark sets this field; use {option}")
-    all_policies = read_policies(",".join(POLICIES.built_in) if policies is None else policies)
+    if policies is None:
+        from agent.policies.found import POLICIES  # here: loads much
+
+        policies = ",".join(POLICIES.built_in)
+    chosen = read_policies(policies)
     numbers = count_of_seeds(_default(seeds, QUICK_SEEDS if quick else SEEDS), "--seeds")
     if preset is not None:
         own = {"--terrains": terrains, "--teams": teams, "--conditions": conditions, "--duration": duration}
@@ -185,13 +188,13 @@ def benchmark(
         if preset not in PRESETS:
             raise BadInput(f"--preset {preset}: no such preset; {did_you_mean(preset, list(PRESETS))}")
         more = given if point is None else {"point": point, **given}
-        matrix = preset_matrix(preset, all_policies, numbers, map_file, graph_file, more)
+        matrix = preset_matrix(preset, chosen, numbers, map_file, graph_file, more)
     else:
         for option, file in (("--map", map_file), ("--graph", graph_file)):
             if file is not None:
                 raise BadInput(f"{option} {file}: goes with --preset; give --terrains FILE.graph+MAP.yaml instead")
         matrix = Matrix(
-            all_policies,
+            chosen,
             read_terrains(",".join(BUILTINS) if terrains is None else terrains),
             read_teams(str(TEAM) if teams is None else teams),
             read_conditions(NONE if conditions is None else conditions),

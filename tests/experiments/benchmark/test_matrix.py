@@ -8,8 +8,8 @@ import pytest
 
 from experiments.benchmark.conditions import check_condition, faults_of, least_team
 from experiments.benchmark.matrix import (
-    Choice,
     Matrix,
+    NamedSettings,
     plan_of,
     read_conditions,
     read_policies,
@@ -58,7 +58,9 @@ def test_a_condition_is_its_faults(name: str, faults: list[dict[str, object]]) -
 
 def test_robots_die_within_a_shorter_run() -> None:
     assert [fault["at"] for fault in faults_of("deaths", 600.0)] == [100.0, 366.667]
-    (run,) = plan_of(matrix(policies=(Choice("committed", {}),), teams=(4,), conditions=("deaths",), seeds=(1,))).runs
+    (run,) = plan_of(
+        matrix(policies=(NamedSettings("committed", {}),), teams=(4,), conditions=("deaths",), seeds=(1,))
+    ).runs
     timeline = Timeline(run.scenario)
     assert run.scenario.ticks == 1200
     assert [bool(timeline.acts(k)) for k in (199, 200, 734)] == [False, True, True]

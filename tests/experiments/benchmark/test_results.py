@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-import json
-from collections.abc import Iterator, Sequence
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 import pytest
 
@@ -28,12 +24,10 @@ from experiments.benchmark.results import (
     run_lines,
 )
 from experiments.sweeps.casetable import case_lines, csv_text
-from experiments.sweeps.plan import Run
-from experiments.sweeps.results import RunResult
 from experiments.sweeps.runner import SweepOutcome, run_sweep
 from experiments.sweeps.stats import estimate
-from experiments.sweeps.worker import Answer, Task, run_task
 from patrol.errors import BadInput
+from tests.experiments.sweeps.test_sweep_runs import Here, Watching
 
 TINY = Matrix(
     policies=read_policies("committed,sebs:g2=50"),
@@ -46,44 +40,12 @@ TINY = Matrix(
 )
 
 
-class Here:
-    """One worker, in this process."""
-
-    size = 1
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        """Nothing has to end."""
-
-    def work(self, tasks: Sequence[Task]) -> Iterator[Answer]:
-        for task in tasks:
-            yield run_task(json.loads(json.dumps(task)))
-
-
-class Stopping:
-    """Interrupts the sweep after some results."""
-
-    def __init__(self, after: int) -> None:
-        self._left = after
-
-    def begin(self, todo: list[Run], done: list[RunResult], workers: int) -> None:
-        """See `SweepObserver`."""
-
-    def result(self, result: RunResult) -> None:
-        assert result.ok
-        self._left -= 1
-        if self._left == 0:
-            raise KeyboardInterrupt
-
-
 @pytest.fixture(scope="module")
 def outcome(tmp_path_factory: pytest.TempPathFactory) -> SweepOutcome:
     """The tiny benchmark, interrupted after three runs and started again."""
     folder = tmp_path_factory.mktemp("benchmark")
     with pytest.raises(KeyboardInterrupt):
-        run_sweep(plan_of(TINY), folder, workers=Here(), observer=Stopping(3))
+        run_sweep(plan_of(TINY), folder, workers=Here(), observer=Watching(3))
     return run_sweep(plan_of(TINY), folder, workers=Here())
 
 

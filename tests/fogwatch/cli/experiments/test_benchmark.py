@@ -57,9 +57,6 @@ def test_it_writes_a_page_and_each_command_repeats_its_run(
     assert chosen[0]["command"].replace("'", "&#x27;").replace('"', "&quot;") in page
     with (tmp_path / "bench/cells.csv").open(encoding="utf-8") as file:
         assert [cell["command"] for cell in csv.DictReader(file)] == [run["command"] for run in runs]
-    capsys.readouterr()
-    assert fogwatch(*words) == 0
-    assert "0 runs made in " in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
