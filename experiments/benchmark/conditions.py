@@ -12,7 +12,7 @@ from typing import Any
 from patrol.errors import BadInput, did_you_mean
 
 NONE, SILENCE, DEATHS, SPOOF, LOSS = "none", "silence", "deaths", "spoof", "loss-"
-DEFAULT = (NONE, "loss-50", "loss-90", SILENCE, DEATHS, SPOOF)
+ALL = (NONE, "loss-50", "loss-90", SILENCE, DEATHS, SPOOF)
 """All conditions, with two examples of `loss-P`."""
 
 DEATHS_S = (300.0, 1100.0)
@@ -35,7 +35,7 @@ def check_condition(name: str) -> None:
     parts = name.split("+")
     for part in parts:
         if part not in (NONE, SILENCE, DEATHS, SPOOF) and _loss(part) is None:
-            hint = f"{did_you_mean(part, DEFAULT)}, or join several, as in loss-90+deaths"
+            hint = f"{did_you_mean(part, ALL)}, or join several, as in loss-90+deaths"
             raise BadInput(f"--conditions {name}: {part}: no such condition; {hint}")
     if len(set(parts)) < len(parts) or (NONE in parts and len(parts) > 1):
         raise BadInput(f"--conditions {name}: these do not go together; name each fault once, and none alone")

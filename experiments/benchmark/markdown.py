@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from experiments.benchmark.matrix import Matrix
 from experiments.benchmark.presets import Preset, beside_published
-from experiments.benchmark.results import BenchmarkResults, describe, policy_table, shared_settings
+from experiments.benchmark.results import BEST_TOUR, BenchmarkResults, describe, policy_table, shared_settings
 
 
 def page(
@@ -44,7 +44,7 @@ def _lines(
         yield ""
         yield f"## {describe(team, condition)}"
         yield ""
-        yield from table(heads, [[f"`{row[0]}`" if not row[0].startswith("*") else row[0], *row[1:]] for row in rows])
+        yield from table(heads, [[f"*{name}*" if name == BEST_TOUR else f"`{name}`", *more] for name, *more in rows])
     if preset is not None:
         heads, rows = beside_published(preset, results.cells)
         yield ""

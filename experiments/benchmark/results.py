@@ -22,6 +22,9 @@ ATTACK_S = 75.0
 
 INTRUDED = game_metric("worst", ATTACK_S)
 
+BEST_TOUR = "best tour found"
+"""The first row of `policy_table`."""
+
 
 @dataclass(frozen=True, slots=True)
 class ShownMetric:
@@ -192,7 +195,7 @@ def policy_table(results: Sequence[CellResult]) -> tuple[list[str], list[list[st
     order = ", same order" if len(terrains) > 1 else ""
     heads = ["policy", *terrains, *(f"{title}{order}" for title, _ in beside)]
     tours = [_first(by_place[policy, terrain].mean(TOUR) for policy in policies) for terrain in terrains]
-    rows = [["*best tour found*", *map(_whole, tours), *("" for _ in beside)]] if any(tours) else []
+    rows = [[BEST_TOUR, *map(_whole, tours), *("" for _ in beside)]] if any(tours) else []
     for policy in policies:
         cells = [by_place[policy, terrain] for terrain in terrains]
         late = [cell.text(MEASURES[0]) for cell in cells]

@@ -136,7 +136,7 @@ def _published(preset: Preset | None, results: BenchmarkResults) -> str:
 
 def _cells(cells: Sequence[CellResult]) -> str:
     heads, rows = policy_table(cells)
-    short = html.table(heads, [[text.strip("*") for text in row] for row in rows], range(1, len(heads)))
+    short = html.table(heads, rows, range(1, len(heads)))
     shown = [measure for measure in MEASURES if any(measure.metric in cell.row.metrics for cell in cells)]
     titles = ["policy", "terrain", "runs", "with warnings", *(measure.title for measure in shown)]
     every = [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, TypeVar
 
@@ -10,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from experiments.benchmark import markdown
-from experiments.benchmark.conditions import DEFAULT, NONE
+from experiments.benchmark.conditions import ALL, NONE
 from experiments.benchmark.matrix import (
     Matrix,
     plan_of,
@@ -99,7 +100,7 @@ def benchmark(
         str | None,
         typer.Option(
             metavar="NAME,...",
-            help=f"Of {', '.join(DEFAULT)}; loss-P for any percentage, A+B for both (default: {NONE}).",
+            help=f"Of {', '.join(ALL)}; loss-P for any percentage, A+B for both (default: {NONE}).",
             rich_help_panel=VARIED,
         ),
     ] = None,
@@ -169,11 +170,7 @@ def benchmark(
     are not repeated, so an interrupted benchmark continues when it is started again.
     """
     console = Console()
-    given = parse_overrides(settings or [])
-    for name in given:
-        for field, option in TAKEN.items():
-            if name == field or name.startswith(f"{field}.") or field.startswith(f"{name}."):
-                raise BadInput(f"--set {name}: the benchmark sets this field; use {option}")
+    given = _overrides(settings or [])
     if policies is None:
         from agent.policies.found import POLICIES  # here: loads much
 
@@ -182,11 +179,7 @@ def benchmark(
     numbers = count_of_seeds(_default(seeds, QUICK_SEEDS if quick else SEEDS), "--seeds")
     if preset is not None:
         own = {"--terrains": terrains, "--teams": teams, "--conditions": conditions, "--duration": duration}
-        for option, value in {**own, "--model": model, "--quick": quick or None}.items():
-            if value is not None:
-                raise BadInput(f"{option}: --preset {preset} says what is run; leave it out, or drop --preset")
-        if preset not in PRESETS:
-            raise BadInput(f"--preset {preset}: no such preset; {did_you_mean(preset, list(PRESETS))}")
+        _check_preset(preset, {**own, "--model": model, "--quick": quick or None})
         more = given if point is None else {"point": point, **given}
         matrix = preset_matrix(preset, chosen, numbers, map_file, graph_file, more)
     else:
@@ -214,6 +207,25 @@ def benchmark(
     files = f"{folder}: benchmark.html has all results; also benchmark.md, cells.csv, runs.csv, figures"
     console.print(f"{made}; {files}", highlight=False, soft_wrap=True)
     return FAILED if outcome.failed else 0
+
+
+def _overrides(settings: Sequence[str]) -> dict[str, object]:
+    """Read what ``--set`` sets; refuse fields that the benchmark sets."""
+    given = parse_overrides(settings)
+    for name in given:
+        for field, option in TAKEN.items():
+            if name == field or name.startswith(f"{field}.") or field.startswith(f"{name}."):
+                raise BadInput(f"--set {name}: the benchmark sets this field; use {option}")
+    return given
+
+
+def _check_preset(preset: str, options: Mapping[str, object]) -> None:
+    """Refuse an unknown preset, and options that it decides."""
+    if preset not in PRESETS:
+        raise BadInput(f"--preset {preset}: no such preset; {did_you_mean(preset, list(PRESETS))}")
+    for option, value in options.items():
+        if value is not None:
+            raise BadInput(f"{option}: --preset {preset} says what is run; leave it out, or drop --preset")
 
 
 def _write(folder: Path, matrix: Matrix, results: BenchmarkResults, preset: str | None) -> None:
@@ -248,7 +260,7 @@ def _print(console: Console, results: BenchmarkResults, preset: str | None) -> N
         for column in table.columns[1:]:
             column.justify = "right"
         for row in rows:
-            table.add_row(*(text.strip("*") for text in row))
+            table.add_row(*row)
         console.print(table, highlight=False, markup=False)
 
 
