@@ -159,7 +159,7 @@ def plan_of(matrix: Matrix) -> Plan:
             )
     cases = [Case(cell.name, cell.settings) for cell in matrix.cells]
     plan = make_plan("benchmark", Base({"name": "benchmark"}, Path.cwd(), CALLED), cases, matrix.seeds)
-    return replace(plan, games=True)
+    return replace(plan, runs=tuple(replace(run, games=True) for run in plan.runs))
 
 
 def read_policies(text: str) -> tuple[NamedSettings, ...]:

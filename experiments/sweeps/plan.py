@@ -61,6 +61,7 @@ class Run:
         seed: Its seed.
         scenario: The resolved scenario.
         settings: What its case sets in the base scenario: values by dotted field.
+        games: Whether intruder games are played on it.
     """
 
     key: str
@@ -68,6 +69,7 @@ class Run:
     seed: int
     scenario: Scenario
     settings: Mapping[str, object] = default(default_factory=dict)
+    games: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +82,6 @@ class Plan:
         seeds: The seeds that each case is run with.
         runs: The runs, case by case.
         partners: For each case that is compared with another one, the name of that one.
-        games: Whether intruder games are played on each run.
     """
 
     name: str
@@ -88,7 +89,6 @@ class Plan:
     seeds: tuple[int, ...]
     runs: tuple[Run, ...]
     partners: Mapping[str, str] = default(default_factory=dict)
-    games: bool = False
 
     def runs_of(self, case: str) -> list[Run]:
         """Return the runs of a case, one per seed.

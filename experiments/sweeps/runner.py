@@ -129,13 +129,12 @@ def run_sweep(
         there = {result.key for result in done}
         todo = [run for run in distinct.values() if run.key not in there]
         if todo:
-            _make(todo, plan.games, done, results, workers or LocalWorkers(), observer, say)
+            _make(todo, done, results, workers or LocalWorkers(), observer, say)
         return SweepOutcome(plan, dict(results.by_key), len(todo), time.perf_counter() - begun)
 
 
 def _make(
     todo: list[Run],
-    games: bool,
     done: list[RunResult],
     results: Results,
     workers: WorkerPool,
@@ -150,13 +149,13 @@ def _make(
     with workers:
         if observer is not None:
             observer.begin(todo, done, min(workers.size, len(todo)))
-        for answer in workers.work([_task(run, games) for run in todo]):
+        for answer in workers.work([_task(run) for run in todo]):
             result = RunResult(**answer, settings=settings[answer["key"]])
             results.add(result)
             if observer is not None:
                 observer.result(result)
 
 
-def _task(run: Run, games: bool) -> Task:
+def _task(run: Run) -> Task:
     scenario = as_mapping(run.scenario)
-    return {"key": run.key, "case": run.case, "seed": run.seed, "scenario": scenario, "games": games}
+    return {"key": run.key, "case": run.case, "seed": run.seed, "scenario": scenario, "games": run.games}
