@@ -12,6 +12,7 @@ import typer
 
 from fogwatch.cli.runs.open_run import RUN, open_folder, print_state
 from patrol.errors import BadInput
+from patrol.measures.intruders import ATTACKS_S
 from patrol.printable import printable
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ EXAMPLES = [
     "fogwatch intruder RUN --attacks 30,90,180 --json",
     "fogwatch intruder RUN --attacks 30,90,180 --learned --horizon 300,1200,3600",
 ]
-ATTACKS = "25,50,75,100,125,150"
+ATTACKS = ",".join(f"{attack_s:g}" for attack_s in ATTACKS_S)
 HORIZONS = "300"
 TRIALS = 50
 
@@ -63,7 +64,7 @@ def intruder(
     Random attacks any place at any time. Waiting attacks a place that has just been left. Statistical has learned from
     the first half of the run after which time a place is likely to stay unseen. An attack succeeds if no robot sees
     the place until it is over. The games are also played on the vertices of terrain.graph, or of the graph made from
-    the ground, where a robot must come within 0.4 m, as in the literature.
+    the ground, where a robot must come within `terrain.graph.visit` (0.4 m), as in the literature.
 
     Learned is a neural network that watches for half of its horizon, then attacks once, where and when it expects
     success. With six durations, 50 trials of 300 s take half a minute; the paper's durations and horizons four minutes.

@@ -26,6 +26,7 @@ from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.files.half_characters import refuse_half_characters
 from patrol.files.untrusted import IMAGE, read_untrusted
 from patrol.files.yaml_text import line_of, parse_yaml, read_text
+from patrol.graph.graph import VISIT_M
 from patrol.ground.map_file import read_map_file
 from patrol.pose import TURNS_IN_ARCS
 from patrol.scenario.file.dump import dump_section, notes_on_lengths
@@ -246,8 +247,11 @@ def _meaning(scenario: Scenario) -> dict[str, Any]:
     if scenario.sensor.kind in BUILT_IN_SENSORS:  # their other settings say it all
         for field in ("kind", "kind_sha256", "options"):
             del meaning["sensor"][field]
-    if scenario.terrain.graph is None:  # as before there were graphs, so that hashes stay
+    graph = scenario.terrain.graph
+    if graph is None:  # as before there were graphs, so that hashes stay
         del meaning["terrain"]["graph"]
+    elif graph.visit == VISIT_M:  # as before it could be set
+        del meaning["terrain"]["graph"]["visit"]
     if scenario.radio.model == IDEAL:  # as before there were others, so that hashes stay
         for field in ("model", "model_sha256", "options"):
             del meaning["radio"][field]
