@@ -69,7 +69,7 @@ def games_of(
         advance: Called with the share of the learned intruder's work that is done.
 
     Raises:
-        BadInput: The run is shorter than a horizon of the trials.
+        BadInput: A horizon of the trials is longer than the run, or too short for a prediction.
     """
     if trials is not None:
         trials.check(run.ticks, run.step)

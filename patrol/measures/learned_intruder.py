@@ -95,16 +95,22 @@ class Trials:
     number: int
 
     def check(self, ticks: int, step: float) -> None:
-        """Refuse a run that is shorter than a horizon.
+        """Refuse a run that is shorter than a horizon, and a horizon that is over before the first prediction.
 
         Args:
             ticks: Of the run.
             step: Length of a tick, s.
 
         Raises:
-            BadInput: It is shorter.
+            BadInput: It is.
         """
+        least = WINDOW * _second(step)
         for horizon_s in self.horizons_s:
+            if round(horizon_s / step) < least:
+                raise BadInput(
+                    f"horizon of {horizon_s:g} s: the intruder first watches for {least * step:g} s; "
+                    "choose a longer horizon"
+                )
             if round(horizon_s / step) > ticks:
                 raise BadInput(
                     f"horizon of {horizon_s:g} s: the run has only {ticks * step:g} s; "
@@ -144,7 +150,7 @@ def learned_games(
         For each horizon the outcome for each duration.
 
     Raises:
-        BadInput: The run is shorter than a horizon.
+        BadInput: The run is shorter than a horizon, or a horizon too short for a prediction.
     """
     trials.check(len(watched.seen), watched.step)
     free, since = unseen_after(watched.seen), unseen_since(watched.seen)
@@ -184,7 +190,7 @@ class _Game:
     @property
     def stride(self) -> int:
         """Ticks in a second; 1 where a tick is longer."""
-        return max(round(1.0 / self.watched.step), 1)
+        return _second(self.watched.step)
 
     @property
     def horizon(self) -> int:
@@ -276,6 +282,11 @@ class _Game:
         windows[:, 1] = self.watched.nearness[ticks]
         windows[:, 2] = self.watched.approach[ticks]
         return windows
+
+
+def _second(step: float) -> int:
+    """Return the ticks in a second; 1 where a tick is longer."""
+    return max(round(1.0 / step), 1)
 
 
 def first_attack(best: Features, times: Seen, left: NDArray[np.float64]) -> NDArray[np.int64]:

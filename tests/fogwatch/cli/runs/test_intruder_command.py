@@ -85,6 +85,7 @@ def test_the_learned_intruder_plays_where_it_is_asked_to(
         (["--horizon", "30"], "--horizon 30: only the learned intruder has it; add --learned"),
         (["--trials", "5"], "--trials 5: only the learned intruder has it; add --learned"),
         (["--learned", "--horizon", "30,-1"], "--horizon 30,-1: expected seconds above 0"),
+        (["--learned", "--horizon", "30,9"], "horizon of 9 s: the intruder first watches for 10 s; choose a longer"),
         (["--learned", "--horizon", "30,90"], "horizon of 90 s: the run has only 60 s; choose a shorter horizon"),
     ],
 )
