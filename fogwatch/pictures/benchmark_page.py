@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from experiments.benchmark.matrix import Matrix
+from experiments.benchmark.matrix import Matrix, robots_text
 from experiments.benchmark.presets import Preset, beside_published
 from experiments.benchmark.results import (
     ATTACK_S,
@@ -66,25 +66,37 @@ def drawings(matrix: Matrix, results: BenchmarkResults) -> list[Drawing]:
     of_team = [r for r in shown if r.cell.team == team]
     over_teams = [r for r in shown if r.cell.condition == condition]
     where = describe(team, condition)
-    figures = [
-        draw(
-            "plane",
-            "Freshness against intruders",
-            f"Each policy is a point; the lower left is better. Hollow: some ground was never seen. {where}.",
-            lambda: _facets(first, lambda axes, cells: _plane(axes, cells, matrix)),
-        ),
-        draw(
-            "attacks",
-            "Intruder success over the duration of the attack",
-            f"Share of attacks that succeed, of the intruder that does best. {where}.",
-            lambda: _facets(first, lambda axes, cells: _attacks(axes, cells, matrix), legend=True),
-        ),
-    ]
-    measured = [m for m in (*MEASURES, WORST) if any(m.metric in result.row.metrics for result in of_team)]
-    figures += [_dots_drawing(matrix, measure, of_team, team) for measure in measured]
+    figures = []
+    if _measured(WORST.metric, first):
+        caption = f"Each policy is a point; the lower left is better. Hollow: some ground was never seen. {where}."
+        figures.append(
+            draw(
+                "plane",
+                "Freshness against intruders",
+                caption,
+                lambda: _facets(first, lambda axes, cells: _plane(axes, cells, matrix)),
+            )
+        )
+    if any(_measured(game_metric("worst", attack_s), first) for attack_s in ATTACKS_S):
+        figures.append(
+            draw(
+                "attacks",
+                "Intruder success over the duration of the attack",
+                f"Share of attacks that succeed, of the intruder that does best. {where}.",
+                lambda: _facets(first, lambda axes, cells: _attacks(axes, cells, matrix), legend=True),
+            )
+        )
+    measures = [measure for measure in (*MEASURES, WORST) if _measured(measure.metric, of_team)]
+    figures += [_dots_drawing(matrix, measure, of_team, team) for measure in measures]
     if len({result.cell.team for result in over_teams}) > 1:
-        figures += [_teams_drawing(matrix, measure, over_teams, condition) for measure in (MEASURES[0], WORST)]
+        measures = [measure for measure in (MEASURES[0], WORST) if _measured(measure.metric, over_teams)]
+        figures += [_teams_drawing(matrix, measure, over_teams, condition) for measure in measures]
     return figures
+
+
+def _measured(metric: str, results: Sequence[CellResult]) -> bool:
+    """Return True if some cell has a metric: in short runs there are no long attacks, for example."""
+    return any(metric in result.row.metrics for result in results)
 
 
 def page(
@@ -137,7 +149,7 @@ def _published(preset: Preset | None, results: BenchmarkResults) -> str:
 def _cells(cells: Sequence[CellResult]) -> str:
     heads, rows = policy_table(cells)
     short = html.table(heads, rows, range(1, len(heads)))
-    shown = [measure for measure in MEASURES if any(measure.metric in cell.row.metrics for cell in cells)]
+    shown = [measure for measure in MEASURES if _measured(measure.metric, cells)]
     titles = ["policy", "terrain", "runs", "with warnings", *(measure.title for measure in shown)]
     every = [
         [
@@ -276,7 +288,7 @@ def _dots_drawing(matrix: Matrix, measure: ShownMetric, results: Sequence[CellRe
     return draw(
         f"dots-{measure.metric}",
         measure.title[0].upper() + measure.title[1:],
-        f"Means over seeds with their 95 % intervals, {team} robot{'s' * (team > 1)}.{more}",
+        f"Means over seeds with their 95 % intervals, {robots_text(team)}.{more}",
         lambda: _facets(results, fill, legend=several, height=height),
     )
 
