@@ -2,7 +2,7 @@
 
 Policies and terrains are given as texts::
 
-    committed,even-tour,committed:unpredictability=0.3,./mine.py:Mine:near=4
+    committed,even-tour,committed:random_move=0.1,./mine.py:Mine:near=4
     open,plan.yaml,cumberland.graph+cumberland.yaml
 """
 
@@ -102,7 +102,7 @@ class BenchmarkCell:
     @property
     def name(self) -> str:
         """The name of its case in the sweep."""
-        return f"{self.policy.name} on {self.terrain.name}, {self.team} robots, {self.condition}"
+        return f"{self.policy.name} on {self.terrain.name}, {robots_text(self.team)}, {self.condition}"
 
     @property
     def labels(self) -> dict[str, object]:
@@ -142,6 +142,15 @@ class BenchmarkCell:
         return shlex.join([*words, "--seed", str(seed), "--in-process"])
 
 
+def robots_text(team: int) -> str:
+    """Return a number of robots in words, such as "1 robot".
+
+    Args:
+        team: The number.
+    """
+    return f"{team} robot{'s' if team > 1 else ''}"
+
+
 def plan_of(matrix: Matrix) -> Plan:
     """Return the plan of all runs, with intruder games.
 
@@ -172,19 +181,20 @@ def read_policies(text: str) -> tuple[NamedSettings, ...]:
         The policies; whether there are such is found when the plan is made.
 
     Raises:
-        BadInput: An option has no name, or a policy occurs twice.
+        BadInput: A policy or an option has no name, or a policy occurs twice.
     """
     policies = []
     for name in _listed(text, "--policies", "committed,even-tour"):
         words = name.split(":")
         options = [word for word in words if "=" in word]
-        settings: dict[str, object] = {"patrol.policy": ":".join(word for word in words if "=" not in word)}
+        policy = ":".join(word for word in words if "=" not in word)
+        settings: dict[str, object] = {"patrol.policy": policy}
+        if not policy or policy.endswith(":"):
+            raise BadInput(f"--policies {name}: expected NAME or NAME:OPTION=VALUE, as in committed:random_move=0.1")
         for option in options:
             key, _, value = option.partition("=")
             if not key or not value:
-                raise BadInput(
-                    f"--policies {name}: {option}: expected OPTION=VALUE, as in committed:unpredictability=0.3"
-                )
+                raise BadInput(f"--policies {name}: {option}: expected OPTION=VALUE, as in committed:random_move=0.1")
             settings[f"patrol.options.{key}"] = value
         policies.append(NamedSettings(name, settings))
     return tuple(policies)

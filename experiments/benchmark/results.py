@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 
-from experiments.benchmark.matrix import BenchmarkCell, Matrix
+from experiments.benchmark.matrix import BenchmarkCell, Matrix, robots_text
 from experiments.sweeps.casetable import CaseRow, case_rows
 from experiments.sweeps.game_log import game_metric
 from experiments.sweeps.results import RunResult
@@ -218,8 +218,7 @@ def describe(team: int, condition: str) -> str:
         team: Number of robots.
         condition: Name of the condition.
     """
-    robots = f"{team} robot{'s' if team > 1 else ''}"
-    return f"{robots}, {'no fault' if condition == 'none' else condition}"
+    return f"{robots_text(team)}, {'no fault' if condition == 'none' else condition}"
 
 
 def shared_settings(matrix: Matrix) -> str:

@@ -41,6 +41,7 @@ from fogwatch.cli.experiments.sweep import (
 )
 from fogwatch.launch.terminal.live_table import duration_text
 from fogwatch.progress import command_line, print_failures
+from monitor.report.style import check_matplotlib
 from patrol.errors import BadInput, did_you_mean
 from patrol.pose import MODELS
 from patrol.scenario import BUILTINS, parse_overrides
@@ -48,7 +49,7 @@ from patrol.scenario import BUILTINS, parse_overrides
 EXAMPLES = [
     "fogwatch benchmark --quick",
     "fogwatch benchmark --policies committed,even-tour,sebs --terrains yards,site --conditions none,loss-90,deaths",
-    "fogwatch benchmark --policies committed,committed:unpredictability=0.3,./mine.py:Mine --teams 2,4,8",
+    "fogwatch benchmark --policies committed,committed:random_move=0.1,./mine.py:Mine --teams 2,4,8",
     "fogwatch benchmark --terrains plan.yaml --model differential --set robots.radius=0.3 --set robots.speed=1",
     "fogwatch benchmark --preset m2bench --map cumberland.yaml --graph cumberland.graph",
 ]
@@ -197,6 +198,7 @@ def benchmark(
         )
     plan = plan_of(matrix)
     check_classes(plan)
+    check_matplotlib("experiments")  # before hours of runs, not after them
     folder = out or Path("runs") / "benchmark"
     outcome = make_runs(plan, folder, workers_of(workers, cluster), console, estimate_time=True)
     results = results_of(matrix, outcome)

@@ -10,6 +10,10 @@ from pathlib import Path
 
 import pytest
 
+from experiments.benchmark.matrix import read_policies
+from fogwatch.cli.experiments.benchmark import EXAMPLES
+from patrol.scenario import load_scenario
+
 PLAN = "image: plan.pgm\nresolution: 0.5\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\n"
 GRAPH = "2 40 40 0.5 0 0\n0 10 10 1\n1 E 20\n1 30 10 1\n0 W 20\n"
 QUIET = ("--no-picture", "--no-recording", "--no-report", "--quiet")
@@ -57,6 +61,14 @@ def test_it_writes_a_page_and_each_command_repeats_its_run(
     assert chosen[0]["command"].replace("'", "&#x27;").replace('"', "&quot;") in page
     with (tmp_path / "bench/cells.csv").open(encoding="utf-8") as file:
         assert [cell["command"] for cell in csv.DictReader(file)] == [run["command"] for run in runs]
+
+
+def test_the_policies_of_the_examples_can_be_run() -> None:
+    lists = [words[words.index("--policies") + 1] for words in map(shlex.split, EXAMPLES) if "--policies" in words]
+    policies = [policy for text in lists for policy in read_policies(text) if not policy.name.startswith("./")]
+    assert any(len(policy.settings) > 1 for policy in policies), "one has an option"
+    for policy in policies:
+        load_scenario({"terrain": {"builtin": "open"}}, policy.settings)
 
 
 @pytest.mark.parametrize(
