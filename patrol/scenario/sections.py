@@ -72,10 +72,13 @@ class TerrainSpec(Section):
     @field_validator("graph", mode="before")
     @classmethod
     def _from_a_file(cls, value: Any, info: ValidationInfo) -> Any:
-        more = dict(value) if isinstance(value, dict) else {}
-        file = more.pop("file", None) if more else value
-        if not isinstance(file, str):
+        given = {"file": value} if isinstance(value, str) else value
+        if not isinstance(given, dict) or "file" not in given:
             return value
+        more = {key: given[key] for key in given if key != "file"}
+        file = given["file"]
+        if not isinstance(file, str) or more.keys() & {"vertices", "edges"}:
+            raise wrong("", "expected FILE.graph, {file: FILE.graph, visit: M}, or vertices and edges without a file")
         try:
             return {**read_graph(Path(str(absolute(file, info)))), **more}
         except BadInput as error:
