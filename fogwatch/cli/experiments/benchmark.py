@@ -58,8 +58,11 @@ SEEDS, DURATION_S, POINT_M, TEAM, MODEL = 5, 1200.0, 0.5, 4, "holonomic"
 QUICK_SEEDS, QUICK_DURATION_S, QUICK_POINT_M = 2, 300.0, 1.0
 
 TAKEN = {
-    "terrain": "--terrains",
-    "patrol": "--policies",
+    "terrain.builtin": "--terrains",
+    "terrain.map": "--terrains",
+    "terrain.graph": "--terrains",
+    "patrol.policy": "--policies",
+    "patrol.options": "--policies",
     "robots.count": "--teams",
     "robots.model": "--model",
     "faults": "--conditions",
