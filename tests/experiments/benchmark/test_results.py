@@ -26,6 +26,7 @@ from experiments.benchmark.results import (
 from experiments.sweeps.casetable import case_lines, csv_text
 from experiments.sweeps.runner import SweepOutcome, run_sweep
 from experiments.sweeps.stats import estimate
+from fogwatch.pictures.benchmark_page import drawings
 from patrol.errors import BadInput
 from tests.experiments.sweeps.test_sweep_runs import Here, Watching
 
@@ -104,6 +105,9 @@ def test_the_tables_show_what_was_seen_where_not_all_was(results: BenchmarkResul
 def test_attacks_longer_than_the_run_are_none(results: BenchmarkResults) -> None:
     assert all(result.mean(INTRUDED) is None for result in results.cells)
     assert all(0.0 <= (result.mean("intruder_random_25s_percent") or 0.0) <= 100.0 for result in results.cells)
+    drawn = [drawing.name for drawing in drawings(TINY, results)]
+    assert drawn[:2] == ["attacks", f"dots-{LATE}"], "no figure shows attacks of 75 s"
+    assert f"dots-{INTRUDED}" not in drawn
 
 
 GRAPH = "40 688 499 0.075 0 0\n" + "\n".join(

@@ -34,7 +34,7 @@ def test_it_writes_a_page_and_each_command_repeats_its_run(
     plan_files(tmp_path)
     words = (
         *("benchmark", "--policies", "committed:separation=none,sebs:g2=50", "--terrains", "open,plan.graph+plan.yaml"),
-        *("--conditions", "spoof+loss-50", "--teams", "2,3", "--seeds", "1", "--point", "2", "--duration", "60"),
+        *("--conditions", "spoof+loss-50", "--teams", "2,3", "--seeds", "1", "--point", "2", "--duration", "100"),
         *("--workers", "1", "--out", "bench"),
     )
     assert fogwatch(*words) == 0
