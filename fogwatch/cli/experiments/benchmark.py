@@ -262,6 +262,8 @@ def _print(console: Console, results: BenchmarkResults, preset: str | None) -> N
     for title, heads, rows in tables:
         console.print(title, highlight=False, markup=False, soft_wrap=True)
         table = Table(*heads, box=None, pad_edge=False, header_style="cyan")
+        for column in table.columns:
+            column.overflow = "fold"
         for column in table.columns[1:]:
             column.justify = "right"
         for row in rows:
