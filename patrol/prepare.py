@@ -81,7 +81,7 @@ class Prepared:
 
         given = self.scenario.terrain.graph
         if given is not None:
-            return graph_of(given.vertices, given.edges, given.pixel)
+            return graph_of(given.vertices, given.edges, given.pixel, given.visit)
         least = min(self.scenario.roster, key=lambda spec: (spec.radius, spec.number))
         return graph_from_ground(self.terrain, self.fields[least.number], sensor_footprint(self.scenario, self.terrain))
 

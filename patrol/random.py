@@ -40,6 +40,7 @@ class Purpose(IntEnum):
     STRANGER = 12
     ODOMETRY = 13
     RADIO = 14
+    INTRUDER = 15
     PHASE = 16
 
 

@@ -95,7 +95,7 @@ def write_tables(outcome: SweepOutcome, folder: Path) -> tuple[Path, Path]:
     """
     rows = case_rows(outcome)
     as_csv, as_json = folder / "summary.csv", folder / "summary.json"
-    write_text(as_csv, csv_text(_csv_lines(rows)))
+    write_text(as_csv, csv_text(case_lines(rows)))
     content = {
         "name": outcome.plan.name,
         "software": software(),
@@ -159,7 +159,15 @@ def write_text(path: Path, text: str) -> None:
         raise BadInput(f"{path}: cannot be written ({error.strerror}); choose another --out") from None
 
 
-def _csv_lines(rows: Sequence[CaseRow]) -> Iterator[Sequence[object]]:
+def case_lines(rows: Sequence[CaseRow]) -> Iterator[Sequence[object]]:
+    """Yield the lines of summary.csv.
+
+    Args:
+        rows: The results case by case.
+
+    Yields:
+        The headings, then the values of each case.
+    """
     fields = list(dict.fromkeys(field for row in rows for field in row.settings))
     names = list(dict.fromkeys(name for row in rows for name in row.metrics))
     changes = list(dict.fromkeys(name for row in rows for name in row.change))

@@ -61,6 +61,7 @@ class Run:
         seed: Its seed.
         scenario: The resolved scenario.
         settings: What its case sets in the base scenario: values by dotted field.
+        games: Whether intruder games are played on it.
     """
 
     key: str
@@ -68,6 +69,7 @@ class Run:
     seed: int
     scenario: Scenario
     settings: Mapping[str, object] = default(default_factory=dict)
+    games: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -38,15 +38,16 @@ def seconds_per_run(runs: Sequence[Run], clock: Callable[[], float] = time.perf_
     estimates_s: list[float] = []
     begun = clock()
     for index in range(min(MOST, len(runs))):
-        scenario = runs[index * len(runs) // min(MOST, len(runs))].scenario
+        run = runs[index * len(runs) // min(MOST, len(runs))]
+        scenario = run.scenario
         short = _cut(scenario, TICKS)
         try:
             if not estimates_s:
-                run_scenario(_cut(scenario, LOADING_TICKS))
+                run_scenario(_cut(scenario, LOADING_TICKS), run.games)
             first = clock()
             prepared = prepare(short)
             ready = clock()
-            run_scenario(prepared)
+            run_scenario(prepared, run.games)
         except BadInput:  # the sweep reports it
             continue
         estimates_s.append(ready - first + (clock() - ready) * scenario.ticks / short.ticks)

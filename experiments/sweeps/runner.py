@@ -157,4 +157,5 @@ def _make(
 
 
 def _task(run: Run) -> Task:
-    return {"key": run.key, "case": run.case, "seed": run.seed, "scenario": as_mapping(run.scenario)}
+    scenario = as_mapping(run.scenario)
+    return {"key": run.key, "case": run.case, "seed": run.seed, "scenario": scenario, "games": run.games}

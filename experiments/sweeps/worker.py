@@ -30,7 +30,8 @@ if TYPE_CHECKING:
     from patrol.scenario import Scenario
 
 Task = dict[str, Any]
-"""A run to make: its key, case, seed, and scenario (resolved, as plain lists, texts and numbers)."""
+"""A run to make: its key, case, seed, scenario (resolved, as plain lists, texts and numbers), and under `games` whether
+intruder games are played on it."""
 
 Answer = dict[str, Any]
 """The fields of `experiments.sweeps.results.RunResult`, but for its settings."""
@@ -73,7 +74,7 @@ def run_task(task: Task) -> Answer:
     metrics: Metrics = {}
     trace = error = None
     try:
-        metrics, trace, error = _run(task["scenario"])
+        metrics, trace, error = _run(task["scenario"], task.get("games", False))
     except BadInput as problem:
         error = str(problem)
     except Exception as problem:  # noqa: BLE001 - one failed run must not end the others
@@ -82,35 +83,38 @@ def run_task(task: Task) -> Answer:
     return answer(task, error, metrics, trace, time.perf_counter() - begun, time.thread_time() - used)
 
 
-def _run(scenario: Mapping[str, Any]) -> tuple[Metrics, str | None, str | None]:
+def _run(scenario: Mapping[str, Any], games: bool) -> tuple[Metrics, str | None, str | None]:
     """Return a run's metrics, its trace hash, and the failed checks of its verdict, or None if it is valid."""
     from patrol.scenario import load_scenario
 
-    outcome, of_belief = run_scenario(load_scenario(scenario))
+    outcome, observed = run_scenario(load_scenario(scenario), games)
     doubts = "; ".join(f"{check.name}: {check.detail}" for check in outcome.verdict.failed)
     error = None if outcome.verdict.valid else f"not valid: {doubts}"
-    return {**metrics_of(outcome.summary), **of_belief}, outcome.summary.trace_hash, error
+    return {**metrics_of(outcome.summary), **observed}, outcome.summary.trace_hash, error
 
 
-def run_scenario(scenario: Scenario | Prepared) -> tuple[Outcome, Metrics]:
+def run_scenario(scenario: Scenario | Prepared, games: bool = False) -> tuple[Outcome, Metrics]:
     """Run a scenario as every run of a sweep.
 
     Args:
         scenario: The scenario; nothing of it is written to disk.
+        games: Whether to play intruder games on it.
 
     Returns:
-        What the run left, and the metrics of what its robots believed.
+        What the run left, and the metrics that its summary lacks: of what its robots believed, and of the games.
 
     Raises:
         BadInput: It cannot be prepared.
     """
     from experiments.inprocess import run_in_process
     from experiments.sweeps.belief_error import BeliefError  # here: loads kernels that `prepare_worker` compiles
+    from experiments.sweeps.game_log import GameLog
 
     # The world and the verdict are in one process, so the verdict need not compute the fog a second time.
-    belief = BeliefError()
-    outcome = run_in_process(scenario, keep=False, verify_fog=False, look=belief.look)
-    return outcome, belief.metrics()
+    belief, log = BeliefError(), GameLog() if games else None
+    watch = None if log is None else log.watch
+    outcome = run_in_process(scenario, keep=False, verify_fog=False, look=belief.look, watch=watch)
+    return outcome, {**belief.metrics(), **(log.metrics() if log is not None else {})}
 
 
 def answer(

@@ -33,6 +33,7 @@ ORDER = (
     "judge",
     "recording",
     "sweep",
+    "benchmark",
     "experiment",
     "paper",
     "chaos",

@@ -5,18 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from monitor.replay.replay import play
+from monitor.replay.robot_distances import nearness_and_approach
 from monitor.replay.run import Run
-from patrol.graph.graph import graph_of, visit_reach
 from patrol.ground.fog import Fog
 from patrol.ground.footprint import View
-from patrol.measures.intruders import Successes, intruder_games
+from patrol.measures.intruders import Sightings, Successes, intruder_games
+from patrol.measures.learned_intruder import Advance, Learned, Trials, Watched, learned_games
 
-MOST_POINTS = 2000
-"""Points of the ground that are played on; of more, every so many are taken, row by row."""
+MOST_LEARNED = 100
+"""Of the points, those on which the learned intruder plays: its networks grow with the square of their number."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,65 +24,78 @@ class Games:
     Attributes:
         points: How many points of the ground were played on.
         ground: On these; a point is seen when it is in a robot's view.
-        vertices: How many vertices the graph has; 0 without one.
-        nodes: On these; a vertex is visited when a robot comes close (`patrol.graph.graph.visit_reach`).
+        learned_points: On how many of these the learned intruder played.
+        learned_ground: Its outcomes on these.
+        vertices: How many vertices the graph has: the scenario's, or the one that is made from the ground.
+        nodes: On these; a vertex is visited when a robot comes close (`patrol.graph.graph.Graph.visit_reach`).
+        learned_nodes: The outcomes of the learned intruder on these.
     """
 
     points: int
     ground: list[Successes]
+    learned_points: int
+    learned_ground: list[Learned]
     vertices: int
     nodes: list[Successes]
+    learned_nodes: list[Learned]
 
 
 class _Looks:
     """Writes down which points are in view in each tick, while a run is replayed."""
 
-    def __init__(self, patrolled: NDArray[np.bool_], ticks: int) -> None:
-        every = np.flatnonzero(patrolled)
-        self._rows, self._cols = np.divmod(every[:: -(-len(every) // MOST_POINTS)], patrolled.shape[1])
-        self.seen = np.zeros((ticks, len(self._rows)), dtype=np.bool_)
+    def __init__(self, sightings: Sightings) -> None:
+        self._to = sightings
 
     def before(self, k: int, fog: Fog, views: Sequence[View]) -> None:  # noqa: ARG002 - a Watcher gets it
         """See `Watcher`."""
         for view in views:
-            rows, cols = self._rows - view.row0, self._cols - view.col0
+            rows, cols = self._to.rows - view.row0, self._to.cols - view.col0
             near = (rows >= 0) & (cols >= 0) & (rows < view.mask.shape[0]) & (cols < view.mask.shape[1])
-            self.seen[k, near] |= view.mask[rows[near], cols[near]] != 0
+            self._to.seen[k, near] |= view.mask[rows[near], cols[near]] != 0
 
     def after(self, k: int, fog: Fog) -> None:
         """See `Watcher`."""
 
 
-def games_of(run: Run, attacks_s: Sequence[float]) -> Games:
+def games_of(
+    run: Run, attacks_s: Sequence[float], trials: Trials | None = None, advance: Advance = lambda _share: None
+) -> Games:
     """Play the games on a run.
 
     Args:
         run: The run.
         attacks_s: Durations of attacks, s.
+        trials: Of the learned intruder, which takes long; None without it.
+        advance: Called with the share of the learned intruder's work that is done.
+
+    Raises:
+        BadInput: A horizon of the trials is longer than the run, or too short for a prediction.
     """
-    looks = _Looks(run.prepared.patrolled, run.ticks)
-    play(run, [looks])
-    visited = _visits(run)
-    return Games(
-        looks.seen.shape[1],
-        intruder_games(looks.seen, run.step, attacks_s),
-        visited.shape[1],
-        intruder_games(visited, run.step, attacks_s) if visited.shape[1] else [],
-    )
-
-
-def _visits(run: Run) -> NDArray[np.bool_]:
-    """bool (ticks, v), whether a robot visits each vertex of the scenario's graph in each tick."""
-    given = run.prepared.scenario.terrain.graph
-    if given is None:
-        return np.zeros((run.ticks, 0), dtype=np.bool_)
-    graph = graph_of(given.vertices, given.edges, given.pixel)
-    visited = np.zeros((run.ticks, graph.size), dtype=np.bool_)
-    reach = {spec.number: visit_reach(spec.speed, run.step) for spec in run.prepared.scenario.roster}
-    before: dict[int, tuple[float, float]] = {}
+    if trials is not None:
+        trials.check(run.ticks, run.step)
+    graph = run.prepared.graph
+    sightings = Sightings(run.prepared, graph, run.ticks)
+    play(run, [_Looks(sightings)])
     for k in range(run.ticks):
-        here = {number: (pose.x, pose.y) for number, pose in run.alive(k)}
-        for number, place in here.items():
-            visited[k, graph.within(before.get(number, place), place, reach[number])] = True
-        before = here
-    return visited
+        sightings.visit(k, ((number, (pose.x, pose.y)) for number, pose in run.alive(k)))
+    points = list(zip(sightings.rows.tolist(), sightings.cols.tolist(), strict=True))
+    learned_ground: list[Learned] = []
+    learned_nodes: list[Learned] = []
+    some = slice(None, None, max(-(-len(points) // MOST_LEARNED), 1))
+    if trials is not None:
+        terrain = run.prepared.terrain
+        vertices = [terrain.point_at(x, y) for x, y in graph.places.tolist()]
+        on_points, on_vertices = (nearness_and_approach(run, each, graph.pixel) for each in (points[some], vertices))
+        ground = Watched(sightings.seen[:, some], *on_points, run.step)
+        nodes = Watched(sightings.visited, *on_vertices, run.step)
+        learned_ground = learned_games(ground, attacks_s, trials, lambda share: advance(0.5 * share))
+        learned_nodes = learned_games(nodes, attacks_s, trials, lambda share: advance(0.5 + 0.5 * share))
+    return Games(
+        len(points),
+        intruder_games(sightings.seen, run.step, attacks_s),
+        len(points[some]) if learned_ground else 0,
+        learned_ground,
+        graph.size,
+        intruder_games(sightings.visited, run.step, attacks_s),
+        learned_nodes,
+    )

@@ -10,20 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 VISIT_M = 0.4
-"""Distance within which a robot visits a place, m: the goal tolerance of patrolling_sim."""
+"""Distance within which a robot visits a place unless told otherwise, m: the goal tolerance of patrolling_sim."""
 
 PIXEL = 0.075
 """Side of a pixel where no image says it, m: that of patrolling_sim's maps cumberland and grid."""
-
-
-def visit_reach(speed: float, step: float) -> float:
-    """Return the distance within which a robot visits a vertex, m: half a stride where that is more than `VISIT_M`.
-
-    Args:
-        speed: The robot's, m/s.
-        step: Length of a tick, s.
-    """
-    return max(VISIT_M, 0.5 * speed * step)
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,11 +24,13 @@ class Graph:
         places: float64 (v, 2), x and y of each vertex, m.
         edges: For each vertex its neighbours with the length of the way there, m, in the file's order.
         pixel: Side of a pixel of its image, m: rules of the literature with constants in pixels count in these.
+        visit: Distance within which a robot visits a vertex, m.
     """
 
     places: NDArray[np.float64]
     edges: tuple[tuple[tuple[int, float], ...], ...]
     pixel: float = PIXEL
+    visit: float = VISIT_M
 
     @property
     def size(self) -> int:
@@ -96,6 +88,15 @@ class Graph:
         """
         return int(np.argmin(((self.places - (x, y)) ** 2).sum(axis=1)))
 
+    def visit_reach(self, speed: float, step: float) -> float:
+        """Return the distance within which a robot visits a vertex, m: half a stride where that is more than `visit`.
+
+        Args:
+            speed: The robot's, m/s.
+            step: Length of a tick, s.
+        """
+        return max(self.visit, 0.5 * speed * step)
+
     def within(self, first: tuple[float, float], last: tuple[float, float], reach: float) -> list[int]:
         """Return the vertices that are no farther away than some distance from a straight stretch, in order along it.
 
@@ -115,7 +116,10 @@ class Graph:
 
 
 def graph_of(
-    places: Sequence[tuple[float, float]], edges: Sequence[tuple[int, int, float]], pixel: float = PIXEL
+    places: Sequence[tuple[float, float]],
+    edges: Sequence[tuple[int, int, float]],
+    pixel: float = PIXEL,
+    visit: float = VISIT_M,
 ) -> Graph:
     """Make a graph from its vertices and its edges, each named once.
 
@@ -123,9 +127,10 @@ def graph_of(
         places: x and y of each vertex, m.
         edges: Two vertices and the length of the way between them, m.
         pixel: See `Graph`.
+        visit: See `Graph`.
     """
     rows: list[list[tuple[int, float]]] = [[] for _ in places]
     for first, last, length in edges:
         rows[first].append((last, length))
         rows[last].append((first, length))
-    return Graph(np.array(places, dtype=np.float64).reshape(-1, 2), tuple(map(tuple, rows)), pixel)
+    return Graph(np.array(places, dtype=np.float64).reshape(-1, 2), tuple(map(tuple, rows)), pixel, visit)

@@ -13,17 +13,33 @@ before the run does is none.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+if TYPE_CHECKING:
+    from patrol.graph.graph import Graph
+    from patrol.prepare import Prepared
+
+ATTACKS_S = (25.0, 50.0, 75.0, 100.0, 125.0, 150.0)
+"""Durations of attacks in the literature, s."""
+
+MOST_POINTS = 2000
+"""Points of the ground that are played on; of more, every so many are taken, row by row."""
+
 SAMPLES = 5
-"""Least number of times that a place was unseen by which the statistical intruder judges it; else by those of all."""
+"""Least number of times that a place was unseen by which the statistical intruder judges it; else by those of all.
+Also the number of failures that it adds to those it knows."""
 
 AT_ONCE = 128
 """Places that are played on at once, so that a long run takes little memory."""
+
+ROUNDING = 1e-6
+"""Rounding error of a number of ticks."""
 
 Seen = NDArray[np.bool_]
 Ticks = NDArray[np.int32]
@@ -55,6 +71,50 @@ class Successes:
         )
 
 
+class Sightings:
+    """Which places are seen in each tick of a run: points of its ground, and the vertices of its graph.
+
+    Attributes:
+        rows: Rows of the points.
+        cols: Columns of the points.
+        seen: bool (ticks, points), to be filled in by the caller.
+        visited: bool (ticks, vertices), filled in by `visit`.
+    """
+
+    def __init__(self, prepared: Prepared, graph: Graph | None, ticks: int) -> None:
+        """Begin with nothing seen.
+
+        Args:
+            prepared: The run's scenario.
+            graph: The graph on whose vertices to play, if any.
+            ticks: How many there are.
+        """
+        every = np.flatnonzero(prepared.patrolled)
+        self.rows, self.cols = np.divmod(every[:: -(-len(every) // MOST_POINTS)], prepared.patrolled.shape[1])
+        self.seen = np.zeros((ticks, len(self.rows)), dtype=np.bool_)
+        self.visited = np.zeros((ticks, 0 if graph is None else graph.size), dtype=np.bool_)
+        self._graph = graph
+        self._reach: dict[int, float] = {}
+        if graph is not None:
+            step = prepared.scenario.step
+            self._reach = {spec.number: graph.visit_reach(spec.speed, step) for spec in prepared.scenario.roster}
+        self._before: dict[int, tuple[float, float]] = {}
+
+    def visit(self, k: int, places: Iterable[tuple[int, tuple[float, float]]]) -> None:
+        """Note which vertices are visited in the next tick.
+
+        Args:
+            k: The tick.
+            places: Number, and x and y in m, of each robot that takes part.
+        """
+        if self._graph is None:
+            return
+        here = dict(places)
+        for number, place in here.items():
+            self.visited[k, self._graph.within(self._before.get(number, place), place, self._reach[number])] = True
+        self._before = here
+
+
 def intruder_games(seen: Seen, step: float, attacks_s: Sequence[float]) -> list[Successes]:
     """Play the games on a run.
 
@@ -70,11 +130,11 @@ def intruder_games(seen: Seen, step: float, attacks_s: Sequence[float]) -> list[
     stays = [unseen_times(seen[:half, place]) for place in range(seen.shape[1])]
     every = np.concatenate(stays) if stays else np.zeros(0, dtype=np.int64)
     known = [own if len(own) >= SAMPLES else every for own in stays]
-    durations = [max(round(attack_s / step), 1) for attack_s in attacks_s]
+    durations = [attack_ticks(attack_s, step) for attack_s in attacks_s]
     shares = np.full((len(durations), 3, seen.shape[1]), np.nan)
     for first in range(0, seen.shape[1], AT_ONCE):
         places = slice(first, first + AT_ONCE)
-        free, since = _unseen_after(seen[:, places]), _unseen_since(seen[:, places])
+        free, since = unseen_after(seen[:, places]), unseen_since(seen[:, places])
         for row, ticks in zip(shares, durations, strict=True):
             row[0, places] = _random(free, ticks)
             row[1, places] = _waiting(seen[:, places], free, ticks)
@@ -84,8 +144,25 @@ def intruder_games(seen: Seen, step: float, attacks_s: Sequence[float]) -> list[
     ]
 
 
-def _unseen_after(seen: Seen) -> Ticks:
-    """int32 (ticks, places): for how many ticks from the next one on a place stays unseen; to the run's end at most."""
+def attack_ticks(attack_s: float, step: float) -> int:
+    """Return the least number of ticks that are not shorter than an attack.
+
+    Args:
+        attack_s: Its duration, s.
+        step: Length of a tick, s.
+    """
+    return max(math.ceil(attack_s / step - ROUNDING), 1)
+
+
+def unseen_after(seen: Seen) -> Ticks:
+    """Return for how many ticks from the next one on each place stays unseen, to the run's end at most.
+
+    Args:
+        seen: bool (ticks, places).
+
+    Returns:
+        int32 (ticks, places).
+    """
     free = np.zeros(seen.shape, dtype=np.int32)
     for k in range(len(seen) - 2, -1, -1):
         free[k] = np.where(seen[k + 1], 0, free[k + 1] + 1)
@@ -123,6 +200,8 @@ def _statistical(free: Ticks, since: Ticks, known: Sequence[NDArray[np.int64]], 
 def best_wait(times: NDArray[np.int64], ticks: int) -> int:
     """Return after how many unseen ticks an attack is most likely to succeed; of equally good ones the least.
 
+    Each is judged as if `SAMPLES` more attacks had failed, so that a few lucky ones do not outweigh many.
+
     Args:
         times: int64 (n,), for how many ticks a place was unseen each time.
         ticks: Of the attack.
@@ -131,12 +210,18 @@ def best_wait(times: NDArray[np.int64], ticks: int) -> int:
     waits = np.append(0, np.unique(ordered) + 1)
     reached = len(ordered) - np.searchsorted(ordered, waits)
     won = len(ordered) - np.searchsorted(ordered, waits + ticks)
-    counts = reached >= min(SAMPLES, len(ordered))
-    return int(waits[np.argmax(np.where(counts, won / np.maximum(reached, 1), -1.0))])
+    return int(waits[np.argmax(won / (reached + SAMPLES))])
 
 
-def _unseen_since(seen: Seen) -> Ticks:
-    """int32 (ticks, places): for how many ticks each place has been unseen, this one included; 0 where it is seen."""
+def unseen_since(seen: Seen) -> Ticks:
+    """Return for how many ticks each place has been unseen, this one included; 0 where it is seen.
+
+    Args:
+        seen: bool (ticks, places).
+
+    Returns:
+        int32 (ticks, places); before a place was seen, counted from the run's beginning.
+    """
     ticks = np.arange(len(seen), dtype=np.int32)[:, None]
     return ticks - np.maximum.accumulate(np.where(seen, ticks, np.int32(-1)), axis=0)
 

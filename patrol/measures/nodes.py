@@ -1,7 +1,8 @@
 """Measures of the literature on the vertices of a graph: idleness in both families, interference, entropy.
 
 A vertex is visited when a robot is within a tolerance of it, or passes by so close from one tick to the next
-(`patrol.graph.graph.visit_reach`). Its *idleness* is the time since its last visit, and since tick 0 before the first.
+(`patrol.graph.graph.Graph.visit_reach`). Its *idleness* is the time since its last visit, and since tick 0 before the
+first.
 
 - *Over time* (M2Bench, MAEPS): the mean and the greatest idleness over vertices, averaged over all ticks, or the
   greatest of all.
@@ -21,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from patrol.graph.graph import graph_of, visit_reach
+from patrol.graph.graph import VISIT_M, graph_of
 from patrol.journal.records import Status
 
 if TYPE_CHECKING:
@@ -161,7 +162,7 @@ class NodeTotals:
         intervals = self.intervals()
         means = [statistics.fmean(each) if each else 0.0 for each in intervals]
         pooled = [interval for each in intervals for interval in each]
-        late = self._worst[len(self._worst) // 2 :]
+        half = len(self._worst) // 2
         minutes = len(self._mean) * self._step / 60.0
         return {
             "vertices": self.vertices,
@@ -170,10 +171,11 @@ class NodeTotals:
             "unvisited": [vertex for vertex in range(self.vertices) if counts[vertex] == 0],
             "once": [vertex for vertex in range(self.vertices) if counts[vertex] == 1],
             "idleness_mean_s": statistics.fmean(self._mean),
+            "idleness_late_s": statistics.fmean(self._mean[half:]),
             "idleness_end_s": self._mean[-1],
             "worst_mean_s": statistics.fmean(self._worst),
             "worst_s": max(self._worst),
-            "worst_late_s": max(late),
+            "worst_late_s": max(self._worst[half:]),
             "worst_end_s": self._worst[-1],
             "visits_mean_s": statistics.fmean(means) if pooled else None,
             "visits_worst_s": max(means) if pooled else None,
@@ -215,9 +217,10 @@ def node_totals(header: Header) -> NodeTotals | None:
     given = scenario["terrain"].get("graph")
     if given is None:
         return None
-    graph = graph_of([tuple(place) for place in given["vertices"]], [tuple(edge) for edge in given["edges"]])
+    places, edges = ([tuple(entry) for entry in given[key]] for key in ("vertices", "edges"))
+    graph = graph_of(places, edges, visit=given.get("visit", VISIT_M))
     step = float(scenario["step"])
     entries = scenario["robots"]
     speeds = [robots["speed"] for robots in (entries if isinstance(entries, list) else [entries] * len(header.robots))]
-    reach = {robot.number: visit_reach(speed, step) for robot, speed in zip(header.robots, speeds, strict=True)}
+    reach = {robot.number: graph.visit_reach(speed, step) for robot, speed in zip(header.robots, speeds, strict=True)}
     return NodeTotals(graph, reach, step, scenario["patrol"]["policy"])

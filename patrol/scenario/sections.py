@@ -10,7 +10,7 @@ from pydantic import ConfigDict, Field, Tag, ValidationInfo, field_validator, mo
 
 from patrol.classes.class_file import beside, class_file
 from patrol.errors import BadInput
-from patrol.graph.graph import PIXEL
+from patrol.graph.graph import PIXEL, VISIT_M
 from patrol.graph.graph_file import read_graph
 from patrol.pose import MODELS
 from patrol.values.section import Section, absolute, wrong
@@ -47,6 +47,7 @@ class GraphSpec(Section):
     vertices: tuple[Corner, ...] = Field(min_length=1, description="m, [x, y] of each vertex")
     edges: tuple[tuple[int, int, Positive], ...] = Field((), description="[vertex, vertex, m], each edge once")
     pixel: Positive = Field(PIXEL, description="m, side of a pixel, in which constants of the literature count")
+    visit: Positive = Field(VISIT_M, description="m, within which a robot visits a vertex")
 
     @model_validator(mode="after")
     def _edges_join_vertices(self) -> Self:
@@ -62,17 +63,24 @@ class TerrainSpec(Section):
     builtin: Builtin | None = Field(None, description="a built-in terrain, instead of a map")
     map: PathText | None = Field(None, description="map_server YAML file, relative to this file")
     graph: GraphSpec | None = Field(
-        None, description="FILE.graph of patrolling_sim, or vertices and edges; null: made from the ground if needed"
+        None,
+        description="FILE.graph of patrolling_sim, {file: FILE.graph, visit: M}, or vertices and edges; null: made "
+        "from the ground if needed",
     )
     keep_out: Polygons = Field((), description="m, polygons [[x, y], ...] that no body may enter")
 
     @field_validator("graph", mode="before")
     @classmethod
     def _from_a_file(cls, value: Any, info: ValidationInfo) -> Any:
-        if not isinstance(value, str):
+        given = {"file": value} if isinstance(value, str) else value
+        if not isinstance(given, dict) or "file" not in given:
             return value
+        more = {key: given[key] for key in given if key != "file"}
+        file = given["file"]
+        if not isinstance(file, str) or more.keys() & {"vertices", "edges"}:
+            raise wrong("", "expected FILE.graph, {file: FILE.graph, visit: M}, or vertices and edges without a file")
         try:
-            return read_graph(Path(str(absolute(value, info))))
+            return {**read_graph(Path(str(absolute(file, info)))), **more}
         except BadInput as error:
             raise wrong("", str(error)) from None
 

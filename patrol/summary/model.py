@@ -211,7 +211,10 @@ class NodeFigures(_Part):
     idleness_mean_s: Annotated[
         float, Metric("mean idleness over vertices and ticks (AGI)", "s", "mean idleness", better="lower", sweep="once")
     ] = 0.0
-    idleness_end_s: Annotated[float, Metric("mean idleness over vertices at the end (IGI)")] = 0.0
+    idleness_late_s: Annotated[float, Metric("the same over the second half", better="lower", sweep="once")] = 0.0
+    idleness_end_s: Annotated[
+        float, Metric("mean idleness over vertices at the end (IGI)", better="lower", sweep="once")
+    ] = 0.0
     worst_mean_s: Annotated[
         float, Metric("greatest idleness of a vertex, mean over ticks", better="lower", sweep="once")
     ] = 0.0
@@ -220,7 +223,9 @@ class NodeFigures(_Part):
         Metric("greatest idleness of a vertex (WI)", "s", "worst idleness", better="lower", sweep="once"),
     ] = 0.0
     worst_late_s: Annotated[float, Metric("the same over the second half", better="lower", sweep="once")] = 0.0
-    worst_end_s: Annotated[float, Metric("greatest idleness of a vertex at the end (IWI)")] = 0.0
+    worst_end_s: Annotated[
+        float, Metric("greatest idleness of a vertex at the end (IWI)", better="lower", sweep="once")
+    ] = 0.0
     visits_mean_s: Annotated[
         float | None,
         Metric("mean over vertices of the mean idleness that visits end, as patrolling_sim prints it", sweep="once"),

@@ -29,7 +29,8 @@ MIDDLE = Pose(10.25, 10.25, 0.0)
 
 
 def scenario_with(**sensor: Any) -> Scenario:
-    return load_scenario({"terrain": {"builtin": "open"}, "point": 1.0, "sensor": sensor})
+    free = {"options": {"unpredictability": 1}}
+    return load_scenario({"terrain": {"builtin": "open"}, "point": 1.0, "sensor": sensor, "patrol": free})
 
 
 def own(path: Path = ELLIPSE, name: str = "Ellipse", **settings: Any) -> Scenario:

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from agent.policies.rivals.known import Known
 from agent.ports import Bearing, Intent, Place, Stay
-from patrol.graph.graph import Graph, visit_reach
+from patrol.graph.graph import Graph
 from patrol.values.section import Section
 
 if TYPE_CHECKING:
@@ -35,7 +35,9 @@ class GraphOptions(Section):
     """Settings of all patrols on graphs."""
 
     tolerance: float | None = Field(
-        None, gt=0.0, description="m, within which a vertex is visited; null: 0.4, or half a stride where that is more"
+        None,
+        gt=0.0,
+        description="m, within which a vertex is visited; null: the graph's `visit`, or half a stride if more",
     )
 
 
@@ -60,7 +62,7 @@ class GraphPatrol:
         self.speed = setup.spec.speed
         self._beside = NEARER * self.speed * self.step if setup.spec.model == "car" else 0.0
         graph = reachable(setup.graph(), setup)
-        tolerance = options.tolerance or visit_reach(setup.spec.speed, setup.step)
+        tolerance = options.tolerance or graph.visit_reach(setup.spec.speed, setup.step)
         self.known = Known(graph, tolerance, setup.step, setup.spec.number, setup.team)
         self._route: list[int] = []
         self._least = math.inf
@@ -121,4 +123,4 @@ def reachable(graph: Graph, setup: PolicySetup) -> Graph:
         if not inside or not setup.fields.reach[row, col]:
             nearest = int(np.argmin((across - there) ** 2 + (up - high) ** 2))
             places[vertex] = across[nearest], up[nearest]
-    return Graph(places, graph.edges, graph.pixel)
+    return Graph(places, graph.edges, graph.pixel, graph.visit)

@@ -74,7 +74,7 @@ def sweep(
     again.
     """
     plan = read_plan(file, seeds)
-    _check_classes(plan)
+    check_classes(plan)
     folder = out or Path("runs") / file.stem
     console = Console()
     outcome = make_runs(plan, folder, workers_of(workers, cluster), console)
@@ -86,8 +86,15 @@ def sweep(
     return FAILED if outcome.failed else 0
 
 
-def _check_classes(plan: Plan) -> None:
-    """Find every policy, sensor and radio model of one's own, with its options, before any run is made."""
+def check_classes(plan: Plan) -> None:
+    """Find every policy, sensor and radio model of one's own, with its options, before any run is made.
+
+    Args:
+        plan: The runs.
+
+    Raises:
+        BadInput: One is not found, or does not take its options.
+    """
     own = {
         repr((run.scenario.patrol.policy, run.scenario.patrol.options)): run.scenario
         for run in plan.runs

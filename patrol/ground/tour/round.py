@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from patrol.ground.fields import load_grid
 from patrol.pose import Pose
 
 if TYPE_CHECKING:
@@ -68,8 +69,8 @@ class Round:
         Args:
             folder: The folder that `save` wrote into.
         """
-        arrays = {name: np.load(folder / f"{name}.npy", mmap_mode="r", allow_pickle=False) for name in ARRAYS}
-        return Round(float(np.load(folder / "length_m.npy", allow_pickle=False)), **arrays)
+        arrays = {name: load_grid(folder / f"{name}.npy") for name in ARRAYS}
+        return Round(float(load_grid(folder / "length_m.npy")), **arrays)
 
 
 def lay_out(

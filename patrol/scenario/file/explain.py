@@ -18,6 +18,7 @@ from patrol.scenario.model import Scenario
 from patrol.scenario.policies import COMMITTED, PAPER, CommittedOptions, PatrolSpec, PotentialFieldOptions
 from patrol.scenario.radio_spec import MODEL_OPTIONS, AdaptiveSpec, BudgetSpec, RadioSpec
 from patrol.scenario.sections import (
+    GraphSpec,
     IntruderSpec,
     RobotEntry,
     RobotGroup,
@@ -175,6 +176,8 @@ def _known_at(location: Sequence[int | str]) -> tuple[type[Section], str]:
             section = _SECTIONS.get(part, Scenario)
         elif top == "faults":
             section = _OF_FAULTS.get(part, section)
+        elif top == "terrain" and part == "graph":
+            section = GraphSpec
         elif part == "options":
             section = _OPTIONS.get(tag, section)
         elif top == "radio":

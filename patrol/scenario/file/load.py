@@ -26,6 +26,7 @@ from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.files.half_characters import refuse_half_characters
 from patrol.files.untrusted import IMAGE, read_untrusted
 from patrol.files.yaml_text import line_of, parse_yaml, read_text
+from patrol.graph.graph import VISIT_M
 from patrol.ground.map_file import read_map_file
 from patrol.pose import TURNS_IN_ARCS
 from patrol.scenario.file.dump import dump_section, notes_on_lengths
@@ -34,7 +35,7 @@ from patrol.scenario.file.older import translate_field, translate_overrides, tra
 from patrol.scenario.lengths import FIELDS
 from patrol.scenario.model import Scenario
 from patrol.scenario.nemesis import written_out
-from patrol.scenario.policies import COMMITTED, OPTION_LENGTHS, PaperPatrol, PatrolOptions
+from patrol.scenario.policies import COMMITTED, OPTION_LENGTHS, CommittedPatrol, PaperPatrol, PatrolOptions
 from patrol.scenario.radio_spec import IDEAL
 from patrol.scenario.robots import RobotSpec
 from patrol.scenario.sections import BUILT_IN_SENSORS, RobotEntry, RobotGroup
@@ -246,10 +247,15 @@ def _meaning(scenario: Scenario) -> dict[str, Any]:
     if scenario.sensor.kind in BUILT_IN_SENSORS:  # their other settings say it all
         for field in ("kind", "kind_sha256", "options"):
             del meaning["sensor"][field]
-    if scenario.terrain.graph is None:  # as before there were graphs, so that hashes stay
+    graph = scenario.terrain.graph
+    if graph is None:  # as before there were graphs, so that hashes stay
         del meaning["terrain"]["graph"]
+    elif graph.visit == VISIT_M:  # as before it could be set
+        del meaning["terrain"]["graph"]["visit"]
     if isinstance(scenario.patrol, PaperPatrol) and scenario.patrol.options.letter is False:
         del meaning["patrol"]["options"]["letter"]  # as before there was one, so that hashes stay
+    if isinstance(scenario.patrol, CommittedPatrol) and scenario.patrol.options.unpredictability == 1.0:
+        del meaning["patrol"]["options"]["unpredictability"]  # as before there were rounds, so that hashes stay
     if scenario.radio.model == IDEAL:  # as before there were others, so that hashes stay
         for field in ("model", "model_sha256", "options"):
             del meaning["radio"][field]

@@ -153,7 +153,9 @@ def test_critical_areas_may_be_given_as_polygons() -> None:
 
 @pytest.mark.parametrize("direction", ["mode", "vector"])
 def test_repulsion_pushes_away_from_a_peer_and_less_from_far(direction: str) -> None:
-    options = PotentialFieldOptions.model_validate({"direction": direction, "repulsion": 1.0})
+    options = PotentialFieldOptions.model_validate(
+        {"direction": direction, "separation": "repulsion", "repulsion": 1.0}
+    )
     results = []
     for distance in (3.0, 30.0):
         sums = np.array([0.0, 0.0, 10.0]) if direction == "vector" else np.full(8, 1.25)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +39,8 @@ class Machine:
         self.now = 0.0
         self.ticks: list[int] = []
 
-    def run(self, scenario: Scenario | Prepared) -> None:
+    def run(self, scenario: Scenario | Prepared, games: bool) -> None:
+        assert not games
         ticks = (scenario.scenario if isinstance(scenario, Prepared) else scenario).ticks
         self.now += ticks * TICK_S + (0.0 if self.ticks else LOADING_S)
         self.ticks.append(ticks)
@@ -58,16 +60,18 @@ def test_a_run_that_cannot_be_made_is_left_out_and_the_next_one_loads() -> None:
     assert seconds_per_run(runs(bad, {"duration": 2}), lambda: 0.0) == 0.0
 
 
-def test_a_run_is_tried_as_it_will_be_made(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("games", [False, True])
+def test_a_run_is_tried_as_it_will_be_made(monkeypatch: pytest.MonkeyPatch, games: bool) -> None:
     how: list[dict[str, Any]] = []
 
     def noting(scenario: Scenario | Prepared, **words: Any) -> Outcome:
-        how.append({name: value if name != "look" else value is not None for name, value in words.items()})
+        how.append({name: value is not None if name in ("look", "watch") else value for name, value in words.items()})
         return run_in_process(scenario, **words)
 
     monkeypatch.setattr("experiments.inprocess.run_in_process", noting)
     (run,) = runs({"duration": 2})
-    assert run_task({"key": "k", "case": "c", "seed": 1, "scenario": as_mapping(run.scenario)})["error"] is None
-    seconds_per_run([run])
+    task = {"key": "k", "case": "c", "seed": 1, "scenario": as_mapping(run.scenario), "games": games}
+    assert run_task(task)["error"] is None
+    seconds_per_run([replace(run, games=games)])
     assert how == [how[0]] * 3
-    assert how[0] == {"keep": False, "verify_fog": False, "look": True}
+    assert how[0] == {"keep": False, "verify_fog": False, "look": True, "watch": games}

@@ -194,7 +194,8 @@ def test_a_run_is_not_charged_with_what_another_thread_computes(monkeypatch: pyt
 
     done = run_scenario(load_scenario(BASE))
 
-    def run(scenario: Scenario) -> tuple[Outcome, Mapping[str, float | None]]:
+    def run(scenario: Scenario, games: bool) -> tuple[Outcome, Mapping[str, float | None]]:
+        assert not games
         if scenario.seed == 1:  # the idle one
             waiting.set()
             assert computed.wait(300.0)

@@ -19,7 +19,7 @@ from patrol.graph.graph_file import read_graph
 from patrol.graph.tour import closed_tour, tour_length
 from patrol.pose import Pose
 from patrol.prepare import prepare, sensor_footprint
-from patrol.scenario import load_scenario
+from patrol.scenario import load_scenario, scenario_hash
 
 FILE = """
 3 100 80 0.5 1.0 -2.0
@@ -101,6 +101,24 @@ def test_a_file_of_patrolling_sim_is_read_in_metres(tmp_path: Path) -> None:
     spec = load_scenario({"terrain": {"builtin": "open", "graph": str(file)}}).terrain.graph
     assert spec is not None
     assert spec.edges == ((0, 1, 20.0), (1, 2, 15.0))
+
+
+def test_the_distance_of_a_visit_can_be_set_and_leaves_the_hash_where_it_is_not(tmp_path: Path) -> None:
+    file = tmp_path / "three.graph"
+    file.write_text(FILE, encoding="utf-8")
+    loaded = {
+        name: load_scenario({"terrain": {"builtin": "open", "graph": given}, "point": 1.0})
+        for name, given in (
+            ("plain", str(file)),
+            ("same", {"file": str(file), "visit": 0.4}),
+            ("near", {"file": str(file), "visit": 0.25}),
+        )
+    }
+    assert scenario_hash(loaded["plain"]) == scenario_hash(loaded["same"]) != scenario_hash(loaded["near"])
+    assert prepare(loaded["plain"]).graph.visit_reach(0.5, 0.5) == 0.4
+    near = prepare(loaded["near"]).graph
+    assert near.visit_reach(0.5, 0.5) == 0.25
+    assert near.visit_reach(4.0, 0.5) == 1.0, "half a stride"
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -126,14 +127,29 @@ def test_ground_too_large_for_a_tour_has_no_bound() -> None:
 def test_a_tour_is_found_once_and_read_afterwards(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tour = best_tour(prepared())
     (file,) = cache.iterdir()
-    assert json.loads(file.read_text()) == {"length_m": tour.length_m}
+    kept = json.loads(file.read_text())
+    assert kept["length_m"] == tour.length_m
+    around = [*kept["way"][1:], kept["way"][0]]
+    assert sum(map(math.dist, kept["way"], around)) == pytest.approx(tour.length_m)
     monkeypatch.setattr(module, "_known", {})
     monkeypatch.setattr(patrol.ground.tour.search, "find_tour", None)
     assert best_tour(prepared()) == tour
 
 
 @pytest.mark.parametrize(
-    "text", ["", "{}", "[]", '{"length_m": "far"}', '{"length_m": -1.0}', '{"length_m": NaN}', "\x00"]
+    "text",
+    [
+        "",
+        "{}",
+        "[]",
+        '{"length_m": "far"}',
+        '{"length_m": -1.0, "way": [[5.25, 5.25]]}',
+        '{"length_m": NaN, "way": [[5.25, 5.25]]}',
+        '{"length_m": 5.0, "way": []}',
+        '{"length_m": 5.0, "way": [[1e9, 5.25]]}',
+        '{"length_m": 5.0, "way": [5.25]}',
+        "\x00",
+    ],
 )
 def test_a_damaged_file_is_made_again(cache: Path, monkeypatch: pytest.MonkeyPatch, text: str) -> None:
     tour = best_tour(prepared())

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from patrol.measures.intruders import Successes, best_wait, intruder_games, unseen_times
+from patrol.measures.intruders import Successes, attack_ticks, best_wait, intruder_games, unseen_times
 
 
 def seen_at(ticks: int, *places: list[int]) -> NDArray[np.bool_]:
@@ -70,6 +70,11 @@ def test_the_statistical_intruder_waits_for_the_long_times() -> None:
     assert found.waiting < 0.2
 
 
+def test_a_few_lucky_times_do_not_outweigh_many() -> None:
+    """An attack of ten ticks after 3 ticks succeeds in 95 of 105 cases, after 21 in 5 of 5."""
+    assert best_wait(np.repeat([2, 12, 20, 60], [50, 10, 90, 5]), 10) == 3
+
+
 def test_a_place_that_is_always_seen_is_never_attacked_by_those_who_wait() -> None:
     (found,) = intruder_games(np.ones((50, 2), dtype=np.bool_), 1.0, [5.0])
     assert found == Successes(5.0, 0.0, None, None)
@@ -78,3 +83,11 @@ def test_a_place_that_is_always_seen_is_never_attacked_by_those_who_wait() -> No
 
 def test_a_run_shorter_than_the_attack_has_none() -> None:
     assert intruder_games(np.zeros((5, 2), dtype=np.bool_), 1.0, [60.0]) == [Successes(60.0, None, None, None)]
+
+
+def test_an_attack_is_not_cut_short_to_whole_ticks() -> None:
+    """1.25 s are three ticks of half a second: a place that is unseen for two of them does not suffice."""
+    seen = seen_at(101, list(range(0, 101, 3)))
+    (found,) = intruder_games(seen, 0.5, [1.25])
+    assert found == Successes(1.25, 0.0, 0.0, 0.0)
+    assert [attack_ticks(attack_s, step) for attack_s, step in ((0.3, 0.1), (25.0, 0.5), (0.1, 1.0))] == [3, 50, 1]

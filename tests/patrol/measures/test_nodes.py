@@ -40,6 +40,7 @@ def test_idleness_in_both_families() -> None:
     idle[1][4:] = [1, 2, 0]
     assert found["idleness_mean_s"] == pytest.approx(sum(map(sum, idle)) / 21)
     assert found["idleness_end_s"] == pytest.approx((2 + 0 + 6) / 3)
+    assert found["idleness_late_s"] == pytest.approx(sum(sum(each[3:]) for each in idle) / 12)
     assert found["worst_s"] == 6.0
     assert found["worst_mean_s"] == pytest.approx(sum(max(each) for each in zip(*idle, strict=True)) / 7)
     assert found["worst_end_s"] == 6.0

@@ -189,8 +189,11 @@ def test_a_model_without_options_takes_none(write: Callable[..., Path]) -> None:
 # --- what a scenario with a model means ------------------------------------------------------------------------------
 
 
+FREE = {"options": {"unpredictability": 1}}
+
+
 def digest(**radio: Any) -> str:
-    return scenario_hash(load_scenario({"terrain": {"builtin": "open"}, "radio": radio}))
+    return scenario_hash(load_scenario({"terrain": {"builtin": "open"}, "radio": radio, "patrol": FREE}))
 
 
 def test_the_hash_covers_model_and_options_and_is_the_old_one_for_the_ideal_one() -> None:

@@ -28,7 +28,7 @@ from tests.agent.plans import POINT, Robots, plan, prepared_in
 
 BASE = {"radius": 0.3, "speed": 1.0}
 CORNER = Pose(2.0, 2.0, 0.0)
-CALM = {"random_move": 0.0}
+CALM = {"random_move": 0.0, "unpredictability": 1.0}
 
 
 def two_rooms() -> Terrain:

@@ -61,6 +61,50 @@ def test_points_are_seen_when_they_are_in_view(ran: Path) -> None:
     assert found.random == pytest.approx(expected)
 
 
+def test_the_learned_intruder_plays_where_it_is_asked_to(
+    ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = ("--attacks", "2,25", "--learned", "--horizon", "30,60", "--trials", "2")
+    assert command("intruder", ran, *options) == 0
+    shown = capsys.readouterr().out
+    assert "learned" in shown
+    assert "2 trials" in shown
+    assert command("intruder", ran, *options, "--json") == 0
+    games = json.loads(capsys.readouterr().out)
+    for outcomes in (games["learned_ground"], games["learned_nodes"]):
+        assert [(each["horizon_s"], each["attack_s"]) for each in outcomes] == [(30, 2), (30, 25), (60, 2), (60, 25)]
+        assert outcomes[1]["success"] is None
+        for each in (outcomes[0], *outcomes[2:]):
+            assert 0.0 <= each["success"] <= each["attacked"] <= 1.0
+    assert games["learned_points"] <= 100
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--horizon", "30"], "--horizon 30: only the learned intruder has it; add --learned"),
+        (["--trials", "5"], "--trials 5: only the learned intruder has it; add --learned"),
+        (["--learned", "--horizon", "30,-1"], "--horizon 30,-1: expected seconds above 0"),
+        (["--learned", "--horizon", "30,9"], "horizon of 9 s: the intruder first watches for 10 s; choose a longer"),
+        (["--learned", "--horizon", "30,90"], "horizon of 90 s: the run has only 60 s; choose a shorter horizon"),
+    ],
+)
+def test_options_of_the_learned_intruder_that_cannot_be_are_one_line(
+    ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], options: list[str], message: str
+) -> None:
+    assert command("intruder", ran, *options) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_without_a_graph_the_vertices_are_those_made_from_the_ground(
+    tmp_path: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    scenario = {**SCENARIO, "terrain": {"builtin": "open"}, "duration": 10}
+    folder = fogwatch.run(scenario, out=tmp_path / "no-graph", picture=False).folder
+    assert command("intruder", folder, "--json") == 0
+    assert json.loads(capsys.readouterr().out)["vertices"] == open_run(folder).prepared.graph.size > 3
+
+
 @pytest.mark.parametrize("attacks", ["", "x", "5,-1", "nan", "1e9"])
 def test_durations_that_cannot_be_are_one_line(
     ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], attacks: str

@@ -90,6 +90,22 @@ def test_what_may_be_zero_is_never_negative(field: str) -> None:
         ({"terrain": None}, "scenario: terrain = null: expected keys and values (builtin, map, graph, keep_out)"),
         ({"terrain": {"builtin": "yard"}}, 'terrain.builtin = "yard": expected open, yards, clutter or site; did you'),
         ({"terrain": {"map": "a\nb"}}, "scenario: terrain.map"),
+        (
+            {"terrain": {"builtin": "open", "graph": 3}},
+            "scenario: terrain.graph = 3: expected keys and values (vertices,",
+        ),
+        (
+            {"terrain": {"builtin": "open", "graph": {"vertices": [[1, 1]], "vist": 1}}},
+            "scenario: terrain.graph.vist: unknown key; did you mean visit?",
+        ),
+        (
+            {"terrain": {"builtin": "open", "graph": {"file": 3}}},
+            "scenario: terrain.graph: expected FILE.graph, {file:",
+        ),
+        (
+            {"terrain": {"builtin": "open", "graph": {"file": "a.graph", "vertices": [[1, 1]]}}},
+            "scenario: terrain.graph: expected FILE.graph, {file: FILE.graph, visit: M}, or vertices and edges without",
+        ),
         ({"terrain": {"builtin": "open", "keep_out": [[[0, 0], [1, 1]]]}}, "terrain.keep_out.0"),
         ({"terrain": {"builtin": "open", "keep_out": [[[0, 0], [1, 1], [2]]]}}, "terrain.keep_out.0.2 = [2]"),
         (

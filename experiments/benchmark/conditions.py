@@ -1,0 +1,83 @@
+"""The conditions of the benchmark: faults by name.
+
+`none`, `loss-P` (P % of all frames), `silence`, `deaths` (two robots) and `spoof` (forged positions of a robot), or
+several at once, as in ``loss-90+deaths``.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from patrol.errors import BadInput, did_you_mean
+
+NONE, SILENCE, DEATHS, SPOOF, LOSS = "none", "silence", "deaths", "spoof", "loss-"
+ALL = (NONE, "loss-50", "loss-90", SILENCE, DEATHS, SPOOF)
+"""All conditions, with two examples of `loss-P`."""
+
+DEATHS_S = (300.0, 1100.0)
+"""When the robots r1 and r2 die in a run of `DEATHS_OF_S` or more, s; in a shorter run earlier, in proportion."""
+
+DEATHS_OF_S = 1800.0
+
+Faults = list[dict[str, Any]]
+
+
+def check_condition(name: str) -> None:
+    """Refuse a name that is no condition.
+
+    Args:
+        name: The name.
+
+    Raises:
+        BadInput: It is none.
+    """
+    parts = name.split("+")
+    for part in parts:
+        if part not in (NONE, SILENCE, DEATHS, SPOOF) and _loss(part) is None:
+            hint = f"{did_you_mean(part, ALL)}, or join several, as in loss-90+deaths"
+            raise BadInput(f"--conditions {name}: {part}: no such condition; {hint}")
+    if len(set(parts)) < len(parts) or (NONE in parts and len(parts) > 1):
+        raise BadInput(f"--conditions {name}: these do not go together; name each fault once, and none alone")
+
+
+def least_team(name: str) -> int:
+    """Return the smallest team that a condition makes sense for.
+
+    Args:
+        name: The condition.
+    """
+    return max(1 if part == NONE else 3 if part == DEATHS else 2 for part in name.split("+"))
+
+
+def faults_of(name: str, duration_s: float) -> Faults:
+    """Return a condition's faults, as in a scenario.
+
+    Args:
+        name: The condition.
+        duration_s: Simulated time, s.
+    """
+    return [fault for part in name.split("+") for fault in _part(part, duration_s)]
+
+
+def _part(part: str, duration_s: float) -> Faults:
+    if part == SILENCE:
+        return [{"kind": "silence", "who": "all"}]
+    if part == SPOOF:
+        return [{"kind": "spoof", "as": "r1", "payload": "random"}]
+    if part == DEATHS:
+        earlier = min(duration_s / DEATHS_OF_S, 1.0)
+        return [
+            {"kind": "kill", "who": f"r{number}", "at": round(at_s * earlier, 3), "wreck": "removed"}
+            for number, at_s in enumerate(DEATHS_S, start=1)
+        ]
+    rate = _loss(part)
+    return [] if rate is None else [{"kind": "loss", "rate": rate}]
+
+
+def _loss(part: str) -> float | None:
+    """Return the share of lost frames that `loss-P` means; None for another text."""
+    percent = part.removeprefix(LOSS)
+    if part == percent or not re.fullmatch("[1-9][0-9]?|100", percent):
+        return None
+    return int(percent) / 100.0

@@ -1,0 +1,67 @@
+"""The tables of the benchmark in Markdown, as docs/results/policies.md has them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from experiments.benchmark.matrix import Matrix
+from experiments.benchmark.presets import Preset, beside_published
+from experiments.benchmark.results import BEST_TOUR, BenchmarkResults, describe, policy_table, shared_settings
+
+
+def page(
+    matrix: Matrix, results: BenchmarkResults, *, command: str, computing_s: float, preset: Preset | None = None
+) -> str:
+    """Return benchmark.md.
+
+    Args:
+        matrix: What was run.
+        results: The results.
+        command: The command line that made them.
+        computing_s: Processor time of all runs together, s.
+        preset: Whose published numbers to show; None for none.
+    """
+    return "\n".join([*_lines(matrix, results, command, computing_s, preset), ""])
+
+
+def _lines(
+    matrix: Matrix, results: BenchmarkResults, command: str, computing_s: float, preset: Preset | None
+) -> Iterator[str]:
+    yield "# Benchmark"
+    yield ""
+    runs = len(results.outcome.plan.runs)
+    yield f"    {command}        # {runs} runs, {computing_s / 60.0:.0f} min of computing on one core"
+    yield ""
+    yield f"{shared_settings(matrix)}."
+    yield "Mean MFoW of the second half in s, with half the width of the 95 % interval over seeds. (... % seen): some"
+    yield "ground was never seen, so the MFoW is the time since the start. Attacks: the share that succeeds of the"
+    yield "intruder that does best."
+    if results.outcome.failed:
+        yield ""
+        yield f"**{len(results.outcome.failed)} runs failed or were not valid; they are left out.**"
+    for team, condition, cells in results.groups:
+        heads, rows = policy_table(cells)
+        yield ""
+        yield f"## {describe(team, condition)}"
+        yield ""
+        yield from table(heads, [[f"*{name}*" if name == BEST_TOUR else f"`{name}`", *more] for name, *more in rows])
+    if preset is not None:
+        heads, rows = beside_published(preset, results.cells)
+        yield ""
+        yield f"## Beside {preset.title}"
+        yield ""
+        yield from table(heads, rows)
+        yield ""
+        yield from (f"- {line}" for line in preset.differs)
+
+
+def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
+    """Yield the lines of a table.
+
+    Args:
+        heads: Its headings.
+        rows: Its cells.
+    """
+    yield f"| {' | '.join(heads)} |"
+    yield "|---" * len(heads) + "|"
+    yield from (f"| {' | '.join(row)} |" for row in rows)

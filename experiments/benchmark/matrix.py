@@ -1,0 +1,291 @@
+"""The cells of the benchmark: each policy on each terrain, in each team, under each condition. A sweep runs them.
+
+Policies and terrains are given as texts::
+
+    committed,even-tour,committed:random_move=0.1,./mine.py:Mine:near=4
+    open,plan.yaml,cumberland.graph+cumberland.yaml
+"""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from experiments.benchmark.conditions import check_condition, faults_of, least_team
+from experiments.sweeps.plan import Base, Case, Plan, make_plan
+from patrol.errors import BadInput, did_you_mean, quoted
+from patrol.scenario import BUILTINS, MAX_ROBOTS
+
+CALLED = "the benchmark"
+
+OPTIONS_OF_RUN = {
+    "robots.count": "--robots",
+    "robots.model": "--model",
+    "robots.radius": "--radius",
+    "robots.speed": "--speed",
+    "duration": "--duration",
+    "point": "--point",
+}
+"""Options of `fogwatch run` by the fields that they set; others are set with ``--set``."""
+
+
+@dataclass(frozen=True, slots=True)
+class NamedSettings:
+    """A policy or a terrain.
+
+    Attributes:
+        name: Its name in tables, as it was given.
+        settings: What it sets in the scenario, by dotted field.
+    """
+
+    name: str
+    settings: Mapping[str, object]
+
+
+@dataclass(frozen=True, slots=True)
+class Matrix:
+    """What the benchmark varies, and what all its runs share.
+
+    Attributes:
+        policies: The policies.
+        terrains: The terrains.
+        teams: Numbers of robots.
+        conditions: Names of conditions (`experiments.benchmark.conditions`).
+        seeds: The seeds that each cell is run with.
+        duration_s: Simulated time of each run, s.
+        settings: What else each run sets in the scenario, by dotted field.
+    """
+
+    policies: tuple[NamedSettings, ...]
+    terrains: tuple[NamedSettings, ...]
+    teams: tuple[int, ...]
+    conditions: tuple[str, ...]
+    seeds: tuple[int, ...]
+    duration_s: float
+    settings: Mapping[str, object] = field(default_factory=dict)
+
+    @property
+    def cells(self) -> list[BenchmarkCell]:
+        """The cells, policy by policy on each terrain; without conditions that need more robots than a team has."""
+        return [
+            BenchmarkCell(policy, terrain, team, condition, self)
+            for team in self.teams
+            for condition in self.conditions
+            if team >= least_team(condition)
+            for terrain in self.terrains
+            for policy in self.policies
+        ]
+
+
+@dataclass(frozen=True, slots=True)
+class BenchmarkCell:
+    """A policy on a terrain, in a team, under a condition.
+
+    Attributes:
+        policy: The policy.
+        terrain: The terrain.
+        team: Number of robots.
+        condition: Name of the condition.
+        matrix: What it is a cell of.
+    """
+
+    policy: NamedSettings
+    terrain: NamedSettings
+    team: int
+    condition: str
+    matrix: Matrix
+
+    @property
+    def name(self) -> str:
+        """The name of its case in the sweep."""
+        return f"{self.policy.name} on {self.terrain.name}, {robots_text(self.team)}, {self.condition}"
+
+    @property
+    def labels(self) -> dict[str, object]:
+        """Its coordinates, by the names of their columns."""
+        return {
+            "policy": self.policy.name,
+            "terrain": self.terrain.name,
+            "team": self.team,
+            "condition": self.condition,
+        }
+
+    @property
+    def settings(self) -> dict[str, object]:
+        """What it sets in the scenario, by dotted field."""
+        faults = faults_of(self.condition, self.matrix.duration_s)
+        return {
+            **self.terrain.settings,
+            **self.matrix.settings,
+            "duration": self.matrix.duration_s,
+            "robots.count": self.team,
+            **self.policy.settings,
+            **({"faults": faults} if faults else {}),
+        }
+
+    def command(self, seed: int) -> str:
+        """Return the command line that makes one of its runs again.
+
+        Args:
+            seed: The run's.
+        """
+        settings = self.settings
+        words = ["fogwatch", "run", str(settings.pop("terrain.builtin", None) or settings.pop("terrain.map"))]
+        for name, value in settings.items():
+            text = value if isinstance(value, str) else json.dumps(value)
+            option = OPTIONS_OF_RUN.get(name)
+            words += [option, text] if option else ["--set", f"{name}={text}"]
+        return shlex.join([*words, "--seed", str(seed), "--in-process"])
+
+
+def robots_text(team: int) -> str:
+    """Return a number of robots in words, such as "1 robot".
+
+    Args:
+        team: The number.
+    """
+    return f"{team} robot{'s' if team > 1 else ''}"
+
+
+def plan_of(matrix: Matrix) -> Plan:
+    """Return the plan of all runs, with intruder games.
+
+    Args:
+        matrix: What is run.
+
+    Raises:
+        BadInput: A scenario is not accepted, or no team is large enough for a condition.
+    """
+    for condition in matrix.conditions:
+        if max(matrix.teams) < (least := least_team(condition)):
+            given = ",".join(map(str, matrix.teams))
+            raise BadInput(
+                f"--teams {given}: {condition} needs {least} robots or more; give a larger team or drop the condition"
+            )
+    cases = [Case(cell.name, cell.settings) for cell in matrix.cells]
+    plan = make_plan("benchmark", Base({"name": "benchmark"}, Path.cwd(), CALLED), cases, matrix.seeds)
+    return replace(plan, runs=tuple(replace(run, games=True) for run in plan.runs))
+
+
+def read_policies(text: str) -> tuple[NamedSettings, ...]:
+    """Read a list of policies, NAME or NAME:OPTION=VALUE:OPTION=VALUE.
+
+    Args:
+        text: The list, with commas between.
+
+    Returns:
+        The policies; whether there are such is found when the plan is made.
+
+    Raises:
+        BadInput: A policy or an option has no name, or a policy occurs twice.
+    """
+    policies = []
+    for name in _listed(text, "--policies", "committed,even-tour"):
+        words = name.split(":")
+        options = [word for word in words if "=" in word]
+        policy = ":".join(word for word in words if "=" not in word)
+        settings: dict[str, object] = {"patrol.policy": policy}
+        if not policy or policy.endswith(":"):
+            raise BadInput(f"--policies {name}: expected NAME or NAME:OPTION=VALUE, as in committed:random_move=0.1")
+        for option in options:
+            key, _, value = option.partition("=")
+            if not key or not value:
+                raise BadInput(f"--policies {name}: {option}: expected OPTION=VALUE, as in committed:random_move=0.1")
+            settings[f"patrol.options.{key}"] = value
+        policies.append(NamedSettings(name, settings))
+    return tuple(policies)
+
+
+def read_terrains(text: str) -> tuple[NamedSettings, ...]:
+    """Read a list of terrains: built-in ones, maps (MAP.yaml), and either with a graph (FILE.graph+MAP.yaml).
+
+    Args:
+        text: The list, with commas between.
+
+    Raises:
+        BadInput: Something is no terrain, or occurs twice.
+    """
+    terrains = []
+    for given in _listed(text, "--terrains", "open,yards,plan.yaml"):
+        parts = given.split("+")
+        graphs = [part for part in parts if part.endswith(".graph")]
+        grounds = [part for part in parts if part not in graphs]
+        if len(graphs) > 1 or len(grounds) != 1:
+            raise BadInput(f"--terrains {given}: expected a terrain, or a graph and a terrain: FILE.graph+MAP.yaml")
+        terrains.append(terrain_choice(given, grounds[0], graphs[0] if graphs else None))
+    stems = [_stem(terrain) for terrain in terrains]
+    return tuple(
+        replace(terrain, name=stem) if stems.count(stem) == 1 else terrain
+        for terrain, stem in zip(terrains, stems, strict=True)
+    )
+
+
+def terrain_choice(name: str, ground: str, graph: object = None) -> NamedSettings:
+    """Return a terrain.
+
+    Args:
+        name: Its name in tables.
+        ground: A built-in terrain or a map's YAML file.
+        graph: Its graph, as in a scenario; None for none.
+
+    Raises:
+        BadInput: The ground is neither.
+    """
+    if ground in BUILTINS:
+        settings: dict[str, object] = {"terrain.builtin": ground}
+    elif ground.endswith((".yaml", ".yml")):
+        settings = {"terrain.map": ground}
+    else:
+        hint = f"{did_you_mean(ground, BUILTINS)}, or give MAP.yaml or FILE.graph+MAP.yaml"
+        raise BadInput(f"--terrains {ground}: no such built-in terrain, and no map's YAML file; {hint}")
+    return NamedSettings(name, settings if graph is None else {**settings, "terrain.graph": graph})
+
+
+def read_teams(text: str) -> tuple[int, ...]:
+    """Read a list of numbers of robots.
+
+    Args:
+        text: The list, with commas between.
+
+    Raises:
+        BadInput: Something is no such number, or occurs twice.
+    """
+    words = _listed(text, "--teams", "1,2,4,6,8,12")
+    for word in words:
+        if not (word.isascii() and word.isdecimal() and 1 <= int(word[:9]) <= MAX_ROBOTS):
+            raise BadInput(f"--teams {text}: {word}: expected a number of robots from 1 to {MAX_ROBOTS}")
+    return tuple(int(word) for word in words)
+
+
+def read_conditions(text: str) -> tuple[str, ...]:
+    """Read a list of conditions.
+
+    Args:
+        text: The list, with commas between.
+
+    Raises:
+        BadInput: Something is no condition, or occurs twice.
+    """
+    names = _listed(text, "--conditions", "none,loss-50")
+    for name in names:
+        check_condition(name)
+    return tuple(names)
+
+
+def _listed(text: str, option: str, example: str) -> Sequence[str]:
+    words = [word.strip() for word in text.split(",")]
+    for word, count in Counter(words).items():
+        if not word or not word.isprintable():
+            raise BadInput(f"{option} {quoted(text)}: expected names with commas between, such as {example}")
+        if count > 1:
+            raise BadInput(f"{option}: {word} occurs {count} times; name it once")
+    return words
+
+
+def _stem(terrain: NamedSettings) -> str:
+    file = terrain.settings.get("terrain.map")
+    return terrain.name if file is None else Path(str(file)).stem

@@ -1,0 +1,249 @@
+"""Conditions of published numbers: `m2bench` and `magec`, both on the graph of cumberland with six robots.
+
+The numbers are those that the authors' repositories keep: result files of M2Bench (SpikeW726/M2Bench at 83a8238; Wang
+et al., arXiv 2605.09633), and curves in a notebook (src/patrol_algorithms_magec/data-analysis.ipynb in
+NU-IDEAS-Lab/patrolling_sim at 308bc28; MAGEC, arXiv 2403.13093; AHPA, arXiv 2304.01386), read off. The map and the
+graph are files of patrolling_sim.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from experiments.benchmark.matrix import Matrix, NamedSettings, terrain_choice
+from experiments.benchmark.results import CellResult, ShownMetric, number_text
+from patrol.errors import BadInput
+from patrol.graph.graph import VISIT_M
+from patrol.graph.graph_file import read_graph
+
+VERTICES = 40
+"""Vertices of the graph of cumberland."""
+
+POINT_M = 0.25
+"""Side of one grid point unless given, m."""
+
+SOURCE = "maps/cumberland of the public repository github.com/davidbsp/patrolling_sim"
+
+
+@dataclass(frozen=True, slots=True)
+class Published:
+    """Published numbers of a patrol.
+
+    Attributes:
+        system: What its authors call it.
+        policy: Our policy of that name; None for none.
+        condition: Under which condition.
+        values: The numbers, in the order of the preset's measures; "-" where there is none.
+    """
+
+    system: str
+    policy: str | None
+    condition: str
+    values: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Preset:
+    """The conditions of published numbers, and the numbers.
+
+    Attributes:
+        title: Whose numbers they are.
+        duration_s: Simulated time, s.
+        conditions: Names of conditions.
+        body: Settings of the robots, by dotted field.
+        visit_m: Distance within which a robot visits a vertex, m.
+        starts: Vertices on which the robots start.
+        measures: What is compared.
+        published: The numbers.
+        differs: In what our runs differ from theirs, a line each.
+    """
+
+    title: str
+    duration_s: float
+    conditions: tuple[str, ...]
+    body: Mapping[str, object]
+    visit_m: float
+    starts: tuple[int, ...]
+    measures: tuple[ShownMetric, ...]
+    published: tuple[Published, ...]
+    differs: tuple[str, ...]
+
+    @property
+    def team(self) -> int:
+        """Number of robots."""
+        return 6
+
+
+def _m2bench(system: str, policy: str | None, *values: str) -> Published:
+    return Published(system, policy, "none", values)
+
+
+SEES_FROM_AFAR = (
+    "`committed` and `potential-field` see a vertex from afar and need not visit it, so their visits say little here; "
+    "compare them by MFoW."
+)
+
+M2BENCH_DIFFERS = """\
+Idleness of vertices: WI is the worst of the whole run, AGI the mean over vertices and time, IGI the mean at the end, \
+IWI the worst at the end.
+Theirs are points that move along edges, whose lengths are those of the graph's file, and visit a vertex when they are \
+on it. Ours are bodies of 0.1 m on the map that drive round obstacles and each other, and visit a vertex within 0.4 m.
+Ours know of each other what positions say; theirs share all state.
+Ours start on vertices 0, 8, 16, 24, 32 and 39, as their learned policy does; for their other results no starts are \
+recorded.
+An asterisk marks a variant that is not the original, by the word of their own repository.
+""".splitlines()
+
+MAGEC_DIFFERS = """\
+Mean idleness over vertices: its plateau (ours: the mean of the second half), and at the end.
+Theirs are read off plots of three runs each, in Flatland with Nav2's planner DWB; ours are bodies of 0.2 m in \
+fogwatch's world.
+Ours start on the vertices at or next to the places of their configuration. As there, the first robot dies at 300 s, \
+the second at 1100 s, and their bodies are carried off.
+With losses, MAGEC's robots observe vertices within 40 m only; our policies know no such radius.
+Theirs are told of a death, unless the message is lost; ours notice that a robot is silent (`radio.forget_after`).
+""".splitlines()
+
+PRESETS: Mapping[str, Preset] = {
+    "m2bench": Preset(
+        title="M2Bench's stored results",
+        duration_s=500.0,
+        conditions=("none",),
+        body={"robots.model": "holonomic", "robots.speed": 1.0, "robots.radius": 0.1},
+        visit_m=VISIT_M,
+        starts=(0, 8, 16, 24, 32, 39),
+        measures=(
+            ShownMetric("nodes_worst_s", "WI (s)"),
+            ShownMetric("nodes_idleness_mean_s", "AGI (s)", 1),
+            ShownMetric("nodes_idleness_end_s", "IGI (s)", 1),
+            ShownMetric("nodes_worst_end_s", "IWI (s)"),
+        ),
+        published=(
+            _m2bench("TWLO (learned; after 50 s)", None, "95.85", "-", "-", "-"),
+            _m2bench("AHPA*", "ahpa", "131.4", "27.3", "25.6", "81.4"),
+            _m2bench("BAPS", None, "135.7", "27.1", "26.1", "117.5"),
+            _m2bench("DTASSI*", "dtap", "192.8", "40.7", "44.4", "127.8"),
+            _m2bench("SEBS", "sebs", "199.4", "43.7", "49.7", "130.7"),
+            _m2bench("GBS", "gbs", "207.0", "46.2", "57.3", "176.7"),
+            _m2bench("CC", None, "209.3", "43.4", "51.5", "167.5"),
+            _m2bench("CR", "cr", "231.0", "53.9", "86.2", "219.2"),
+            _m2bench("CBLS*", "cbls", "233.5", "49.8", "73.6", "208.2"),
+            _m2bench("DTAG", "dtag", "266.6", "64.5", "100.4", "266.6"),
+            _m2bench("HCR", "hcr", "298.8", "49.6", "52.6", "243.9"),
+            _m2bench("ER", "er", "335.6", "68.1", "91.8", "272.3"),
+            _m2bench("HPCC", "hpcc", "371.6", "99.5", "155.3", "358.2"),
+            _m2bench("random", "random", "475.0", "74.7", "103.1", "457.8"),
+        ),
+        differs=(*M2BENCH_DIFFERS, SEES_FROM_AFAR),
+    ),
+    "magec": Preset(
+        title="MAGEC's notebook",
+        duration_s=1800.0,
+        conditions=("none", "loss-50", "loss-90+deaths"),
+        body={"robots.model": "differential", "robots.speed": 0.52, "robots.radius": 0.2},
+        visit_m=0.25,
+        starts=(24, 34, 30, 0, 9, 13),
+        measures=(
+            ShownMetric("nodes_idleness_late_s", "plateau (s)"),
+            ShownMetric("nodes_idleness_end_s", "end (s)"),
+        ),
+        published=(
+            *(
+                Published(system, policy, condition, (values, "-"))
+                for condition, plateaus in (
+                    ("none", ("75-80", "65-75", "125-150", "70-80")),
+                    ("loss-50", ("75-80", "75-85", "120-175", "70-85")),
+                )
+                for (system, policy), values in zip(
+                    (("AHPA", "ahpa"), ("SEBS", "sebs"), ("CBLS", "cbls"), ("MAGEC (learned)", None)),
+                    plateaus,
+                    strict=True,
+                )
+            ),
+            Published("AHPA", "ahpa", "loss-90+deaths", ("-", "610, growing")),
+            Published("SEBS", "sebs", "loss-90+deaths", ("-", "165")),
+            Published("CBLS", "cbls", "loss-90+deaths", ("-", "235")),
+            Published("MAGEC (learned)", None, "loss-90+deaths", ("-", "115")),
+        ),
+        differs=(*MAGEC_DIFFERS, SEES_FROM_AFAR),
+    ),
+}
+
+
+def preset_matrix(
+    name: str,
+    policies: tuple[NamedSettings, ...],
+    seeds: tuple[int, ...],
+    map_file: Path | None,
+    graph_file: Path | None,
+    settings: Mapping[str, object],
+) -> Matrix:
+    """Return the runs of a preset.
+
+    Args:
+        name: Of the preset.
+        policies: The policies.
+        seeds: The seeds.
+        map_file: The map of cumberland.
+        graph_file: Its graph.
+        settings: What else each run sets in the scenario, by dotted field.
+
+    Raises:
+        BadInput: A file is missing, or is not that of cumberland.
+    """
+    preset = PRESETS[name]
+    if map_file is None or graph_file is None:
+        raise BadInput(
+            f"--preset {name}: needs --map cumberland.yaml and --graph cumberland.graph; get both, and cumberland.pgm, "
+            f"from {SOURCE}"
+        )
+    for option, file in (("--map", map_file), ("--graph", graph_file)):
+        if not file.is_file():
+            raise BadInput(f"{option} {file}: no such file; get it from {SOURCE}")
+    places = read_graph(graph_file)["vertices"]
+    if len(places) != VERTICES:
+        raise BadInput(f"--graph {graph_file}: has {len(places)} vertices, cumberland {VERTICES}; get it from {SOURCE}")
+    graph: object = str(graph_file)
+    if preset.visit_m != VISIT_M:
+        graph = {"file": graph, "visit": preset.visit_m}
+    starts = [list(places[vertex]) for vertex in preset.starts]
+    shared = {"point": POINT_M, **preset.body, "robots.starts": starts, **settings}
+    terrain = terrain_choice("cumberland", str(map_file), graph)
+    return Matrix(policies, (terrain,), (preset.team,), preset.conditions, seeds, preset.duration_s, shared)
+
+
+def beside_published(preset: Preset, cells: Sequence[CellResult]) -> tuple[list[str], list[list[str]]]:
+    """Return the table of published numbers beside ours.
+
+    Args:
+        preset: The preset.
+        cells: Our results.
+
+    Returns:
+        The headings, and the rows: first those of published numbers, then our other policies.
+    """
+    heads = ["theirs", "condition", "ours"]
+    heads += [f"{measure.title} {whose}" for measure in preset.measures for whose in ("theirs", "ours")]
+    by_place = {(result.cell.policy.name, result.cell.condition): result for result in cells}
+    rows = []
+    for one in preset.published:
+        result = by_place.pop((one.policy or "", one.condition), None)
+        rows.append(
+            [one.system, one.condition, "-" if one.policy is None else one.policy, *_beside(preset, result, one.values)]
+        )
+    nothing = ("-",) * len(preset.measures)
+    rows += [
+        ["-", condition, name, *_beside(preset, result, nothing)] for (name, condition), result in by_place.items()
+    ]
+    return heads, rows
+
+
+def _beside(preset: Preset, result: CellResult | None, values: Sequence[str]) -> list[str]:
+    """Return published numbers and ours, in turns."""
+    row = []
+    for measure, value in zip(preset.measures, values, strict=True):
+        ours = None if result is None else result.row.metrics.get(measure.metric)
+        row += [value, number_text(ours, measure.digits)]
+    return row

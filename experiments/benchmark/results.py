@@ -1,0 +1,232 @@
+"""The results of the benchmark: a line per run, a line per cell, and tables of policies by terrains."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+
+from experiments.benchmark.matrix import BenchmarkCell, Matrix, robots_text
+from experiments.sweeps.casetable import CaseRow, case_rows
+from experiments.sweeps.game_log import game_metric
+from experiments.sweeps.results import RunResult
+from experiments.sweeps.runner import SweepOutcome
+from experiments.sweeps.stats import Estimate
+
+LATE, TOUR, SEEN = "mfow_late_mean_s", "best_tour_s", "seen_share"
+OVER_TOUR = "mfow_late_over_tour"
+"""Name of the metric that is the late MFoW as a ratio to that on the best tour found."""
+
+ATTACK_S = 75.0
+"""Duration of the attacks whose successes tables show, s; the files have the others too."""
+
+INTRUDED = game_metric("worst", ATTACK_S)
+
+BEST_TOUR = "best tour found"
+"""The first row of `policy_table`."""
+
+
+@dataclass(frozen=True, slots=True)
+class ShownMetric:
+    """A number of each cell that pages show.
+
+    Attributes:
+        metric: Its name in the results.
+        title: Its name on pages, with its unit.
+        digits: Decimals that are printed.
+    """
+
+    metric: str
+    title: str
+    digits: int = 0
+
+
+MEASURES = (
+    ShownMetric(LATE, "MFoW, second half (s)"),
+    ShownMetric(OVER_TOUR, "MFoW / best tour", 2),
+    ShownMetric("mfow_max_s", "largest MFoW (s)"),
+    ShownMetric("fog_mean_s", "mean fog (s)"),
+    ShownMetric("nodes_worst_s", "worst idleness of a vertex (s)"),
+    ShownMetric("nodes_idleness_mean_s", "mean idleness of vertices (s)"),
+    ShownMetric("collisions", "collisions"),
+    ShownMetric("nodes_interference", "interference"),
+    *(
+        ShownMetric(game_metric(intruder, ATTACK_S), f"{intruder} intruder, {ATTACK_S:g} s (%)", 1)
+        for intruder in ("random", "waiting", "statistical")
+    ),
+)
+"""The measures, in the order of the tables; those that no cell has are left out there."""
+
+
+@dataclass(frozen=True, slots=True)
+class CellResult:
+    """The results of a cell.
+
+    Attributes:
+        cell: The cell.
+        row: Its means with their intervals.
+        command: The command line that makes its first run again.
+    """
+
+    cell: BenchmarkCell
+    row: CaseRow
+    command: str
+
+    @property
+    def seen_all(self) -> bool:
+        """Whether all ground was seen in each run."""
+        return self.mean(SEEN) == 1.0
+
+    def text(self, measure: ShownMetric) -> str:
+        """Return a measure with half the width of its 95 % interval, "-" without one.
+
+        A late MFoW of runs in which some ground was never seen is the time since the start, so that it says how much
+        was seen instead.
+
+        Args:
+            measure: The measure.
+        """
+        seen = self.mean(SEEN)
+        if measure.metric in (LATE, OVER_TOUR) and seen is not None and not self.seen_all:
+            return f"({100.0 * seen:.2f} % seen)"
+        return number_text(self.row.metrics.get(measure.metric), measure.digits)
+
+    def mean(self, metric: str) -> float | None:
+        """Return the mean of a metric, or None."""
+        found = self.row.metrics.get(metric)
+        return None if found is None else found.mean
+
+
+@dataclass(frozen=True, slots=True)
+class BenchmarkResults:
+    """All results.
+
+    Attributes:
+        outcome: Of the sweep, with the ratio to the best tour as one more metric.
+        cells: BenchmarkCell by cell.
+    """
+
+    outcome: SweepOutcome
+    cells: tuple[CellResult, ...]
+
+    @property
+    def groups(self) -> list[tuple[int, str, list[CellResult]]]:
+        """The cells of each team and condition, with those."""
+        grouped = groupby(self.cells, lambda result: (result.cell.team, result.cell.condition))
+        return [(team, condition, list(results)) for (team, condition), results in grouped]
+
+
+def results_of(matrix: Matrix, outcome: SweepOutcome) -> BenchmarkResults:
+    """Return the results of the matrix's runs.
+
+    Args:
+        matrix: What was run.
+        outcome: The results of its plan.
+    """
+    outcome = replace(outcome, results={key: _with_ratio(result) for key, result in outcome.results.items()})
+    pairs = zip(matrix.cells, case_rows(outcome), strict=True)
+    return BenchmarkResults(outcome, tuple(CellResult(cell, row, cell.command(matrix.seeds[0])) for cell, row in pairs))
+
+
+def _with_ratio(result: RunResult) -> RunResult:
+    late, tour = result.metrics.get(LATE), result.metrics.get(TOUR)
+    ratio = late / tour if late is not None and tour else None
+    return replace(result, metrics={**result.metrics, OVER_TOUR: ratio})
+
+
+def cell_rows(results: BenchmarkResults) -> list[CaseRow]:
+    """Return the rows of cells.csv: those of a sweep, with the cell's coordinates and its command as its settings.
+
+    Args:
+        results: The results.
+    """
+    return [replace(result.row, settings={**result.cell.labels, "command": result.command}) for result in results.cells]
+
+
+def run_lines(results: BenchmarkResults) -> Iterator[Sequence[object]]:
+    """Yield the lines of runs.csv: headings, then the coordinates, numbers and command of each run that has a result.
+
+    Args:
+        results: The results.
+    """
+    outcome = results.outcome
+    names = list(dict.fromkeys(name for run in outcome.results.values() for name in run.metrics))
+    labels = list(results.cells[0].cell.labels)
+    yield [*labels, "seed", "outcome", "error", *names, "processor_s", "software", "trace_hash", "command"]
+    for result in results.cells:
+        for run in outcome.plan.runs_of(result.cell.name):
+            made = outcome.results.get(run.key)
+            if made is not None:
+                numbers = [made.metrics.get(name) for name in names]
+                begin = [*result.cell.labels.values(), run.seed, made.outcome, made.error]
+                command = result.cell.command(run.seed)
+                yield [*begin, *numbers, made.processor_s, made.software, made.trace_hash, command]
+
+
+def number_text(found: Estimate | None, digits: int = 0) -> str:
+    """Return a mean and half the width of its 95 % interval, as in "12.3 ± 0.4".
+
+    Args:
+        found: The mean; None gives "-".
+        digits: Decimals.
+    """
+    if found is None:
+        return "-"
+    return f"{found.mean:.{digits}f}" + ("" if found.half is None else f" ± {found.half:.{digits}f}")
+
+
+def policy_table(results: Sequence[CellResult]) -> tuple[list[str], list[list[str]]]:
+    """Return the table of the policies of a team under a condition: late MFoW by terrain, fog, collisions, attacks.
+
+    Args:
+        results: The cells of one team and condition.
+
+    Returns:
+        The headings, and the rows: first the best tour found, where there is one, then each policy.
+    """
+    terrains = list(dict.fromkeys(result.cell.terrain.name for result in results))
+    policies = list(dict.fromkeys(result.cell.policy.name for result in results))
+    by_place = {(result.cell.policy.name, result.cell.terrain.name): result for result in results}
+    beside = (
+        ("mean fog (s)", "fog_mean_s"),
+        ("collisions", "collisions"),
+        (f"attacks of {ATTACK_S:g} s (%)", INTRUDED),
+    )
+    order = ", same order" if len(terrains) > 1 else ""
+    heads = ["policy", *terrains, *(f"{title}{order}" for title, _ in beside)]
+    tours = [_first(by_place[policy, terrain].mean(TOUR) for policy in policies) for terrain in terrains]
+    rows = [[BEST_TOUR, *map(_whole, tours), *("" for _ in beside)]] if any(tours) else []
+    for policy in policies:
+        cells = [by_place[policy, terrain] for terrain in terrains]
+        late = [cell.text(MEASURES[0]) for cell in cells]
+        rows.append([policy, *late, *(" / ".join(_whole(cell.mean(metric)) for cell in cells) for _, metric in beside)])
+    return heads, rows
+
+
+def _first(values: Iterator[float | None]) -> float | None:
+    return next((value for value in values if value is not None), None)
+
+
+def _whole(value: float | None) -> str:
+    return "-" if value is None else f"{value:.0f}"
+
+
+def describe(team: int, condition: str) -> str:
+    """Return what the runs of a team under a condition share, in words.
+
+    Args:
+        team: Number of robots.
+        condition: Name of the condition.
+    """
+    return f"{robots_text(team)}, {'no fault' if condition == 'none' else condition}"
+
+
+def shared_settings(matrix: Matrix) -> str:
+    """Return what all runs share, in words.
+
+    Args:
+        matrix: What was run.
+    """
+    settings: Mapping[str, object] = {"duration": matrix.duration_s, **matrix.settings}
+    seeds = ", ".join(map(str, matrix.seeds))
+    return f"{', '.join(f'{name} = {value}' for name, value in settings.items())}; seeds {seeds}"

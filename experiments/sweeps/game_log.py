@@ -1,0 +1,77 @@
+"""Intruder games on a run of a sweep, as metrics."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from patrol.journal.records import Status
+from patrol.measures.intruders import ATTACKS_S, Sightings, intruder_games
+
+if TYPE_CHECKING:
+    from patrol.journal import TickRecord
+    from worldsim.world import World
+
+INTRUDERS = ("random", "waiting", "statistical", "worst")
+"""The intruders whose shares of successes are metrics."""
+
+
+def game_metric(intruder: str, attack_s: float, on: str = "ground") -> str:
+    """Return the name of the metric of an intruder's successes, such as ``intruder_worst_75s_percent``.
+
+    Args:
+        intruder: One of `INTRUDERS`.
+        attack_s: Duration of the attack, s.
+        on: "ground", or "nodes" for attacks on the vertices of the graph.
+    """
+    return f"{'nodes_' if on == 'nodes' else ''}intruder_{intruder}_{attack_s:g}s_percent"
+
+
+class GameLog:
+    """Writes down which places are seen while a run is made, and plays intruder games on it afterwards."""
+
+    def __init__(self) -> None:
+        self._sightings: Sightings | None = None
+        self._ticks = 0
+        self._step = math.nan
+
+    def watch(self, world: World) -> Callable[[TickRecord], None]:
+        """Begin with the world before its first tick; see `experiments.inprocess.run_in_process`.
+
+        Args:
+            world: The world.
+
+        Returns:
+            Takes each tick's record. It does nothing with a sensor that leaves some of a point's age: the fog does not
+            show then what such a sensor has seen.
+        """
+        if world.truth.footprint.leaves_age:
+            return lambda _: None
+        fog = world.truth.fog
+        graph = None if world.scenario.terrain.graph is None else world.prepared.graph  # as `nodes` in the summary
+        sightings = Sightings(world.prepared, graph, world.ticks)
+        self._sightings = sightings
+        self._step = world.scenario.step
+
+        def on_tick(record: TickRecord) -> None:
+            self._ticks = record.k + 1
+            sightings.seen[record.k] = fog.last_seen[sightings.rows, sightings.cols] == record.k
+            alive = ((row.number, (row.x, row.y)) for row in record.robots if row.status is Status.ALIVE)
+            sightings.visit(record.k, alive)
+
+        return on_tick
+
+    def metrics(self) -> dict[str, float | None]:
+        """Return the shares of attacks that succeed, in percent, by the names of `game_metric`."""
+        if self._sightings is None:
+            return {}
+        places = {"ground": self._sightings.seen, "nodes": self._sightings.visited}
+        return {
+            game_metric(intruder, successes.attack_s, on): None if share is None else 100.0 * share
+            for on, seen in places.items()
+            if seen.shape[1]
+            for successes in intruder_games(seen[: self._ticks], self._step, ATTACKS_S)
+            for intruder in INTRUDERS
+            for share in [getattr(successes, intruder)]
+        }

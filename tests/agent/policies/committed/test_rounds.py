@@ -1,0 +1,60 @@
+"""On the round: the ground is kept as fresh as the tour promises, evenly spaced, and a death is made up for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from agent.policies.committed.policy import Committed
+from experiments.inprocess import run_in_process
+from patrol.scenario import open_scenario
+
+ROUND = {"robots.count": 3, "robots.model": "holonomic", "point": 1.0, "duration": 400, "sensor.range": 20}
+
+
+def mfow_s(**changes: object) -> list[float]:
+    """The MFoW after each tick of a run on `yards`, s."""
+    scenario = open_scenario("yards", {**ROUND, **changes})
+    ticks: list[float] = []
+    outcome = run_in_process(scenario, progress=lambda record: ticks.append(record.mfow * scenario.step))
+    assert outcome.verdict.outcome == "valid"
+    tour = outcome.summary.tour_s
+    assert tour is not None
+    return [mfow / tour for mfow in ticks]
+
+
+def test_the_fog_stays_as_fresh_as_the_tour_promises() -> None:
+    late = mfow_s()[200:]
+    assert np.mean(late) < 1.1
+    assert max(late) < 1.25
+
+
+def test_the_gaps_close_within_two_tours_after_a_death() -> None:
+    ratios = mfow_s(faults=[{"kind": "kill", "who": "r2", "at": 150, "wreck": False}], duration=700)
+    # Two robots are left: their promise is half as good again.
+    assert np.mean(ratios[-300:]) < 1.15 * 1.5
+
+
+def test_where_every_choice_is_free_there_is_no_round() -> None:
+    minds: list[bool] = []
+
+    def look(_world: object, by_number: object) -> None:
+        for mind in by_number.values():  # type: ignore[attr-defined]
+            policy = mind.policy.otherwise
+            assert isinstance(policy, Committed)
+            minds.append(policy.ahead is None)
+
+    scenario = open_scenario("yards", {**ROUND, "duration": 5, "patrol.options.unpredictability": 1})
+    run_in_process(scenario, look=look)
+    assert minds
+    assert all(minds)
+
+
+@pytest.mark.parametrize("kind", [{"sensor.angle": 120}, {"sensor.quality": 0.5}])
+def test_a_sensor_that_shows_no_tour_leaves_every_choice_free(kind: dict[str, object]) -> None:
+    scenario = open_scenario("yards", {**ROUND, **kind, "duration": 5})
+
+    def look(_world: object, by_number: object) -> None:
+        assert all(mind.policy.otherwise.ahead is None for mind in by_number.values())  # type: ignore[attr-defined]
+
+    run_in_process(scenario, look=look)

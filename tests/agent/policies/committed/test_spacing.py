@@ -1,0 +1,158 @@
+"""Spacing: robots are followed along the tour by where they are heard, spread over it, and wait for equal gaps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from agent.policies.committed.spacing import Spacing
+from patrol.ground.terrain import Terrain
+from patrol.ground.tour.round import Round
+from patrol.pose import Pose
+
+STRIDE = 0.5
+
+
+class Heard(NamedTuple):
+    """What a spacing reads of a peer."""
+
+    pose: Pose
+    tick: int
+
+
+@dataclass(frozen=True)
+class Spec:
+    """What it reads of the robot's own specification."""
+
+    radius: float = 0.1
+    speed: float = 1.0
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What it reads of a view."""
+
+    tick: int
+    reported: Pose
+    peers: Mapping[int, Heard]
+    bumped: bool = False
+    spec: Spec = Spec()
+
+    @property
+    def pose(self) -> Pose:
+        return self.reported
+
+
+def round_through(*corners: tuple[int, int]) -> tuple[Round, Terrain]:
+    """A closed tour through columns and rows of points of 1 m, with a place on each point of the way."""
+    terrain = Terrain("field", np.ones((20, 40), dtype=np.bool_), 1.0)
+    places: list[int] = []
+    for (col, row), (to_col, to_row) in zip(corners, [*corners[1:], corners[0]], strict=True):
+        steps = max(abs(to_col - col), abs(to_row - row))
+        places += [
+            (row + (to_row - row) * step // steps) * 40 + col + (to_col - col) * step // steps for step in range(steps)
+        ]
+    flat = np.array(places, dtype=np.int64)
+    return Round(float(len(flat)), flat, np.arange(float(len(flat))), flat[:0], flat[:0], flat[:0]), terrain
+
+
+RING = round_through((0, 0), (30, 0), (30, 10), (0, 10))
+"""A ring of 80 m."""
+
+DEAD_END = round_through((0, 0), (30, 0))
+"""There and back: 60 m."""
+
+
+def spacing_on(laid_out: tuple[Round, Terrain], number: int = 1) -> Spacing:
+    return Spacing.on(laid_out[0], number, STRIDE, laid_out[1])
+
+
+def at(tick: int, places: Mapping[int, tuple[float, float]], own: int = 1) -> Seen:
+    poses = {number: Pose(x, y, 0.0) for number, (x, y) in places.items()}
+    return Seen(tick, poses[own], {number: Heard(pose, tick) for number, pose in poses.items() if number != own})
+
+
+def note(spacing: Spacing, seen: Seen) -> None:
+    spacing.note(seen)  # type: ignore[arg-type]
+
+
+def waits(spacing: Spacing, seen: Seen) -> bool:
+    note(spacing, seen)
+    return spacing.waits(seen)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("begin", "course", "expected"), [(0.5, 1.0, 15.0), (29.5, -1.0, 45.0)])
+def test_a_dead_end_is_told_from_the_way_back_by_where_a_robot_came_from(
+    begin: float, course: float, expected: float
+) -> None:
+    spacing = spacing_on(DEAD_END)
+    for tick in range(30):
+        note(spacing, at(tick, {1: (begin + course * STRIDE * tick, 0.5)}))
+    assert spacing.along_m(spacing.own_place) == pytest.approx(expected, abs=2.0)
+
+
+def test_frames_that_are_lost_do_not_lead_astray() -> None:
+    spacing = spacing_on(DEAD_END)
+    for tick in range(0, 100, 10):
+        x = STRIDE * tick if tick < 60 else 60.0 - STRIDE * tick
+        note(spacing, at(tick, {1: (x + 0.5, 0.5)}))
+    assert spacing.along_m(spacing.own_place) == pytest.approx(STRIDE * 90, abs=2.0)
+
+
+def test_all_robots_find_the_same_equally_spaced_places() -> None:
+    places = {1: (0.5, 0.5), 2: (1.5, 0.5), 3: (20.5, 0.5), 4: (25.5, 10.5)}
+    chosen = {}
+    for number in places:
+        spacing = spacing_on(RING, number)
+        chosen[number] = spacing.along_m(spacing.begin(at(0, places, number)))  # type: ignore[arg-type]
+    gaps = np.diff(sorted(chosen.values()))
+    assert gaps == pytest.approx([20.0] * 3, abs=1.0)
+    # The pair that stands together is parted, and the others stay near to where they are.
+    assert abs(chosen[1] - chosen[2]) > 15.0
+
+
+def test_who_is_nearer_to_the_one_ahead_waits_until_the_gaps_are_equal() -> None:
+    spacing = spacing_on(RING)
+    # 1 at 10 m, 2 at 20 m, 3 at 60 m: 10 m ahead, 30 m behind.
+    apart = {1: (10.5, 0.5), 2: (20.5, 0.5), 3: (20.5, 10.5)}
+    for tick in range(6):
+        note(spacing, at(tick, apart))
+    assert waits(spacing, at(6, apart))
+    assert not waits(spacing_at(2, apart), at(6, apart, 2))
+    equal = {1: (10.5, 0.5), 2: (30.5, 6.5), 3: (13.5, 10.5)}
+    assert not waits(spacing_at(1, equal), at(6, equal))
+
+
+def spacing_at(number: int, places: Mapping[int, tuple[float, float]]) -> Spacing:
+    """The spacing of a robot that has heard all of them at their places for a while."""
+    spacing = spacing_on(RING, number)
+    for tick in range(6):
+        note(spacing, at(tick, places, number))
+    return spacing
+
+
+def test_two_at_the_same_place_do_not_both_wait() -> None:
+    together = {1: (10.5, 0.5), 2: (10.5, 0.5)}
+    both = [waits(spacing_at(number, together), at(6, together, number)) for number in together]
+    assert sorted(both) == [False, True]
+
+
+def test_nobody_waits_for_ever_for_one_that_does_not_come() -> None:
+    apart = {1: (10.5, 0.5), 2: (20.5, 0.5), 3: (20.5, 10.5)}
+    spacing = spacing_at(1, apart)
+    waited = [waits(spacing, at(tick, apart)) for tick in range(6, 400)]
+    assert any(waited)
+    assert not all(waited)
+
+
+def test_who_has_bumped_drives_on() -> None:
+    apart = {1: (10.5, 0.5), 2: (20.5, 0.5), 3: (20.5, 10.5)}
+    spacing = spacing_at(1, apart)
+    seen = at(6, apart)
+    bumped = Seen(6, seen.reported, seen.peers, bumped=True)
+    assert not waits(spacing, bumped)
+    assert not waits(spacing, at(8, apart))

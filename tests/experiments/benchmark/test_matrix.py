@@ -1,0 +1,150 @@
+"""What the benchmark runs: conditions are the faults that they say, and texts give the cells."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from experiments.benchmark.conditions import check_condition, faults_of, least_team
+from experiments.benchmark.matrix import (
+    Matrix,
+    NamedSettings,
+    plan_of,
+    read_conditions,
+    read_policies,
+    read_teams,
+    read_terrains,
+)
+from patrol.errors import BadInput
+from worldsim.faults.timeline import Timeline
+
+
+def matrix(**more: object) -> Matrix:
+    given = {
+        "policies": read_policies("committed,sebs:g2=50"),
+        "terrains": read_terrains("open"),
+        "teams": (2, 4),
+        "conditions": ("none", "loss-50", "deaths"),
+        "seeds": (1, 2),
+        "duration_s": 600.0,
+        "settings": {"point": 2.0, "robots.model": "holonomic"},
+    }
+    return Matrix(**{**given, **more})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("name", "faults"),
+    [
+        ("none", []),
+        ("loss-50", [{"kind": "loss", "rate": 0.5}]),
+        ("loss-100", [{"kind": "loss", "rate": 1.0}]),
+        ("silence", [{"kind": "silence", "who": "all"}]),
+        ("spoof", [{"kind": "spoof", "as": "r1", "payload": "random"}]),
+        (
+            "loss-90+deaths",
+            [
+                {"kind": "loss", "rate": 0.9},
+                {"kind": "kill", "who": "r1", "at": 300.0, "wreck": "removed"},
+                {"kind": "kill", "who": "r2", "at": 1100.0, "wreck": "removed"},
+            ],
+        ),
+    ],
+)
+def test_a_condition_is_its_faults(name: str, faults: list[dict[str, object]]) -> None:
+    check_condition(name)
+    assert faults_of(name, 5000.0) == faults
+
+
+def test_robots_die_within_a_shorter_run() -> None:
+    assert [fault["at"] for fault in faults_of("deaths", 600.0)] == [100.0, 366.667]
+    (run,) = plan_of(
+        matrix(policies=(NamedSettings("committed", {}),), teams=(4,), conditions=("deaths",), seeds=(1,))
+    ).runs
+    timeline = Timeline(run.scenario)
+    assert run.scenario.ticks == 1200
+    assert [bool(timeline.acts(k)) for k in (199, 200, 734)] == [False, True, True]
+
+
+@pytest.mark.parametrize(
+    "name", ["loss", "loss-0", "loss-101", "loss-5.5", "death", "none+deaths", "deaths+deaths", ""]
+)
+def test_what_is_no_condition_is_refused(name: str) -> None:
+    with pytest.raises(BadInput, match="--conditions"):
+        check_condition(name)
+
+
+def test_cells_are_all_combinations_that_have_enough_robots() -> None:
+    cells = matrix().cells
+    assert {(cell.team, cell.condition) for cell in cells} == {
+        (2, "none"),
+        (2, "loss-50"),
+        (4, "none"),
+        (4, "loss-50"),
+        (4, "deaths"),
+    }
+    assert len(cells) == 10
+    assert [least_team(name) for name in ("none", "spoof", "loss-90+deaths")] == [1, 2, 3]
+    plan = plan_of(matrix())
+    assert all(run.games for run in plan.runs)
+    assert len({run.key for run in plan.runs}) == 20
+    for run, cell in zip(plan.runs, [cell for cell in cells for _ in (1, 2)], strict=True):
+        assert run.case == cell.name
+        assert len(run.scenario.roster) == cell.team
+        assert run.scenario.duration == 600.0
+        assert len(run.scenario.faults) == {"none": 0, "loss-50": 1, "deaths": 2}[cell.condition]
+    with pytest.raises(BadInput, match=r"\A--teams 1,2: deaths needs 3 robots or more; give a larger team or drop"):
+        plan_of(matrix(teams=(1, 2)))
+
+
+def test_policies_may_have_options_and_be_classes() -> None:
+    found = read_policies("committed, sebs:g2=50:edge_min=2,./mine.py:Mine:near=4")
+    assert [policy.name for policy in found] == ["committed", "sebs:g2=50:edge_min=2", "./mine.py:Mine:near=4"]
+    assert found[1].settings == {
+        "patrol.policy": "sebs",
+        "patrol.options.g2": "50",
+        "patrol.options.edge_min": "2",
+    }
+    assert found[2].settings == {"patrol.policy": "./mine.py:Mine", "patrol.options.near": "4"}
+
+
+def test_terrains_are_built_in_or_maps_and_may_have_a_graph() -> None:
+    found = read_terrains("open,maps/plan.yaml,a/here.graph+a/here.yaml,b/here.yaml,few.graph+yards")
+    assert [terrain.name for terrain in found] == [
+        "open",
+        "plan",
+        "a/here.graph+a/here.yaml",
+        "b/here.yaml",
+        "few.graph+yards",
+    ]
+    assert found[1].settings == {"terrain.map": "maps/plan.yaml"}
+    assert found[2].settings == {"terrain.map": "a/here.yaml", "terrain.graph": "a/here.graph"}
+    assert found[4].settings == {"terrain.builtin": "yards", "terrain.graph": "few.graph"}
+
+
+@pytest.mark.parametrize(
+    ("read", "text", "says"),
+    [
+        (read_policies, "sebs,sebs", "--policies: sebs occurs 2 times; name it once"),
+        (read_policies, "sebs,", "--policies 'sebs,': expected names with commas between, such as committed,even-tour"),
+        (read_policies, "sebs:=3", "--policies sebs:=3: =3: expected OPTION=VALUE"),
+        (read_policies, "sebs:", "--policies sebs:: expected NAME or NAME:OPTION=VALUE"),
+        (read_policies, "g2=3", "--policies g2=3: expected NAME or NAME:OPTION=VALUE"),
+        (read_terrains, "opem", "--terrains opem: no such built-in terrain, and no map's YAML file; did you mean open"),
+        (read_terrains, "plan.pgm", "or give MAP.yaml or FILE.graph"),
+        (read_terrains, "a.graph", "--terrains a.graph: expected a terrain, or a graph and a terrain"),
+        (read_terrains, "open+yards", "--terrains open+yards: expected a terrain, or a graph and a terrain"),
+        (read_teams, "4,0", "--teams 4,0: 0: expected a number of robots from 1 to"),
+        (read_teams, "four", "--teams four: four: expected a number of robots"),
+        (read_conditions, "none,deths", "--conditions deths: deths: no such condition; did you mean deaths"),
+    ],
+)
+def test_what_makes_no_sense_is_one_line(read: object, text: str, says: str) -> None:
+    with pytest.raises(BadInput, match=r"\A[^\n]+\Z") as error:
+        read(text)  # type: ignore[operator]
+    assert says in str(error.value).replace('"', "'")
+
+
+def test_a_map_that_is_missing_is_said(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match="no such file"):
+        plan_of(matrix(terrains=read_terrains(str(tmp_path / "gone.yaml")), conditions=("none",)))

@@ -1,0 +1,170 @@
+"""A tiny benchmark in this process: it goes on where it stopped, and its tables hold the numbers of its runs."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+import pytest
+
+from experiments.benchmark import markdown
+from experiments.benchmark.matrix import Matrix, plan_of, read_policies, read_terrains
+from experiments.benchmark.presets import PRESETS, beside_published, preset_matrix
+from experiments.benchmark.results import (
+    INTRUDED,
+    LATE,
+    MEASURES,
+    OVER_TOUR,
+    SEEN,
+    BenchmarkResults,
+    cell_rows,
+    policy_table,
+    results_of,
+    run_lines,
+)
+from experiments.sweeps.casetable import case_lines, csv_text
+from experiments.sweeps.runner import SweepOutcome, run_sweep
+from experiments.sweeps.stats import estimate
+from fogwatch.pictures.benchmark_page import drawings
+from patrol.errors import BadInput
+from tests.experiments.sweeps.test_sweep_runs import Here, Watching
+
+TINY = Matrix(
+    policies=read_policies("committed,sebs:g2=50"),
+    terrains=read_terrains("open"),
+    teams=(2,),
+    conditions=("none", "silence"),
+    seeds=(1, 2),
+    duration_s=30.0,
+    settings={"point": 2.0, "robots.model": "holonomic"},
+)
+
+
+@pytest.fixture(scope="module")
+def outcome(tmp_path_factory: pytest.TempPathFactory) -> SweepOutcome:
+    """The tiny benchmark, interrupted after three runs and started again."""
+    folder = tmp_path_factory.mktemp("benchmark")
+    with pytest.raises(KeyboardInterrupt):
+        run_sweep(plan_of(TINY), folder, workers=Here(), observer=Watching(3))
+    return run_sweep(plan_of(TINY), folder, workers=Here())
+
+
+@pytest.fixture(scope="module")
+def results(outcome: SweepOutcome) -> BenchmarkResults:
+    return results_of(TINY, outcome)
+
+
+def test_an_interrupted_benchmark_goes_on_where_it_stopped(outcome: SweepOutcome) -> None:
+    assert outcome.made == 5
+    assert not outcome.failed
+    assert len(outcome.results) == 8
+
+
+def test_there_is_a_line_for_each_run_and_one_for_each_cell(outcome: SweepOutcome, results: BenchmarkResults) -> None:
+    runs = list(csv.DictReader(io.StringIO(csv_text(run_lines(results)))))
+    assert [(run["policy"], run["condition"], run["seed"]) for run in runs] == [
+        (policy, condition, seed)
+        for condition in ("none", "silence")
+        for policy in ("committed", "sebs:g2=50")
+        for seed in "12"
+    ]
+    by_trace = {result.trace_hash: result for result in outcome.results.values()}
+    for run in runs:
+        metrics = by_trace[run["trace_hash"]].metrics
+        assert float(run[LATE]) == metrics[LATE]
+        assert float(run[OVER_TOUR]) == pytest.approx(float(run[LATE]) / float(run["best_tour_s"]))
+        assert float(run["intruder_random_25s_percent"]) == metrics["intruder_random_25s_percent"]
+    cells = list(csv.DictReader(io.StringIO(csv_text(case_lines(cell_rows(results))))))
+    assert len(cells) == 4
+    expected = estimate([float(run[LATE]) for run in runs[:2]])
+    assert float(cells[0][LATE]) == pytest.approx(expected.mean)
+    assert float(cells[0][f"{LATE}_low"]) == pytest.approx(expected.low)
+    assert cells[0]["command"] == runs[0]["command"]
+    assert cells[2]["command"].count("silence") == 1
+
+
+def test_the_tables_show_what_was_seen_where_not_all_was(results: BenchmarkResults) -> None:
+    (_, _, cells), _ = results.groups
+    heads, rows = policy_table(cells)
+    assert heads == ["policy", "open", "mean fog (s)", "collisions", "attacks of 75 s (%)"]
+    assert [row[0] for row in rows] == ["best tour found", "committed", "sebs:g2=50"]
+    share = cells[0].mean(SEEN)
+    assert share is not None
+    assert share < 1.0, "30 s are too short"
+    assert rows[1][1] == f"({100 * share:.2f} % seen)"
+    fog = cells[0].row.metrics["fog_mean_s"]
+    assert rows[1][2] == f"{fog.mean:.0f}"
+    text = markdown.page(TINY, results, command="fogwatch benchmark", computing_s=60.0)
+    assert "    fogwatch benchmark        # 8 runs, 1 min of computing on one core" in text
+    assert "## 2 robots, silence" in text
+    assert "| *best tour found* | " in text
+    assert f"| `committed` | {rows[1][1]} | {rows[1][2]} | " in text
+
+
+def test_attacks_longer_than_the_run_are_none(results: BenchmarkResults) -> None:
+    assert all(result.mean(INTRUDED) is None for result in results.cells)
+    assert all(0.0 <= (result.mean("intruder_random_25s_percent") or 0.0) <= 100.0 for result in results.cells)
+    drawn = [drawing.name for drawing in drawings(TINY, results)]
+    assert drawn[:2] == ["attacks", f"dots-{LATE}"], "no figure shows attacks of 75 s"
+    assert f"dots-{INTRUDED}" not in drawn
+
+
+GRAPH = "40 688 499 0.075 0 0\n" + "\n".join(
+    f"{vertex} {20 + 10 * vertex} 100 {1 if vertex in (0, 39) else 2}"
+    + (f" {vertex - 1} W 10" if vertex else "")
+    + (f" {vertex + 1} E 10" if vertex < 39 else "")
+    for vertex in range(40)
+)
+"""A graph with as many vertices as that of cumberland."""
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> tuple[Path, Path]:
+    (tmp_path / "c.yaml").write_text("image: c.pgm\n")
+    (tmp_path / "c.graph").write_text(GRAPH)
+    return tmp_path / "c.yaml", tmp_path / "c.graph"
+
+
+def test_presets_set_the_published_conditions(files: tuple[Path, Path]) -> None:
+    matrix = preset_matrix("magec", read_policies("sebs"), (1,), *files, {"radio.forget_after": "30"})
+    assert (matrix.teams, matrix.duration_s) == ((6,), 1800.0)
+    assert matrix.conditions == ("none", "loss-50", "loss-90+deaths")
+    settings = matrix.cells[2].settings
+    assert settings["robots.model"] == "differential"
+    assert settings["robots.speed"] == 0.52
+    assert settings["terrain.graph"] == {"file": str(files[1]), "visit": 0.25}
+    assert settings["radio.forget_after"] == "30"
+    faults = settings["faults"]
+    assert isinstance(faults, list)
+    assert [(fault["kind"], fault.get("at")) for fault in faults] == [("loss", None), ("kill", 300.0), ("kill", 1100.0)]
+    settings = preset_matrix("m2bench", read_policies("sebs"), (1,), *files, {}).cells[0].settings
+    assert (settings["duration"], settings["robots.count"], settings["robots.speed"]) == (500.0, 6, 1.0)
+    assert settings["robots.starts"] == [[1.5 + 0.75 * vertex, 7.5] for vertex in (0, 8, 16, 24, 32, 39)]
+    assert "faults" not in settings
+
+
+def test_a_preset_says_where_its_files_come_from(files: tuple[Path, Path], tmp_path: Path) -> None:
+    policies = read_policies("sebs")
+    where = "maps/cumberland of the public repository github.com/davidbsp/patrolling_sim"
+    with pytest.raises(BadInput, match=f"--preset magec: needs --map cumberland.yaml and --graph .*{where}"):
+        preset_matrix("magec", policies, (1,), files[0], None, {})
+    with pytest.raises(BadInput, match=f"--graph .*gone.graph: no such file; get it from {where}"):
+        preset_matrix("magec", policies, (1,), files[0], tmp_path / "gone.graph", {})
+    files[1].write_text("1 1 1 1 0 0 0 1 1 0")
+    with pytest.raises(BadInput, match=f"has 1 vertices, cumberland 40; get it from {where}"):
+        preset_matrix("magec", policies, (1,), *files, {})
+
+
+def test_published_numbers_stand_beside_ours(results: BenchmarkResults) -> None:
+    heads, rows = beside_published(PRESETS["m2bench"], results.cells)
+    assert heads[:5] == ["theirs", "condition", "ours", "WI (s) theirs", "WI (s) ours"]
+    by_system = {row[0]: row for row in rows}
+    assert by_system["SEBS"][2:5] == ["sebs", "199.4", "-"], "sebs:g2=50 is another policy"
+    assert ["-", "silence", "sebs:g2=50"] in [row[:3] for row in rows]
+    for preset in PRESETS.values():
+        assert {one.condition for one in preset.published} == set(preset.conditions)
+        assert {len(one.values) for one in preset.published} == {len(preset.measures)}
+        plan = {policy.name for policy in read_policies("ahpa,cbls,cr,dtag,dtap,er,gbs,hcr,hpcc,random,sebs")}
+        assert {one.policy for one in preset.published if one.policy} <= plan
+    assert MEASURES[0].metric == LATE

@@ -1,0 +1,78 @@
+"""A round: each patrolled point belongs to the place of the tour that sees it from nearest."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from patrol.ground.fields import StaticFields, compute_fields
+from patrol.ground.sensors import footprint_of
+from patrol.ground.terrain import Terrain
+from patrol.ground.tour.round import ARRAYS, Round, lay_out
+from patrol.ground.tour.search import find_tour
+from patrol.pose import Pose
+from tests.patrol.ground.test_tour import building
+
+RANGE_M = 4.0
+
+
+def round_in(terrain: Terrain) -> tuple[Round, StaticFields]:
+    fields = compute_fields(terrain, 0.3, RANGE_M, True, [Pose(1.0, 1.0, 0.0)])
+    footprint = footprint_of(terrain, RANGE_M)
+    tour = find_tour(terrain, fields.reach, fields.patrolled, fields.proxy, footprint)
+    assert tour is not None
+    return lay_out(terrain, fields.reach, fields.patrolled, fields.proxy, footprint, tour), fields
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_every_patrolled_point_is_seen_from_where_it_says(seed: int) -> None:
+    terrain = building(seed)
+    laid_out, fields = round_in(terrain)
+    footprint = footprint_of(terrain, RANGE_M)
+    assert sorted(laid_out.points.tolist()) == np.flatnonzero(fields.patrolled).tolist()
+    for point, stand in zip(laid_out.points.tolist(), laid_out.stands.tolist(), strict=True):
+        row, col = divmod(point, terrain.width)
+        assert fields.reach.flat[stand]
+        view = footprint.visible(Pose(*terrain.centre(*divmod(stand, terrain.width)), 0.0))
+        assert view.mask[row - view.row0, col - view.col0]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_point_belongs_to_the_nearest_place_that_sees_it(seed: int) -> None:
+    terrain = building(seed)
+    laid_out, _ = round_in(terrain)
+    footprint = footprint_of(terrain, RANGE_M)
+    views = [footprint.visible(Pose(*terrain.centre(*divmod(int(p), terrain.width)), 0.0)) for p in laid_out.places]
+    rows, cols = np.divmod(laid_out.places, terrain.width)
+    for point, place in list(zip(laid_out.points.tolist(), laid_out.place_of.tolist(), strict=True))[::7]:
+        row, col = divmod(point, terrain.width)
+        seeing = [
+            (rows[at] - row) ** 2 + (cols[at] - col) ** 2
+            for at, view in enumerate(views)
+            if 0 <= row - view.row0 < view.mask.shape[0]
+            and 0 <= col - view.col0 < view.mask.shape[1]
+            and view.mask[row - view.row0, col - view.col0]
+        ]
+        if seeing:
+            assert (rows[place] - row) ** 2 + (cols[place] - col) ** 2 == min(seeing)
+
+
+def test_places_go_round_in_order() -> None:
+    terrain = building(1)
+    laid_out, fields = round_in(terrain)
+    assert (np.diff(laid_out.along) > 0.0).all()
+    assert laid_out.along[0] >= 0.0
+    assert laid_out.along[-1] < laid_out.length_m
+    assert (np.diff(laid_out.place_of) >= 0).all()
+    assert fields.reach.reshape(-1)[laid_out.places].all()
+
+
+def test_what_is_saved_is_loaded(tmp_path: Path) -> None:
+    laid_out, _ = round_in(building(2))
+    laid_out.save(tmp_path / "round")
+    again = Round.load(tmp_path / "round")
+    assert again.length_m == laid_out.length_m
+    for name in ARRAYS:
+        assert np.array_equal(getattr(again, name), getattr(laid_out, name))
