@@ -84,6 +84,7 @@ class Place:
         bend: Where the way there first bends, x and y in m; the body looks for the way itself where this is None.
         lean: A point to head for in place of the bend as long as that leads on, such as one pushed aside by others.
         wander: A direction, rad, to be taken for this one step instead where the body can; None for none.
+        exact: Whether a car that is as near as one step brings it goes on until it is on the very point of the place.
         state: What the robot is doing while it obeys.
         figures: For telemetry.
     """
@@ -93,6 +94,7 @@ class Place:
     bend: Spot | None = None
     lean: Spot | None = None
     wander: float | None = None
+    exact: bool = False
     state: str = State.PATROLLING
     figures: Figures = field(default_factory=dict)
 

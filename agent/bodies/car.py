@@ -460,7 +460,7 @@ class CarBody(BodyBase):
         near = bend == spot and math.dist((pose.x, pose.y), spot) < parking
         if near and not view.bumped and self._mode is not Mode.ESCAPING:
             self._after(Event.NEAR, view.tick)
-            return Choice(self._park(view, spot), place.state, bearing, goal)
+            return Choice(self._park(view, spot, exact=place.exact), place.state, bearing, goal)
         if self._manoeuvres is not None and self._mode is not Mode.ESCAPING and self._bumps < OFTEN:
             if view.bumped and self._chance(view.tick, 1, Purpose.UNSTUCK) < YIELDS:
                 return Choice(Drive(0.0, 0.0), place.state, bearing, goal)
@@ -471,10 +471,16 @@ class CarBody(BodyBase):
         choice = self._drive(view, bearing, goal, place.state)
         return Choice(choice.command, choice.state, bearing, goal)
 
-    def _park(self, view: View, spot: Spot) -> Drive:
-        """Return a step to a place close by; where none brings the car nearer, arcs that lead onto its point."""
+    def _park(self, view: View, spot: Spot, *, exact: bool) -> Drive:
+        """Return a step to a place close by; where none brings the car nearer, arcs that lead onto its point.
+
+        Args:
+            view: Of this tick.
+            spot: The place, x and y in m.
+            exact: Whether such arcs are wanted.
+        """
         pose, manoeuvres = view.pose, self._manoeuvres
-        if manoeuvres is None:
+        if manoeuvres is None or not exact:
             return self._steering.park(pose, spot)
         if not manoeuvres.goes_onto(pose, spot):
             drive = self._steering.park(pose, spot)

@@ -22,8 +22,8 @@ STEP = 0.5
 def prepared_on(scenario: Scenario, terrain: Terrain, starts: Sequence[Pose]) -> Prepared:
     """A scenario on another terrain than its own; robots of 1 m radius reach what they reach from the starts."""
     fields = compute_fields(terrain, 1.0, scenario.sensor.range, True, list(starts))
-    starts = [*starts, *starts[-1:] * (len(scenario.roster) - len(starts))]
-    return Prepared(scenario, terrain, tuple(starts), {spec.number: fields for spec in scenario.roster})
+    all_starts = (*starts, *[starts[-1]] * (len(scenario.roster) - len(starts)))
+    return Prepared(scenario, terrain, all_starts, {spec.number: fields for spec in scenario.roster})
 
 
 def at(k: int, pose: Pose, bumped: bool = False, contacts: tuple[tuple[float, float], ...] = ()) -> Sensed:

@@ -123,7 +123,7 @@ def test_who_is_nearer_to_the_one_ahead_waits_until_the_gaps_are_equal() -> None
         note(spacing, at(tick, apart))
     assert waits(spacing, at(6, apart))
     assert not waits(spacing_at(2, apart), at(6, apart, 2))
-    equal = {1: (10.5, 0.5), 2: (30.5, 6.5), 3: (13.5, 10.5)}
+    equal = {1: (10.5, 0.5), 2: (30.5, 6.5), 3: (7.5, 10.5)}
     assert not waits(spacing_at(1, equal), at(6, equal))
 
 
