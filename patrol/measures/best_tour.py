@@ -145,8 +145,8 @@ def round_of(prepared: Prepared, number: int) -> Round | None:
         number: Of the robot.
 
     Returns:
-        The round; None where the ground is too large for a tour, or the sensor has none (`BestTour.parts`). Robots of
-        one radius in one part of the terrain share one.
+        The round; None where the ground is too large for a tour, where all of it is seen from one place, or where the
+        sensor has none (`BestTour.parts`). Robots of one radius in one part of the terrain share one.
     """
     if number not in prepared.rounds:
         prepared.rounds.update(_rounds_of(prepared))
@@ -164,9 +164,10 @@ def _rounds_of(prepared: Prepared) -> dict[int, Round | None]:
             tour = None
             if footprint.all_round and not footprint.leaves_age and identity is not None and own.patrolled.any():
                 tour = _tour(terrain, own, own.patrolled, proxy, footprint, identity)
-            of_ground[id(own)] = (
-                None if tour is None else lay_out(terrain, own.reach, own.patrolled, proxy, footprint, tour)
-            )
+            if tour is None or tour.length_m == 0.0:
+                of_ground[id(own)] = None
+            else:
+                of_ground[id(own)] = lay_out(terrain, own.reach, own.patrolled, proxy, footprint, tour)
         rounds[number] = of_ground[id(own)]
     return rounds
 

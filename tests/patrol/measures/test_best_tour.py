@@ -12,7 +12,7 @@ import patrol.ground.tour.search
 from patrol.ground.fields import compute_fields
 from patrol.ground.terrain import Terrain
 from patrol.measures import best_tour as module
-from patrol.measures.best_tour import BestTour, PartTour, best_tour
+from patrol.measures.best_tour import BestTour, PartTour, best_tour, round_of
 from patrol.own_sensor import allow_sensor
 from patrol.pose import Pose
 from patrol.prepare import Prepared
@@ -165,3 +165,10 @@ def test_a_cache_that_cannot_be_written_is_done_without(cache: Path) -> None:
     cache.parent.parent.mkdir(exist_ok=True)
     cache.parent.write_text("a file where the folder would be")
     assert best_tour(prepared()).length_m is not None
+
+
+def test_ground_that_is_seen_from_one_place_has_no_round() -> None:
+    rooms = prepared(door=False, range=30.0)
+    assert [part.length_m for part in best_tour(rooms).parts] == [0.0, 0.0]
+    assert round_of(rooms, 1) is None
+    assert round_of(prepared(), 1) is not None
