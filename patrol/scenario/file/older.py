@@ -5,6 +5,9 @@ of both stood in the section `patrol` itself, those without effect too.
 
     {commitment: target, alpha: 40, dilatation: 5}     0.2
     {policy: committed, options: {alpha: 40}}          since 0.3
+
+Up to 0.3, robots of `committed` followed no round: each choice was free. Files that fogwatch writes state every setting,
+so a section that states all settings of 0.3 without `unpredictability` was written by 0.3, and means 1.
 """
 
 from __future__ import annotations
@@ -29,6 +32,9 @@ _DEFAULTS_0_2: Mapping[str, Any] = MappingProxyType(
 _DEFAULTS: Mapping[str, Any] = MappingProxyType(
     {name: field.get_default() for name, field in PotentialFieldOptions.model_fields.items()} | dict(_DEFAULTS_0_2)
 )
+_STATED_0_3 = frozenset(CommittedOptions.model_fields) - {"unpredictability", "critical_areas"}
+"""Settings of `committed` that every file written by 0.3 states."""
+
 _REPULSION = "repulsion"
 
 
@@ -95,7 +101,9 @@ def translate_patrol(patrol: Mapping[str, Any]) -> dict[str, Any]:
         stated = _with_effect(stated, policy)
     options = section.get("options")
     if stated and (options is None or isinstance(options, Mapping)):
-        section["options"] = {**stated, **(options or {})}
+        section["options"] = options = {**stated, **(options or {})}
+    if policy == COMMITTED and isinstance(options, Mapping) and options.keys() >= _STATED_0_3:
+        section["options"] = {"unpredictability": 1.0, **options}
     return section
 
 

@@ -59,8 +59,35 @@ def read(**patrol: Any) -> Scenario:
     return load_scenario({**YARDS, "patrol": patrol})
 
 
+RESOLVED_0_3: dict[str, Any] = {
+    "policy": "committed",
+    "options": {
+        "separation": "claims",
+        "random_move": 0.02,
+        "random_move_for": "all",
+        "obstacle_radius": 5.0,
+        "critical_width": 8.0,
+    },
+}
+"""Of the section that 0.3 wrote, what chooses a policy."""
+
+
 def test_a_run_folder_of_0_2_means_what_it_meant() -> None:
-    assert read(**RESOLVED_0_2) == load_scenario(YARDS)
+    assert read(**RESOLVED_0_2) == read(options={"unpredictability": 1.0})
+
+
+def test_a_run_folder_of_0_3_means_what_it_meant() -> None:
+    scenario = read(**RESOLVED_0_3)
+    assert scenario == read(options={"unpredictability": 1.0})
+    assert scenario == load_scenario(as_mapping(scenario))
+    some = {**RESOLVED_0_3["options"], "unpredictability": 0.5}
+    assert read(options=some) == read(options={"unpredictability": 0.5})
+
+
+def test_a_file_that_states_a_part_of_the_settings_has_the_defaults_of_this_version() -> None:
+    options = read(options={"separation": "claims", "random_move": 0.02}).patrol.options
+    assert isinstance(options, CommittedOptions)
+    assert options.unpredictability == 0.0
 
 
 def test_so_does_one_that_followed_the_paper() -> None:
