@@ -15,9 +15,8 @@ For example, three robots on a tour of 90 m, at 0, 20 and 60 m: the gaps ahead a
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +46,18 @@ LONG_BUMPED_S = 5.0
 
 CLEAR_RADII = 6.0
 """A robot does not wait while one that drives another stretch of the tour is nearer than so many of its radii."""
+
+
+class Heard(NamedTuple):
+    """Where a robot was heard.
+
+    Attributes:
+        spot: x and y in m.
+        tick: At which it was heard there.
+    """
+
+    spot: Spot
+    tick: int
 
 
 @dataclass(slots=True)
@@ -83,6 +94,7 @@ class Spacing:
     stride: float
     tour: NDArray[np.float64]
     robots: dict[int, Followed] = field(default_factory=dict)
+    _heard: dict[int, Heard] = field(default_factory=dict)
     _scratch: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     _bumped: int = -(2**30)
     _waited: int = 0
@@ -134,10 +146,10 @@ class Spacing:
         Args:
             view: Of this tick.
         """
-        spots = _spots(view, self.number)
-        numbers = sorted(spots)
+        heard = self._hear(view)
+        numbers = sorted(heard)
         team = len(numbers)
-        here = np.array([spots[number] for number in numbers])
+        here = np.array([heard[number].spot for number in numbers])
         best: tuple[float, float] = (math.inf, math.inf)
         chosen: dict[int, int] = {}
         for offset in range(OFFSETS):
@@ -150,8 +162,9 @@ class Spacing:
                 best = max(lengths), sum(lengths)
                 chosen = {number: slots[slot] for number, slot in zip(numbers, pairs, strict=True)}
         for number in numbers:
-            way_m = math.dist(spots[number], tuple(self.tour[chosen[number], :2]))
-            self._enter(number, spots[number], view.tick, chosen[number])
+            spot = heard[number].spot
+            way_m = math.dist(spot, tuple(self.tour[chosen[number], :2]))
+            self._enter(number, spot, view.tick, chosen[number])
             self.robots[number].until = view.tick + 4 + math.ceil(2.0 * way_m / self.stride)
         return chosen[self.number]
 
@@ -163,16 +176,20 @@ class Spacing:
         """
         if view.bumped:
             self._bumped = view.tick
-        spots = _spots(view, self.number)
-        for number in [number for number in self.robots if number not in spots]:
+        self._heard = self._hear(view)
+        for number in [number for number in self.robots if number not in self._heard]:
             del self.robots[number]
-        for number in sorted(spots):
-            spot = spots[number]
-            heard = view.tick if number == self.number else view.peers[number].tick
+        for number, (spot, tick) in self._heard.items():
             robot = self.robots.get(number)
             if robot is None:
-                robot = self._enter(number, spot, heard, None)
-            self._follow(robot, spot, heard)
+                robot = self._enter(number, spot, tick, None)
+            self._follow(robot, spot, tick)
+
+    def _hear(self, view: View) -> dict[int, Heard]:
+        """Where this robot is, and where those were that were heard lately."""
+        heard = {number: Heard((peer.pose.x, peer.pose.y), peer.tick) for number, peer in view.peers.items()}
+        heard[self.number] = Heard((view.reported.x, view.reported.y), view.tick)
+        return heard
 
     def _enter(self, number: int, spot: Spot, heard: int, place: int | None) -> Followed:
         costs = np.full(self.count, JUMP if place is not None else 0.0)
@@ -231,19 +248,11 @@ class Spacing:
             if gap == 0 and number > self.number:
                 gap = self.count
             ahead, behind = min(ahead, gap), min(behind, self.count - gap)
-            pose = view.peers[number].pose
-            apart = math.hypot(pose.x - view.pose.x, pose.y - view.pose.y)
+            apart = math.dist(self._heard[number].spot, (view.pose.x, view.pose.y))
             on_another_stretch = self.along_m(min(gap, self.count - gap)) > 2.0 * apart + 4.0 * self.stride
             if apart < CLEAR_RADII * view.spec.radius and on_another_stretch:
                 return False
         return ahead < behind - SLACK * self.count / len(self.robots)
-
-
-def _spots(view: View, number: int) -> Mapping[int, Spot]:
-    """x and y in m of this robot, and of those heard lately."""
-    spots = {other: (peer.pose.x, peer.pose.y) for other, peer in view.peers.items()}
-    spots[number] = view.reported.x, view.reported.y
-    return spots
 
 
 def _pairs(ways: NDArray[np.float64]) -> list[int]:

@@ -56,7 +56,10 @@ def follow(costs, scratch, tour, spacing, ticks, x, y, across, up):
             scratch[k] = costs[k]
             least = min(least, costs[k])
         for k in range(size):
-            one, two, back = (k - 1) % size, (k - 2) % size, (k + 1) % size
+            # Without %, which takes most of the time.
+            one = k - 1 if k > 0 else size - 1
+            two = k - 2 if k > 1 else k + size - 2
+            back = k + 1 if k < size - 1 else 0
             cost = min(scratch[k], scratch[one])
             cost = min(cost, scratch[two] + AHEAD_TWO)
             cost = min(cost, scratch[back] + BACK)
