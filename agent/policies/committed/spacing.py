@@ -38,6 +38,9 @@ OFFSETS = 24
 PATIENCE = 0.5
 """Time for which a robot waits on end, as a share of the time between two robots; then it drives for as long."""
 
+LONGEST_WAIT_S = 45.0
+"""Upper bound of the same, s."""
+
 LATE_TICKS = 20
 """Ticks of silence at most for which a robot's way is followed on."""
 
@@ -225,7 +228,8 @@ class Spacing:
         Args:
             view: Of this tick.
         """
-        longest = PATIENCE * self.count / max(len(self.robots), 1)
+        tick_s = self.stride / view.spec.speed
+        longest = min(PATIENCE * self.count / max(len(self.robots), 1), LONGEST_WAIT_S / tick_s)
         if self._waited >= longest:
             self._rests = False
         elif self._waited <= 0:
