@@ -182,7 +182,7 @@ def build_mind(
             scratch=scratch,
             graph=lambda: prepared.graph,
             round=lambda: round_of(prepared, number),
-            fleet_chance=lambda question: draw(scenario.seed, Purpose.PHASE, question),
+            fleet_chance=lambda question: draw(scenario.seed, Purpose.PERIOD, question),
         ),
     )
     body = BODIES[spec.model](

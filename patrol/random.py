@@ -41,7 +41,7 @@ class Purpose(IntEnum):
     ODOMETRY = 13
     RADIO = 14
     INTRUDER = 15
-    PHASE = 16
+    PERIOD = 16
 
 
 def mix(*values: SupportsIndex) -> int:

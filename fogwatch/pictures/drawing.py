@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.report.style import check_matplotlib
 from patrol.errors import BadInput
 from patrol.files.whole_file import replacing
 from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.matplotlib_check import check_matplotlib
 from patrol.palette import rgb, with_walls
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from experiments.faults.cost import VARIANTS, WITH_TRAIL, Finding
 from fogwatch.pictures.paper_tables import COLOURS, write_figure
-from monitor.report.style import check_matplotlib
+from patrol.matplotlib_check import check_matplotlib
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -14,9 +14,9 @@ import numpy as np
 from experiments.paper.printed import Measure
 from experiments.paper.tables import FAR_OFF, Cell, TableComparison
 from fogwatch.pictures.drawing import Key, Layer, canvas, legend, paint, painted, save
-from monitor.report.style import check_matplotlib
 from patrol.errors import BadInput
 from patrol.ground.terrain import Terrain
+from patrol.matplotlib_check import check_matplotlib
 from patrol.palette import WALL
 
 if TYPE_CHECKING:

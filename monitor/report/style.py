@@ -7,7 +7,6 @@ an optional dependency, so it is imported only for drawing.
 from __future__ import annotations
 
 import io
-import os
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -17,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 from xml.sax.saxutils import quoteattr
 
 from patrol.errors import BadInput
+from patrol.matplotlib_check import check_matplotlib
 from patrol.palette import LIGHT, ROBOTS
-from patrol.printable import printable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -95,24 +94,6 @@ class Drawing:
         except OSError as error:
             raise BadInput(f"{folder}: cannot be written ({error.strerror}); choose another folder") from None
         return [png, svg]
-
-
-def check_matplotlib(extra: str) -> None:
-    """Import matplotlib.
-
-    Args:
-        extra: Of fogwatch's optional dependencies, those with matplotlib that the caller needs.
-
-    Raises:
-        BadInput: It is not installed, or the environment names no backend of it.
-    """
-    try:
-        import matplotlib  # noqa: F401 - whether it can be imported
-    except ImportError:
-        raise BadInput(f"figures need matplotlib; install it with: pip install 'fogwatch[{extra}]'") from None
-    except ValueError:
-        backend = printable(os.environ.get("MPLBACKEND", ""))
-        raise BadInput(f"MPLBACKEND={backend}: no backend of matplotlib; unset it, as figures need none") from None
 
 
 @contextmanager

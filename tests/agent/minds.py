@@ -52,5 +52,5 @@ def setup_of(prepared: Prepared, number: int = 1) -> PolicySetup:
         scratch={},
         graph=lambda: prepared.graph,
         round=lambda: round_of(prepared, number),
-        fleet_chance=lambda question: draw(scenario.seed, Purpose.PHASE, question),
+        fleet_chance=lambda question: draw(scenario.seed, Purpose.PERIOD, question),
     )

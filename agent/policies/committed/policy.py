@@ -13,7 +13,7 @@ its target:
 - *Giving up*: a target that comes no nearer for a while is left out for some time, with what lies around it.
 
 The option `unpredictability` and the experience with the round decide how much of the time choices are free
-(`agent.policies.committed.phases`). Where there is no round, because the ground is too large for a tour or the sensor
+(`agent.policies.committed.periods`). Where there is no round, because the ground is too large for a tour or the sensor
 does not look all around, each choice is free. On the round too a robot chooses freely what has become overdue: points
 that have been unseen for twice as long as usual there, and to which no other robot has a shorter way.
 
@@ -29,12 +29,12 @@ from typing import TYPE_CHECKING
 
 from agent.policies.committed.choice import TargetChoice
 from agent.policies.committed.given_up import GivenUp
-from agent.policies.committed.phases import INTERVALS, Phases
+from agent.policies.committed.periods import INTERVALS, Periods
 from agent.policies.committed.rounds import RoundAhead
 from agent.policies.committed.spacing import Spacing
 from agent.policies.random_steps import RandomSteps
 from agent.policies.separation import Separation
-from agent.ports import Bearing, Intent, Place, Stay
+from agent.ports import Bearing, Intent, Place, State, Stay
 from patrol.scenario import CommittedOptions
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ STILL_STALE = 0.5
 
 
 PROMPT_TICKS = 4
-"""Ticks after the begin of a phase in which a robot still begins the round together with the others."""
+"""Ticks after the begin of a period in which a robot still begins the round together with the others."""
 
 FOUND_SHARE = 0.05
 """Weight of the age at which a target is found on the round in the mean of these ages."""
@@ -94,7 +94,7 @@ class Committed:
         given_up: The places that it leaves out for a while.
         ahead: The round ahead of it; None where each choice is free.
         spacing: The robots on the round; None likewise.
-        phases: When the robots follow the round; None likewise.
+        periods: When the robots follow the round; None likewise.
     """
 
     Options = CommittedOptions
@@ -114,13 +114,13 @@ class Committed:
         self.target: Target | None = None
         self.ahead: RoundAhead | None = None
         self.spacing: Spacing | None = None
-        self.phases: Phases | None = None
+        self.periods: Periods | None = None
         if options.unpredictability < 1.0 and (laid_out := setup.round()) is not None:
             stride = max(spec.speed * setup.step, terrain.point)
             self.ahead = RoundAhead(setup, laid_out)
             self.spacing = Spacing.on(laid_out, spec.number, stride, terrain)
             length = max(1, round(INTERVALS * self.ahead.interval(setup.team)))
-            self.phases = Phases(length, options.unpredictability, setup.fleet_chance)
+            self.periods = Periods(length, options.unpredictability, setup.fleet_chance)
         self._expected = 0
         self._shortest = math.inf
         self._least_age = 0
@@ -138,7 +138,7 @@ class Committed:
             return Bearing((), wander=wander)
         if self._on_round and self.spacing is not None and self.spacing.waits(view):
             self._progress_at = view.tick
-            return Stay(figures={"way_m": 0.0, "age_s": 0.0})
+            return Stay(state=State.PATROLLING, figures={"way_m": 0.0, "age_s": 0.0})
         way = self._kept(view, start) or self._chosen(view, start)
         target = self.target
         if way is None or target is None:
@@ -174,15 +174,15 @@ class Committed:
         return way
 
     def _is_on_round(self, view: View) -> bool:
-        """Return True in a phase in which the robots follow the round; take note of where they are on it."""
-        if self.ahead is None or self.spacing is None or self.phases is None:
+        """Return True in a period in which the robots follow the round; take note of where they are on it."""
+        if self.ahead is None or self.spacing is None or self.periods is None:
             return False
         team = len(view.peers) + 1
-        if not self.phases.update(view.tick, view.mfow, team, self.ahead.interval(team)):
+        if not self.periods.update(view.tick, view.mfow, team, self.ahead.interval(team)):
             self.ahead.cursor = None
             self.spacing.robots.clear()
             return False
-        if self.ahead.cursor is None and view.tick % self.phases.length <= PROMPT_TICKS:
+        if self.ahead.cursor is None and view.tick % self.periods.length <= PROMPT_TICKS:
             self.ahead.go_to(self.spacing.along_m(self.spacing.begin(view)))
             self.target = None
         if self.ahead.cursor is not None:

@@ -41,8 +41,8 @@ from fogwatch.cli.experiments.sweep import (
 )
 from fogwatch.launch.terminal.live_table import duration_text
 from fogwatch.progress import command_line, print_failures
-from monitor.report.style import check_matplotlib
 from patrol.errors import BadInput, did_you_mean
+from patrol.matplotlib_check import check_matplotlib
 from patrol.pose import MODELS
 from patrol.scenario import BUILTINS, parse_overrides
 

@@ -1,15 +1,16 @@
-"""Phases: when a fleet follows the round, and when each robot chooses freely.
+"""Periods: when a fleet follows the round, and when each robot chooses freely.
 
-The time is cut into phases of equal length. In each phase all robots do the same, without saying so, because all work
+The time is cut into periods of equal length. In each period all robots do the same, without saying so, because all work
 it out from what all of them know: the scenario's seed, and the fog that they rebuild from the positions they hear.
 
-- *By chance*: with the probability `unpredictability` a phase is free, by a draw that is the same for all robots.
+- *By chance*: with the probability `unpredictability` a period is free, by a draw that is the same for all robots.
 - *By experience*: otherwise the robots follow the round, as long as it keeps the fog about as fresh as its length
-  promises. Where it does not, because bodies turn slowly or get into each other's way, they choose freely for a phase,
+  promises. Where it does not, because bodies turn slowly or get into each other's way, they choose freely for a period,
   and from then on do what has kept the fog fresher.
 
-For example, a round that promises that nothing gets older than 60 s, and in whose second phase the stalest point was
-100 s old in the mean, is followed by a free phase. If that point was 80 s old in it, the fleet goes on choosing freely.
+For example, a round that promises that nothing gets older than 60 s, and in whose second period the stalest point was
+100 s old in the mean, is followed by a free period. If that point was 80 s old in it, the fleet goes on choosing
+freely.
 """
 
 from __future__ import annotations
@@ -18,28 +19,28 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 INTERVALS = 6.0
-"""Length of a phase, in times between two robots of an evenly spaced round."""
+"""Length of a period, in times between two robots of an evenly spaced round."""
 
 GOOD = 1.75
 """A round is kept to while the stalest point is on average no older than so many times between two robots."""
 
 SETTLED = 0.5
-"""Share of a phase after which its fog is its own, and not that of the phase before."""
+"""Share of a period after which its fog is its own, and not that of the period before."""
 
 WEIGHT = 0.5
-"""Weight of the last phase in what a fleet has experienced."""
+"""Weight of the last period in what a fleet has experienced."""
 
 
 @dataclass(slots=True)
-class Phases:
-    """The phases of one robot's fleet.
+class Periods:
+    """The periods of one robot's fleet.
 
     Attributes:
-        length: Of a phase, ticks.
-        unpredictability: Share of the phases that are free by chance.
-        chance: A random number in [0, 1) for a phase, the same for all robots.
-        round_now: Whether the robots follow the round in this phase.
-        experience: Mean age of the stalest point in settled phases on the round (True) and free ones (False), ticks.
+        length: Of a period, ticks.
+        unpredictability: Share of the periods that are free by chance.
+        chance: A random number in [0, 1) for a period, the same for all robots.
+        round_now: Whether the robots follow the round in this period.
+        experience: Mean age of the stalest point in settled periods on the round (True) and free ones (False), ticks.
     """
 
     length: int
@@ -47,7 +48,7 @@ class Phases:
     chance: Callable[[int], float]
     round_now: bool = False
     experience: dict[bool, float] = field(default_factory=dict)
-    _phase: int = -1
+    _period: int = -1
     _team: int = 0
     _ages: int = 0
     _ticks: int = 0
@@ -56,19 +57,19 @@ class Phases:
         """Return True if the robots follow the round at a tick.
 
         Args:
-            tick: Now; each tick once, or at least once in a phase.
+            tick: Now; each tick once, or at least once in a period.
             mfow: Believed age of the stalest point, ticks.
             team: Number of robots that take part.
             interval: Time between two of them on an evenly spaced round, ticks.
         """
-        phase = tick // self.length
-        if phase != self._phase:
+        period = tick // self.length
+        if period != self._period:
             self._learn()
             if team != self._team:
                 self.experience.clear()
                 self._team = team
-            self._phase = phase
-            self.round_now = self.chance(phase) >= self.unpredictability and self._is_worth_it(interval)
+            self._period = period
+            self.round_now = self.chance(period) >= self.unpredictability and self._is_worth_it(interval)
         if tick % self.length >= SETTLED * self.length:
             self._ages += mfow
             self._ticks += 1

@@ -1,0 +1,55 @@
+"""Periods: the round as long as it keeps its promise, free choices by chance or where they are better."""
+
+from __future__ import annotations
+
+import pytest
+
+from agent.policies.committed.periods import GOOD, Periods
+
+LENGTH = 100
+INTERVAL = 40.0
+
+
+def periods(unpredictability: float = 0.0, chance: float = 0.5) -> Periods:
+    return Periods(LENGTH, unpredictability, lambda _: chance)
+
+
+def live(periods: Periods, period: int, mfow: int, team: int = 3) -> bool:
+    """Live through a period; whether it is one on the round."""
+    return {periods.update(period * LENGTH + tick, mfow, team, INTERVAL) for tick in range(LENGTH)}.pop()
+
+
+def test_a_good_round_is_kept_to() -> None:
+    fleet = periods()
+    assert [live(fleet, period, round(INTERVAL)) for period in range(6)] == [True] * 6
+
+
+def test_after_a_bad_round_free_choices_are_tried_and_the_better_is_kept() -> None:
+    bad, worse = round(2.0 * GOOD * INTERVAL), round(3.0 * GOOD * INTERVAL)
+    fleet = periods()
+    assert live(fleet, 0, bad)
+    assert [live(fleet, period, worse) for period in (1,)] == [False]
+    assert [live(fleet, period, bad) for period in (2, 3)] == [True, True]
+    other = periods()
+    assert live(other, 0, worse)
+    assert [live(other, period, bad) for period in (1, 2, 3)] == [False] * 3
+
+
+def test_only_the_settled_part_of_a_period_is_judged() -> None:
+    fleet = periods()
+    for tick in range(LENGTH):
+        fleet.update(tick, 10**6 if tick < LENGTH // 2 else round(INTERVAL), 3, INTERVAL)
+    assert live(fleet, 1, round(INTERVAL))
+
+
+def test_another_team_begins_without_experience() -> None:
+    fleet = periods()
+    assert live(fleet, 0, 10**6)
+    assert not live(fleet, 1, 10**6 + 1)
+    assert not fleet.update(2 * LENGTH, 0, 3, INTERVAL) or fleet.experience
+    assert live(fleet, 3, 0, team=2)
+
+
+@pytest.mark.parametrize(("unpredictability", "on_round"), [(0.0, True), (0.4, True), (0.6, False), (1.0, False)])
+def test_a_period_is_free_with_the_probability_that_is_asked_for(unpredictability: float, on_round: bool) -> None:
+    assert live(periods(unpredictability, chance=0.5), 0, 0) is on_round
