@@ -86,11 +86,13 @@ class Spacing:
     """The robots on a round, as one of them knows them.
 
     Attributes:
+        followers: Numbers of all robots that follow it; those in other parts of the terrain do not count.
         robots: Those that are followed, by number; the robot itself is one.
     """
 
     round: Round
     number: int
+    followers: frozenset[int]
     stride: float
     tour: NDArray[np.float64]
     robots: dict[int, Followed] = field(default_factory=dict)
@@ -101,12 +103,13 @@ class Spacing:
     _rests: bool = True
 
     @classmethod
-    def on(cls, laid_out: Round, number: int, stride: float, terrain: Terrain) -> Spacing:
+    def on(cls, laid_out: Round, number: int, followers: frozenset[int], stride: float, terrain: Terrain) -> Spacing:
         """Lay places a stride apart along a round.
 
         Args:
             laid_out: The round.
             number: Of the robot itself.
+            followers: Numbers of all robots that follow it.
             stride: Its way in a tick, m.
             terrain: The terrain.
         """
@@ -117,12 +120,16 @@ class Spacing:
         course = np.roll(spots, -1, axis=0) - np.roll(spots, 1, axis=0)
         length = np.sqrt((course**2).sum(axis=1))[:, None]
         tour = np.ascontiguousarray(np.hstack([spots, course / np.maximum(length, 1e-9)]))
-        return cls(laid_out, number, stride, tour, _scratch=np.zeros(count))
+        return cls(laid_out, number, followers, stride, tour, _scratch=np.zeros(count))
 
     @property
     def count(self) -> int:
         """Number of places."""
         return len(self.tour)
+
+    def team(self, view: View) -> int:
+        """Return the number of robots on the tour: this one and those heard lately."""
+        return 1 + sum(number in self.followers for number in view.peers)
 
     def along_m(self, place: int) -> float:
         """Return the length of the tour up to a place, m."""
@@ -187,7 +194,11 @@ class Spacing:
 
     def _hear(self, view: View) -> dict[int, Heard]:
         """Where this robot is, and where those were that were heard lately."""
-        heard = {number: Heard((peer.pose.x, peer.pose.y), peer.tick) for number, peer in view.peers.items()}
+        heard = {
+            number: Heard((peer.pose.x, peer.pose.y), peer.tick)
+            for number, peer in view.peers.items()
+            if number in self.followers
+        }
         heard[self.number] = Heard((view.reported.x, view.reported.y), view.tick)
         return heard
 

@@ -6,8 +6,8 @@ of both stood in the section `patrol` itself, those without effect too.
     {commitment: target, alpha: 40, dilatation: 5}     0.2
     {policy: committed, options: {alpha: 40}}          since 0.3
 
-Up to 0.3, robots of `committed` followed no round: each choice was free. Files that fogwatch writes state every setting,
-so a section that states all settings of 0.3 without `unpredictability` was written by 0.3, and means 1.
+Up to 0.3, robots of `committed` followed no round: each choice was free. Files that fogwatch writes state every
+setting, so a section that states all settings of 0.3 without `unpredictability` was written by 0.3, and means 1.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ import patrol.ground.tour.search
 from patrol.ground.fields import compute_fields
 from patrol.ground.terrain import Terrain
 from patrol.measures import best_tour as module
-from patrol.measures.best_tour import BestTour, PartTour, best_tour, round_of
+from patrol.measures.best_tour import BestTour, PartTour, best_tour, followers_of, round_of
 from patrol.own_sensor import allow_sensor
 from patrol.pose import Pose
 from patrol.prepare import Prepared
@@ -172,3 +172,15 @@ def test_ground_that_is_seen_from_one_place_has_no_round() -> None:
     assert [part.length_m for part in best_tour(rooms).parts] == [0.0, 0.0]
     assert round_of(rooms, 1) is None
     assert round_of(prepared(), 1) is not None
+
+
+def test_robots_keep_their_distances_in_each_part_of_the_terrain() -> None:
+    assert followers_of(prepared(), 1) == {1, 2}
+    assert followers_of(prepared(radii=(0.3, 0.6)), 1) == {1, 2}
+    apart = prepared(door=False)
+    assert [followers_of(apart, number) for number in (1, 2)] == [{1}, {2}]
+
+
+def test_large_fleets_have_no_rounds(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "MOST_ROBOTS", 1)
+    assert round_of(prepared(), 1) is None
