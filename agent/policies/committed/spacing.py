@@ -172,7 +172,7 @@ class Spacing:
             spot = heard[number].spot
             way_m = math.dist(spot, tuple(self.tour[chosen[number], :2]))
             self._enter(number, spot, view.tick, chosen[number])
-            self.robots[number].until = view.tick + 4 + math.ceil(2.0 * way_m / self.stride)
+            self.robots[number].until = view.tick + 4 + math.ceil(2.0 * way_m / view.stride)
         return chosen[self.number]
 
     def note(self, view: View) -> None:
@@ -249,7 +249,7 @@ class Spacing:
         own = self.robots.get(self.number)
         if own is None or len(self.robots) < 2 or any(robot.until > view.tick for robot in self.robots.values()):
             return False
-        if view.tick - self._bumped < LONG_BUMPED_S * view.spec.speed / self.stride:
+        if view.tick - self._bumped < LONG_BUMPED_S * view.spec.speed / view.stride:
             return False
         ahead = behind = self.count
         for number, robot in self.robots.items():

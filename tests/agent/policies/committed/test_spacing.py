@@ -41,6 +41,7 @@ class Seen:
     peers: Mapping[int, Heard]
     bumped: bool = False
     spec: Spec = Spec()
+    stride: float = STRIDE
 
     @property
     def pose(self) -> Pose:
