@@ -28,7 +28,7 @@ from agent.routes.routes import Routes
 from agent.sender import Sending
 from agent.view import FogView
 from patrol.ground.footprint import Footprint
-from patrol.measures.best_tour import round_of
+from patrol.measures.best_tour import followers_of, round_of
 from patrol.prepare import inboxes_of, sensor_footprint
 from patrol.radio.prediction import Predictor
 from patrol.random import Purpose, draw
@@ -182,6 +182,7 @@ def build_mind(
             scratch=scratch,
             graph=lambda: prepared.graph,
             round=lambda: round_of(prepared, number),
+            followers=lambda: followers_of(prepared, number),
             fleet_chance=lambda question: draw(scenario.seed, Purpose.PERIOD, question),
         ),
     )

@@ -146,6 +146,7 @@ class PolicySetup:
         scratch: Windows shared by policies of one process that never think at the same time.
         graph: Gives the terrain's graph, which is made when somebody first asks for it.
         round: Gives the tour that shows the robot all of its own ground, likewise; None where there is none.
+        followers: Gives the numbers of all robots on rounds in the same part of the terrain, this one among them.
         fleet_chance: A random number in [0, 1) for a question 0, 1, ..., the same for all robots of the fleet.
     """
 
@@ -165,6 +166,7 @@ class PolicySetup:
     scratch: dict[str, PathWindow]
     graph: Callable[[], Graph]
     round: Callable[[], Round | None]
+    followers: Callable[[], frozenset[int]]
     fleet_chance: Callable[[int], float]
 
 

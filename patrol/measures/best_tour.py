@@ -34,6 +34,10 @@ if TYPE_CHECKING:
 VERSION = 2
 """Version of the search: a change of `patrol.ground.tour` that gives other tours adds 1."""
 
+MOST_ROBOTS = 24
+"""Robots of the largest fleet that follows rounds. Each follows all others along the tour, so the time that a fleet
+takes grows with the square of its size, and from about 30 robots on free choices keep the fog as fresh."""
+
 NO_BOUND = "discs of the sensor's range around the robots have a larger area than the ground"
 """Why the lower bound of MFoW (`worldsim.output.record.lower_bound`) is 0 where it is."""
 
@@ -145,16 +149,40 @@ def round_of(prepared: Prepared, number: int) -> Round | None:
         number: Of the robot.
 
     Returns:
-        The round; None where the ground is too large for a tour, where all of it is seen from one place, or where the
-        sensor has none (`BestTour.parts`). Robots of one radius in one part of the terrain share one.
+        The round; None in a fleet of more than `MOST_ROBOTS` or of several speeds, where the ground is too large for a
+        tour, where all of it is seen from one place, or where the sensor has none (`BestTour.parts`). Robots of one
+        radius in one part of the terrain share one.
     """
     if number not in prepared.rounds:
         prepared.rounds.update(_rounds_of(prepared))
     return prepared.rounds[number]
 
 
+def followers_of(prepared: Prepared, number: int) -> frozenset[int]:
+    """Find the robots that share a robot's round, and those of other radii in its part of the terrain.
+
+    The rounds of other radii lead much the same way, so robots keep their distances from those on them too.
+
+    Args:
+        prepared: As for `round_of`.
+        number: Of the robot.
+
+    Returns:
+        Their numbers, with its own.
+    """
+    own = round_of(prepared, number)
+    shared = {id(own): True}
+    for laid_out in prepared.rounds.values():
+        if id(laid_out) not in shared:
+            shared[id(laid_out)] = bool(own and laid_out and np.isin(laid_out.points, own.points).any())
+    return frozenset(other for other, laid_out in prepared.rounds.items() if shared[id(laid_out)])
+
+
 def _rounds_of(prepared: Prepared) -> dict[int, Round | None]:
     scenario, terrain = prepared.scenario, prepared.terrain
+    # Fast robots would wait for slow ones.
+    if len(scenario.roster) > MOST_ROBOTS or len({spec.speed for spec in scenario.roster}) > 1:
+        return dict.fromkeys((spec.number for spec in scenario.roster), None)
     footprint, identity = sensor_footprint(scenario, terrain), _identity(scenario.sensor)
     rounds: dict[int, Round | None] = {}
     of_ground: dict[int, Round | None] = {}

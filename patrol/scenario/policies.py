@@ -100,7 +100,7 @@ class CommittedOptions(PatrolOptions):
     """Settings of `committed`: one place is chosen, and kept until it has been seen."""
 
     unpredictability: Probability = Field(
-        0.0, description="0: an evenly spaced tour; 1: every choice is free; share of the time of free choices"
+        0.0, description="share of the time of free choices; 0: all follow one tour, evenly spaced"
     )
     separation: Separation = Field("claims", description="none | claims | artificial-obstacles | semaphores, or a list")
 

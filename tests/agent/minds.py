@@ -10,7 +10,7 @@ from agent.ports import PolicySetup
 from patrol.exchange import Sensed
 from patrol.ground.fields import compute_fields
 from patrol.ground.terrain import Terrain
-from patrol.measures.best_tour import round_of
+from patrol.measures.best_tour import followers_of, round_of
 from patrol.pose import Pose
 from patrol.prepare import Prepared, sensor_footprint
 from patrol.random import Purpose, draw
@@ -52,5 +52,6 @@ def setup_of(prepared: Prepared, number: int = 1) -> PolicySetup:
         scratch={},
         graph=lambda: prepared.graph,
         round=lambda: round_of(prepared, number),
+        followers=lambda: followers_of(prepared, number),
         fleet_chance=lambda question: draw(scenario.seed, Purpose.PERIOD, question),
     )

@@ -118,8 +118,10 @@ class Committed:
         if options.unpredictability < 1.0 and (laid_out := setup.round()) is not None:
             stride = max(spec.speed * setup.step, terrain.point)
             self.ahead = RoundAhead(setup, laid_out)
-            self.spacing = Spacing.on(laid_out, spec.number, stride, terrain)
-            length = max(1, round(INTERVALS * self.ahead.interval(setup.team)))
+            followers = setup.followers()
+            self.spacing = Spacing.on(laid_out, spec.number, followers, stride, terrain)
+            share = len(followers) / len(setup.radii)
+            length = max(1, round(INTERVALS * self.ahead.interval(share * setup.team)))
             self.periods = Periods(length, options.unpredictability, setup.fleet_chance)
         self._expected = 0
         self._shortest = math.inf
@@ -177,7 +179,7 @@ class Committed:
         """Return True in a period in which the robots follow the round; take note of where they are on it."""
         if self.ahead is None or self.spacing is None or self.periods is None:
             return False
-        team = len(view.peers) + 1
+        team = self.spacing.team(view)
         if not self.periods.update(view.tick, view.mfow, team, self.ahead.interval(team)):
             self.ahead.cursor = None
             self.spacing.robots.clear()
@@ -192,28 +194,28 @@ class Committed:
     def _chosen(self, view: View, start: Element) -> Way | None:
         """Commit to the next target, and return the way there; None where there is none that a way leads to."""
         self.target = None
-        ahead = self.ahead
-        if not self._on_round or ahead is None:
+        ahead, spacing = self.ahead, self.spacing
+        if not self._on_round or ahead is None or spacing is None:
             return self._free_choice(view, start)
         if ahead.cursor is None:
             # A robot that joins the others on the round begins where most is to be seen.
             way = self._free_choice(view, start)
             self._join_round(view)
             return way
-        overdue = math.ceil(OVERDUE * max(ahead.interval(len(view.peers) + 1), self._found_age))
+        overdue = math.ceil(OVERDUE * max(ahead.interval(spacing.team(view)), self._found_age))
         if view.mfow >= overdue and (way := self._free_choice(view, start, overdue)) is not None:
             return way
-        return self._next_on_round(view, start, ahead)
+        return self._next_on_round(view, start, ahead, spacing)
 
     def _join_round(self, view: View) -> None:
         """Put the cursor to where the target is seen from."""
         if self.ahead is not None and self.spacing is not None and self.target is not None:
             self.ahead.go_to(self.spacing.along_m(self.spacing.nearest(view.place_of(self.target.stand))))
 
-    def _next_on_round(self, view: View, start: Element, ahead: RoundAhead) -> Way | None:
+    def _next_on_round(self, view: View, start: Element, ahead: RoundAhead, spacing: Spacing) -> Way | None:
         """Commit to the first stale point ahead on the round, and return the way there."""
         for _ in range(TRIES):
-            stop = ahead.next(view, self.given_up.now(view.tick))
+            stop = ahead.next(view, spacing.team(view), self.given_up.now(view.tick))
             self._expected = 0
             way = self._way_to(view, start, stop.stand)
             if way is None:
@@ -222,8 +224,8 @@ class Committed:
             if stop.age > 0 or way.length == 0.0:
                 ahead.cursor = stop.place
                 self._found_age += FOUND_SHARE * (stop.age - self._found_age)
-            elif self.spacing is not None:
-                ahead.come_to(self.spacing.along_m(self.spacing.own_place))
+            else:
+                ahead.come_to(spacing.along_m(spacing.own_place))
             self._commit(view, Target(stop.point, stop.stand, stop.age))
             return way
         return None

@@ -70,7 +70,7 @@ class RoundAhead:
         own = np.where(setup.fields.reach.reshape(-1)[points], points, setup.fields.proxy.reshape(-1)[points])
         self._own_stands = np.where(own >= 0, own, laid_out.stands)
 
-    def interval(self, team: int) -> float:
+    def interval(self, team: float) -> float:
         """Return the time between two robots of an evenly spaced round, ticks.
 
         Args:
@@ -87,11 +87,12 @@ class RoundAhead:
         if self.cursor is None or (along_m - self.round.along[self.cursor]) % self.round.length_m < self._ahead_m:
             self.go_to(along_m)
 
-    def next(self, view: View, left_out: Flat) -> Stop:
+    def next(self, view: View, team: int, left_out: Flat) -> Stop:
         """Return the next stop.
 
         Args:
             view: Of this tick.
+            team: Number of robots on the round.
             left_out: int64 (n, 3), row, column and squared radius in points of where not to stand.
         """
         cursor = self.cursor or 0
@@ -100,7 +101,7 @@ class RoundAhead:
         stretches = [(cursor, last)]
         if end > self.round.length_m:
             stretches.append((0, min(int(np.searchsorted(self.round.along, end - self.round.length_m)), cursor)))
-        least = max(1.0, min(STALE * self.interval(len(view.peers) + 1), 0.5 * view.mfow))
+        least = max(1.0, min(STALE * self.interval(team), 0.5 * view.mfow))
         for first, until in stretches:
             if (stop := self._first(view, first, until, least, left_out)) is not None:
                 return stop

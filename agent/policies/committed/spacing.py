@@ -89,11 +89,13 @@ class Spacing:
     """The robots on a round, as one of them knows them.
 
     Attributes:
+        followers: Numbers of all robots that follow it; those in other parts of the terrain do not count.
         robots: Those that are followed, by number; the robot itself is one.
     """
 
     round: Round
     number: int
+    followers: frozenset[int]
     stride: float
     tour: NDArray[np.float64]
     robots: dict[int, Followed] = field(default_factory=dict)
@@ -104,12 +106,13 @@ class Spacing:
     _rests: bool = True
 
     @classmethod
-    def on(cls, laid_out: Round, number: int, stride: float, terrain: Terrain) -> Spacing:
+    def on(cls, laid_out: Round, number: int, followers: frozenset[int], stride: float, terrain: Terrain) -> Spacing:
         """Lay places a stride apart along a round.
 
         Args:
             laid_out: The round.
             number: Of the robot itself.
+            followers: Numbers of all robots that follow it.
             stride: Its way in a tick, m.
             terrain: The terrain.
         """
@@ -120,12 +123,16 @@ class Spacing:
         course = np.roll(spots, -1, axis=0) - np.roll(spots, 1, axis=0)
         length = np.sqrt((course**2).sum(axis=1))[:, None]
         tour = np.ascontiguousarray(np.hstack([spots, course / np.maximum(length, 1e-9)]))
-        return cls(laid_out, number, stride, tour, _scratch=np.zeros(count))
+        return cls(laid_out, number, followers, stride, tour, _scratch=np.zeros(count))
 
     @property
     def count(self) -> int:
         """Number of places."""
         return len(self.tour)
+
+    def team(self, view: View) -> int:
+        """Return the number of robots on the tour: this one and those heard lately."""
+        return 1 + sum(number in self.followers for number in view.peers)
 
     def along_m(self, place: int) -> float:
         """Return the length of the tour up to a place, m."""
@@ -168,7 +175,7 @@ class Spacing:
             spot = heard[number].spot
             way_m = math.dist(spot, tuple(self.tour[chosen[number], :2]))
             self._enter(number, spot, view.tick, chosen[number])
-            self.robots[number].until = view.tick + 4 + math.ceil(2.0 * way_m / self.stride)
+            self.robots[number].until = view.tick + 4 + math.ceil(2.0 * way_m / view.stride)
         return chosen[self.number]
 
     def note(self, view: View) -> None:
@@ -190,7 +197,11 @@ class Spacing:
 
     def _hear(self, view: View) -> dict[int, Heard]:
         """Where this robot is, and where those were that were heard lately."""
-        heard = {number: Heard((peer.pose.x, peer.pose.y), peer.tick) for number, peer in view.peers.items()}
+        heard = {
+            number: Heard((peer.pose.x, peer.pose.y), peer.tick)
+            for number, peer in view.peers.items()
+            if number in self.followers
+        }
         heard[self.number] = Heard((view.reported.x, view.reported.y), view.tick)
         return heard
 
@@ -242,7 +253,7 @@ class Spacing:
         own = self.robots.get(self.number)
         if own is None or len(self.robots) < 2 or any(robot.until > view.tick for robot in self.robots.values()):
             return False
-        if view.tick - self._bumped < LONG_BUMPED_S * view.spec.speed / self.stride:
+        if view.tick - self._bumped < LONG_BUMPED_S * view.spec.speed / view.stride:
             return False
         ahead = behind = self.count
         for number, robot in self.robots.items():

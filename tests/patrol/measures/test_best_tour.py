@@ -12,14 +12,21 @@ import patrol.ground.tour.search
 from patrol.ground.fields import compute_fields
 from patrol.ground.terrain import Terrain
 from patrol.measures import best_tour as module
-from patrol.measures.best_tour import BestTour, PartTour, best_tour, round_of
+from patrol.measures.best_tour import BestTour, PartTour, best_tour, followers_of, round_of
 from patrol.own_sensor import allow_sensor
 from patrol.pose import Pose
 from patrol.prepare import Prepared
 from patrol.scenario import load_scenario
 
+ALIKE = (1.0, 1.0)
 
-def prepared(door: bool = True, radii: tuple[float, float] = (0.3, 0.3), **sensor: Any) -> Prepared:
+
+def prepared(
+    door: bool = True,
+    radii: tuple[float, float] = (0.3, 0.3),
+    speeds: tuple[float, float] = (1.0, 2.0),
+    **sensor: Any,
+) -> Prepared:
     """Two rooms of 10 x 10 m and a robot in each."""
     free = np.ones((20, 41), dtype=np.bool_)
     free[:, 20] = False
@@ -28,8 +35,8 @@ def prepared(door: bool = True, radii: tuple[float, float] = (0.3, 0.3), **senso
     terrain = Terrain("rooms", free, 0.5)
     starts = (Pose(5.0, 5.0, 0.0), Pose(15.0, 5.0, 0.0))
     robots = [
-        {"name": f"r{number}", "model": "holonomic", "radius": radius, "speed": float(number)}
-        for number, radius in enumerate(radii, start=1)
+        {"name": f"r{number}", "model": "holonomic", "radius": radius, "speed": speed}
+        for number, (radius, speed) in enumerate(zip(radii, speeds, strict=True), start=1)
     ]
     facts = {"terrain": {"builtin": "open"}, "point": 0.5, "robots": robots, "sensor": {"range": 3.0, **sensor}}
     fields = {
@@ -168,7 +175,20 @@ def test_a_cache_that_cannot_be_written_is_done_without(cache: Path) -> None:
 
 
 def test_ground_that_is_seen_from_one_place_has_no_round() -> None:
-    rooms = prepared(door=False, range=30.0)
+    rooms = prepared(door=False, speeds=ALIKE, range=30.0)
     assert [part.length_m for part in best_tour(rooms).parts] == [0.0, 0.0]
     assert round_of(rooms, 1) is None
-    assert round_of(prepared(), 1) is not None
+    assert round_of(prepared(speeds=ALIKE), 1) is not None
+    assert round_of(prepared(), 1) is None, "robots of several speeds"
+
+
+def test_robots_keep_their_distances_in_each_part_of_the_terrain() -> None:
+    assert followers_of(prepared(speeds=ALIKE), 1) == {1, 2}
+    assert followers_of(prepared(radii=(0.3, 0.6), speeds=ALIKE), 1) == {1, 2}
+    apart = prepared(door=False, speeds=ALIKE)
+    assert [followers_of(apart, number) for number in (1, 2)] == [{1}, {2}]
+
+
+def test_large_fleets_have_no_rounds(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "MOST_ROBOTS", 1)
+    assert round_of(prepared(speeds=ALIKE), 1) is None

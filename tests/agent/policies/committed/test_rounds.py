@@ -58,3 +58,14 @@ def test_a_sensor_that_shows_no_tour_leaves_every_choice_free(kind: dict[str, ob
         assert all(mind.policy.otherwise.ahead is None for mind in by_number.values())  # type: ignore[attr-defined]
 
     run_in_process(scenario, look=look)
+
+
+@pytest.mark.parametrize(("second", "free"), [(4.4, False), (2.2, True)])
+def test_robots_of_several_speeds_choose_freely(second: float, free: bool) -> None:
+    scenario = open_scenario("yards", {**ROUND, "duration": 2, "robots": [{"speed": 4.4}, {"speed": second}]})
+
+    def look(_world: object, by_number: object) -> None:
+        minds = by_number.values()  # type: ignore[attr-defined]
+        assert {mind.policy.otherwise.ahead is None for mind in minds} == {free}
+
+    run_in_process(scenario, look=look)

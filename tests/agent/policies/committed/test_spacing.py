@@ -41,6 +41,7 @@ class Seen:
     peers: Mapping[int, Heard]
     bumped: bool = False
     spec: Spec = Spec()
+    stride: float = STRIDE
 
     @property
     def pose(self) -> Pose:
@@ -68,7 +69,7 @@ DEAD_END = round_through((0, 0), (30, 0))
 
 
 def spacing_on(laid_out: tuple[Round, Terrain], number: int = 1) -> Spacing:
-    return Spacing.on(laid_out[0], number, STRIDE, laid_out[1])
+    return Spacing.on(laid_out[0], number, frozenset(range(1, 9)), STRIDE, laid_out[1])
 
 
 def at(tick: int, places: Mapping[int, tuple[float, float]], own: int = 1) -> Seen:
@@ -156,3 +157,13 @@ def test_who_has_bumped_drives_on() -> None:
     bumped = Seen(6, seen.reported, seen.peers, bumped=True)
     assert not waits(spacing, bumped)
     assert not waits(spacing, at(8, apart))
+
+
+def test_robots_in_other_parts_of_the_terrain_do_not_count() -> None:
+    spacing = Spacing.on(RING[0], 1, frozenset({1, 2}), STRIDE, RING[1])
+    seen = at(0, {1: (0.5, 0.5), 2: (1.5, 0.5), 3: (35.5, 15.5)})
+    own = spacing.begin(seen)  # type: ignore[arg-type]
+    note(spacing, seen)
+    assert sorted(spacing.robots) == [1, 2]
+    assert spacing.team(seen) == 2  # type: ignore[arg-type]
+    assert abs(spacing.along_m(spacing.robots[2].place) - spacing.along_m(own)) == pytest.approx(40.0, abs=1.0)
