@@ -74,7 +74,7 @@ class CellResult:
 
     @property
     def seen_all(self) -> bool:
-        """Whether all ground was seen in each run."""
+        """True if all ground was seen in each run."""
         return self.mean(SEEN) == 1.0
 
     def text(self, measure: ShownMetric) -> str:

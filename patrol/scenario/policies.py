@@ -216,7 +216,7 @@ class PatrolSpec(Section):
 
     @property
     def needs_rounds(self) -> bool:
-        """Whether the policy follows tours, at least at times."""
+        """True if the policy follows tours, at least at times."""
         return isinstance(self.options, CommittedOptions) and self.options.unpredictability < 1.0
 
     @property

@@ -200,17 +200,13 @@ class Committed:
         if ahead.cursor is None:
             # A robot that joins the others on the round begins where most is to be seen.
             way = self._free_choice(view, start)
-            self._join_round(view)
+            if self.target is not None:
+                ahead.go_to(spacing.along_m(spacing.nearest(view.place_of(self.target.stand))))
             return way
         overdue = math.ceil(OVERDUE * max(ahead.interval(spacing.team(view)), self._found_age))
         if view.mfow >= overdue and (way := self._free_choice(view, start, overdue)) is not None:
             return way
         return self._next_on_round(view, start, ahead, spacing)
-
-    def _join_round(self, view: View) -> None:
-        """Put the cursor to where the target is seen from."""
-        if self.ahead is not None and self.spacing is not None and self.target is not None:
-            self.ahead.go_to(self.spacing.along_m(self.spacing.nearest(view.place_of(self.target.stand))))
 
     def _next_on_round(self, view: View, start: Element, ahead: RoundAhead, spacing: Spacing) -> Way | None:
         """Commit to the first stale point ahead on the round, and return the way there."""

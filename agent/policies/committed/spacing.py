@@ -52,7 +52,7 @@ CLEAR_RADII = 6.0
 
 
 class Heard(NamedTuple):
-    """Where a robot was heard.
+    """The last position of a robot that was heard.
 
     Attributes:
         spot: x and y in m.
@@ -196,7 +196,7 @@ class Spacing:
             self._follow(robot, spot, tick)
 
     def _hear(self, view: View) -> dict[int, Heard]:
-        """Where this robot is, and where those were that were heard lately."""
+        """Return the positions of this robot and of those on its round that were heard lately."""
         heard = {
             number: Heard((peer.pose.x, peer.pose.y), peer.tick)
             for number, peer in view.peers.items()
