@@ -380,6 +380,7 @@ class CarBody(BodyBase):
         if self._retreat is None:
             return super().obey(intent, view)
         self.way_back.note(pose.x, pose.y)
+        intent = self._led(intent, view)
         goes_back = self._mode is Mode.RETREATING
         if self._retreat.update(tick, pose, view.bumped, view.peers, goes_back=goes_back):
             self._after(Event.BLOCKED, tick)

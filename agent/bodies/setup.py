@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from agent.bodies.giveway import GiveWay
 from agent.bodies.goal import GoalFinder
+from agent.bodies.passing import Passing
 from agent.ports import Bearing, Choice, Intent, Place, PolicyFailed, State, Stay, Steer
 from agent.routes.ground import Disc, Ground
 from agent.routes.way_back import WayBack
@@ -82,6 +83,8 @@ class BodyBase(ABC):
         self._point = setup.ground.terrain.point
         gives = setup.patrol.give_way
         self._give_way = GiveWay(*setup.identity, dict(setup.radii), setup.step) if gives else None
+        passes = Passing(setup.spec.number, setup.radii, setup.ground, setup.step, self.stride)
+        self._passing = passes if gives else None
 
     def obstacles(self, tick: int, pose: Pose, bumped: bool, peers: Mapping[int, Peer]) -> Sequence[Disc]:
         """Return the robots that this one gives way to (`agent.ports.Body.obstacles`)."""
@@ -93,7 +96,13 @@ class BodyBase(ABC):
     def obey(self, intent: Intent, view: View) -> Choice:
         """Return the command that best carries out an intent (`agent.ports.Body.obey`)."""
         self.way_back.note(view.pose.x, view.pose.y)
-        return self._carry_out(intent, view)
+        return self._carry_out(self._led(intent, view), view)
+
+    def _led(self, intent: Intent, view: View) -> Intent:
+        """Return the intent, or another one for a robot that cannot get past another on its way to a place."""
+        if self._passing is None or not isinstance(intent, Place) or view.start is None:
+            return intent
+        return self._passing.lead(intent, view)
 
     def _carry_out(self, intent: Intent, view: View) -> Choice:
         match intent:
