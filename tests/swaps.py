@@ -26,7 +26,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from agent.policies.committed.given_up import GivenUp
-from agent.policies.committed.policy import NO_NEARER_S
+from agent.policies.committed.policy import NEARER, NO_NEARER_S
 from agent.ports import Intent, Place, PolicySetup
 from experiments.inprocess import run_in_process
 from patrol.ground.terrain import Terrain
@@ -75,7 +75,7 @@ Box = tuple[float, float, float, float]
 
 
 class SwapPolicy:
-    """Goes to a place in the other room, and to another place there when it comes no nearer to that one for long."""
+    """Goes from place to place in the other room, and gives a place up as `committed` does."""
 
     class Options(BaseModel):
         """The fields of `patrol.options`."""
@@ -100,14 +100,16 @@ class SwapPolicy:
 
     def decide(self, view: View) -> Intent:
         """Return the place to go to."""
-        if self._target is None or view.tick - self._progress_at > self._patience:
-            if self._target is not None:
-                self._given_up.add(view.tick, self._target)
-            self._target = self._choose(view)
+        target = self._target
+        if target is not None and view.tick - self._progress_at > self._patience:
+            self._given_up.add(view.tick, target)
+            target = None
+        if target is None or view.point_of((view.pose.x, view.pose.y)) == target:
+            self._target = target = self._choose(view)
             self._shortest, self._progress_at = math.inf, view.tick
-        place = view.place_of(self._target)
+        place = view.place_of(target)
         way = view.way(place)
-        if way is not None and way.place == place and (way.length < self._shortest - 0.1 or way.length == 0.0):
+        if way is not None and way.place == place and way.length < self._shortest - NEARER * view.stride:
             self._shortest, self._progress_at = way.length, view.tick
         return Place(*place, exact=True)
 

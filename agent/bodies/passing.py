@@ -118,17 +118,13 @@ class Passing:
             self._settle(place, view)
         if self.part is None:
             return place
-        blocked = self._is_blocked(place, view)
         if self.part is Part.GOES_BACK:
-            if blocked:
-                return replace(place, x=self._refuge[0], y=self._refuge[1], bend=None, lean=None, wander=None, exact=False)
+            if self._is_blocked(place, view):
+                x, y = self._refuge
+                return replace(place, x=x, y=y, bend=None, lean=None, wander=None, exact=False)
             self.part = Part.GOES_FIRST
-        if not blocked:
-            view.ground.close([self._disc(view, self._other)])
-            return replace(place, bend=None, lean=None, wander=None)
-        there = view.peers[self._other].pose
-        gap = math.dist((view.pose.x, view.pose.y), (there.x, there.y)) - self._wide(self._other)
-        return Stay(state=place.state, figures=place.figures) if gap < self._stride else replace(place, wander=None)
+        view.ground.close([self._disc(view, self._other)])
+        return replace(place, bend=None, lean=None, wander=None)
 
     def _is_over(self, view: View) -> bool:
         """Return True if the other robot has gone, or has stood still for long."""
@@ -155,10 +151,13 @@ class Passing:
         if gap > self._radii[self._number] + 2.0 * self._stride:
             return
         self._other = other
-        if not self._is_blocked(place, view):
-            return
+        self._begun = self._moved_at = view.tick
         peer = view.peers[other].pose
         here, there = (view.reported.x, view.reported.y), (peer.x, peer.y)
+        self._seen = there
+        if not self._is_blocked(place, view):
+            self.part = Part.GOES_FIRST
+            return
         wide = self._wide(other)
         own, others = self._way_to_refuge(here, there, wide), self._way_to_refuge(there, here, wide)
         if own is None and others is None:
@@ -173,8 +172,6 @@ class Passing:
         self.part = Part.GOES_BACK if goes_back else Part.GOES_FIRST
         if own is not None:
             self._refuge = own[1]
-        self._begun = self._moved_at = view.tick
-        self._seen = there
 
     def _is_blocked(self, place: Place, view: View) -> bool:
         """Return True if no way leads to a place round the other robot."""
@@ -202,7 +199,7 @@ class Passing:
         rows, cols = rows * every, cols * every
         for index in np.argsort(lengths[rows, cols], kind="stable"):
             row, col = int(rows[index]), int(cols[index])
-            if self._is_refuge(row, col, wide / point):
+            if self._is_refuge(row, col, wide / point + 1.0):
                 return float(lengths[row, col]), ground.terrain.centre(row, col)
         return None
 
