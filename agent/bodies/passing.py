@@ -97,7 +97,7 @@ class Passing:
         self._other = 0
         self._refuge: Spot = (0.0, 0.0)
         self._begun = 0
-        self._ended: dict[int, int] = {}
+        self._settled: dict[int, int] = {}
         self._seen: Spot = (0.0, 0.0)
         self._moved_at = 0
 
@@ -113,8 +113,8 @@ class Passing:
             self._bumps = 1 if calm else self._bumps + 1
             self._bumped_at = view.tick
         if self.part is not None and self._is_over(view):
-            self._end(view.tick)
-        if self.part is None and view.bumped and self._bumps >= PATIENCE:
+            self.part = None
+        if view.bumped and self.part is not Part.GOES_BACK:
             self._settle(place, view)
         if self.part is None:
             return place
@@ -140,11 +140,6 @@ class Passing:
             return True
         return view.tick - self._moved_at > STILL_S / self._step
 
-    def _end(self, tick: int) -> None:
-        self.part = None
-        self._bumps = 0
-        self._ended[self._other] = tick
-
     def _settle(self, place: Place, view: View) -> None:
         """Take a part if the nearest robot is in the way of a place."""
         gap, other = nearest(view.pose, view.peers, self._radii)
@@ -156,13 +151,14 @@ class Passing:
         here, there = (view.reported.x, view.reported.y), (peer.x, peer.y)
         self._seen = there
         if not self._is_blocked(place, view):
-            self.part = Part.GOES_FIRST
+            self.part = Part.GOES_FIRST if self._bumps >= PATIENCE else None
             return
         wide = self._wide(other)
         own, others = self._way_to_refuge(here, there, wide), self._way_to_refuge(there, here, wide)
         if own is None and others is None:
             return
-        again = view.tick - self._ended.get(other, -math.inf) <= AGAIN_S / self._step
+        again = view.tick - self._settled.get(other, -math.inf) <= AGAIN_S / self._step
+        self._settled[other] = view.tick
         if own is None or others is None:
             goes_back = others is None
         elif again or own[0] == others[0]:
