@@ -279,6 +279,6 @@ def swap_scenario(passage: Passage, seed: int, numbers: Sequence[int], longest_s
             "seed": seed,
             "robots": robots,
             "sensor": {"range": 3.0},
-            "patrol": {"policy": f"{__name__}:SwapPolicy", "options": {"rooms": passage.rooms}},
+            "patrol": {"policy": "tests.swaps:SwapPolicy", "options": {"rooms": passage.rooms}},
         }
     )

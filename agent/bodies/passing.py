@@ -121,7 +121,7 @@ class Passing:
         if self.part is Part.GOES_BACK:
             if self._is_blocked(place, view):
                 x, y = self._refuge
-                return replace(place, x=x, y=y, bend=None, lean=None, wander=None, exact=False)
+                return replace(place, x=x, y=y, bend=None, lean=None, wander=None, exact=True)
             self.part = Part.GOES_FIRST
         view.ground.close([self._disc(view, self._other)])
         return replace(place, bend=None, lean=None, wander=None)
