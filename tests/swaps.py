@@ -20,6 +20,7 @@ import math
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -297,7 +298,7 @@ def table(swaps: Sequence[Swap]) -> str:
         "| bodies | corridor | passed | time, median | 95 % | collisions |",
         "|---|---|---|---|---|---|",
     ]
-    bounds = [*zip(CLASSES[:-1], CLASSES[1:], strict=True), (CLASSES[0], CLASSES[-1])]
+    bounds = [*pairwise(CLASSES), (CLASSES[0], CLASSES[-1])]
     for team in TEAMS:
         for low, high in bounds:
             some = [each for each in swaps if each.team == team and low < each.width <= high]
