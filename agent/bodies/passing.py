@@ -10,9 +10,9 @@ two has to go back to where the other can get past it, and wait there:
       +------+              +------+
 
 A place is a *refuge* where a robot that stands there parts the ground around it into no two pieces: not in a corridor
-or a doorway, but at the side of a room, in a corner, or at a dead end. Both robots know the ground and both positions, so
-both find the same refuges for both of them, and agree who goes back: the one that has less far to go, and if both have
-equally far, the one with the higher number. If that has not helped, the number alone decides.
+or a doorway, but at the side of a room, in a corner, or at a dead end. Both robots know the ground and both positions,
+so both find the same refuges for both of them, and agree who goes back: the one that has less far to go, and if both
+have equally far, the one with the higher number. If that has not helped, the number alone decides.
 
 A robot that goes on its way again treats the other one as an obstacle, so that it drives round it.
 """
