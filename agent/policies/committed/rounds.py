@@ -25,6 +25,9 @@ STALE = 0.5
 AHEAD = 1.5
 """Length of the tour on which the next target is looked for, in sensor ranges."""
 
+AHEAD_STRIDES = 4.0
+"""The same in strides at least, so that a robot whose sensor sees no farther than it drives need not slow down."""
+
 Point = tuple[int, int]
 
 
@@ -64,7 +67,7 @@ class RoundAhead:
         self._width = setup.terrain.width
         self._step = setup.step
         self._speed = setup.spec.speed
-        self._ahead_m = AHEAD * setup.sight.range_m
+        self._ahead_m = max(AHEAD * setup.sight.range_m, AHEAD_STRIDES * setup.spec.speed * setup.step)
         self._firsts = np.searchsorted(laid_out.place_of, np.arange(len(laid_out.places) + 1))
         points = laid_out.points
         own = np.where(setup.fields.reach.reshape(-1)[points], points, setup.fields.proxy.reshape(-1)[points])
