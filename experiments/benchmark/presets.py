@@ -201,7 +201,7 @@ def preset_matrix(
         settings: What else each run sets in the scenario, by dotted field.
 
     Raises:
-        BadInput: A file is missing, or is not that of cumberland.
+        BadInput: A file is missing or not that of cumberland, or the points are too large.
     """
     preset = PRESETS[name]
     if map_file is None or graph_file is None:
@@ -227,14 +227,16 @@ def preset_matrix(
 def _sight(preset: Preset, settings: Mapping[str, object]) -> dict[str, object]:
     """Return the settings with which seeing a vertex is visiting it, if the preset has them.
 
-    Sight is between the centres of points, so robot and vertex may be half a point's diagonal farther apart each.
+    Sight is between the centres of points, and robot and vertex may each be half a point's diagonal off theirs.
+
+    Raises:
+        BadInput: The points are too large for that.
     """
     if not preset.sees_visits:
         return {}
     point_m = settings.get("point", preset.point_m)
-    if not isinstance(point_m, float) or not 0.0 < point_m <= preset.visit_m / (1.0 + math.sqrt(2.0)):
-        most = math.floor(1000.0 * preset.visit_m / (1.0 + math.sqrt(2.0))) / 1000.0
-        raise BadInput(f"point = {point_m}: too large for visits within {preset.visit_m:g} m; give at most {most:g}")
+    if not isinstance(point_m, float) or not 0.0 < point_m <= preset.point_m:
+        raise BadInput(f"--point {point_m}: visits within {preset.visit_m:g} m need at most {preset.point_m:g}")
     return {"terrain.patrolled": VERTICES, "sensor.range": round(preset.visit_m - math.sqrt(2.0) * point_m, 6)}
 
 

@@ -103,7 +103,7 @@ class TerrainSpec(Section):
     @model_validator(mode="after")
     def _vertices_of_a_graph(self) -> Self:
         if self.patrolled == VERTICES and self.graph is None:
-            raise wrong("patrolled", "needs terrain.graph, whose vertices they are; set it", self.patrolled)
+            raise wrong("patrolled", "vertices: there is no graph; set terrain.graph, or drop patrolled")
         return self
 
 
