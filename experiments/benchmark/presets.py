@@ -214,7 +214,8 @@ def preset_matrix(
             raise BadInput(f"{option} {file}: no such file; get it from {SOURCE}")
     places = read_graph(graph_file)["vertices"]
     if len(places) != VERTEX_COUNT:
-        raise BadInput(f"--graph {graph_file}: has {len(places)} vertices, cumberland {VERTEX_COUNT}; get it from {SOURCE}")
+        has = f"has {len(places)} vertices, cumberland {VERTEX_COUNT}"
+        raise BadInput(f"--graph {graph_file}: {has}; get it from {SOURCE}")
     graph: object = str(graph_file)
     if preset.visit_m != VISIT_M:
         graph = {"file": graph, "visit": preset.visit_m}

@@ -5,7 +5,7 @@ the cursor that is stale, and it drives to the place from which that point is se
 corners where nothing is left to see, leaves out what another robot has just seen, and misses nothing.
 
 A point is stale once it has been unseen for half of the time between two robots of an evenly spaced round. Where
-nothing is stale within one and a half sensor ranges along the tour, the robot drives that far along.
+nothing is stale within one and a half sensor ranges, or four strides, along the tour, the robot drives that far along.
 """
 
 from __future__ import annotations

@@ -291,7 +291,8 @@ def _published_tables(preset: Preset, results: BenchmarkResults) -> list[tuple[s
     for number, measure in enumerate(preset.measures):
         values = [3 + 2 * number, 4 + 2 * number]
         shown = [[row[at] for at in named + values] for row in rows if any(row[at] != "-" for at in values)]
-        tables.append((f"{measure.title}, beside {preset.title}", [*(heads[at] for at in named), "theirs", "ours"], shown))
+        title = f"{measure.title}, beside {preset.title}"
+        tables.append((title, [*(heads[at] for at in named), "theirs", "ours"], shown))
     return tables
 
 
