@@ -54,7 +54,7 @@ class Patrol:
 
     @property
     def places(self) -> list[tuple[float, float]]:
-        """Where the robots are, (x, y) in m, in roster order."""
+        """Places of the robots, (x, y) in m, in roster order."""
         return [(body.pose.x, body.pose.y) for _, body in sorted(self._world.bodies.items())]
 
     def decide(self) -> None:

@@ -50,7 +50,7 @@ GROUNDS: Mapping[str, Callable[[], tuple[BoolGrid, tuple[int, int]]]] = {
     "open field of 880 x 1000 points": open_field,
     "site of 1600 x 2400 points": site,
 }
-"""What makes the grounds that waves run over, and a start on each, by name."""
+"""Functions that make the grounds which waves run over, and a start on each, by name."""
 
 
 def square(side: int = KILOMETRE, seed: int = SEED) -> BoolGrid:

@@ -27,7 +27,7 @@ MEMORY_TICK = 200
 """The tick after which memory is read."""
 
 PATIENCE_S = 300.0
-"""How long a fleet may take for what is waited for, wall s."""
+"""Longest time that a fleet may take for what is waited for, wall s."""
 POLL_S = 0.05
 GOODBYE_S = 30.0
 
@@ -44,7 +44,7 @@ PROGRAMS = {
     "worldsim": "the world",
     "fogwatch.router": "the router",
 }
-"""What the processes of a run are called, by the module that they run."""
+"""Names of a run's processes, by the module that they run."""
 
 
 def main() -> None:

@@ -88,7 +88,7 @@ def _fast_marching(module: Any, is_open: BoolGrid, start: tuple[int, int]) -> Ca
 
 
 _DIAGONAL = math.sqrt(2.0) / 1.41
-"""How much longer a diagonal step is where it counts the root of 2 instead of 1.41 points."""
+"""Ratio of a diagonal step that counts the root of 2 to one that counts 1.41 points."""
 
 WAVES: Mapping[str, WaveRival] = {
     "dijkstra3d, distance field": WaveRival(

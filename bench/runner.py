@@ -1,4 +1,4 @@
-"""What the scripts share: a runner of pyperf that measures processor time and passes its options to its workers."""
+"""The runner of all scripts: one of pyperf that measures processor time and passes its options to its workers."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ import pyperf
 
 OURS = "ours"
 FACTS = ("cpu_model_name", "cpu_count", "platform", "python_version", "numba_version", "fogwatch_commit")
-"""What a table's heading says of the machine and the software."""
+"""Facts of machine and software in a table's heading."""
 
 
 def table(suite: pyperf.BenchmarkSuite, memory: bool = False) -> list[str]:

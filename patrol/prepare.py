@@ -22,6 +22,7 @@ from patrol.ground.tour.round import Round
 from patrol.own_sensor import make_footprint
 from patrol.pose import Pose
 from patrol.radio.inbox import Inboxes, Rules
+from patrol.scenario.sections import VERTICES
 
 if TYPE_CHECKING:
     from patrol.graph.graph import Graph
@@ -165,8 +166,8 @@ def prepare(scenario: Scenario, terrain: Terrain | None = None) -> Prepared:
 
     Raises:
         BadInput: For an unusable map, for intruders and critical areas that are not on passable ground, for starts that
-            do not fit, for a graph that is not all on the terrain, for bodies too wide for the terrain and for regions
-            that do not make a split.
+            do not fit, for a graph that is not all on the terrain, for vertices that are to be patrolled and that no
+            robot sees, for bodies too wide for the terrain and for regions that do not make a split.
     """
     from patrol.ground.maps import load_terrain  # here: loading a prepared scenario needs neither
     from patrol.starts import place_starts
@@ -183,6 +184,8 @@ def prepare(scenario: Scenario, terrain: Terrain | None = None) -> Prepared:
         own = [start for spec, start in zip(scenario.roster, starts, strict=True) if spec.radius == radius]
         sensor = scenario.sensor
         by_radius[radius] = compute_fields(terrain, radius, sensor.range, sensor.line_of_sight, own)
+    if scenario.terrain.patrolled == VERTICES:
+        by_radius = _watching_vertices(scenario, terrain, by_radius)
     fields = {spec.number: by_radius[spec.radius] for spec in scenario.roster}
     regions = None
     if scenario.patrol.paths == "regions":
@@ -262,6 +265,32 @@ def _check_graph(scenario: Scenario, terrain: Terrain) -> None:
         if not terrain.contains(x, y):
             where = f"terrain.graph: vertex {number} at [{x:g}, {y:g}]"
             raise BadInput(f"{where}: not on {terrain.name}; give the graph of this terrain")
+
+
+def _watching_vertices(
+    scenario: Scenario, terrain: Terrain, by_radius: Mapping[float, StaticFields]
+) -> dict[float, StaticFields]:
+    """Leave nothing patrolled but the points that hold the graph's vertices."""
+    graph = scenario.terrain.graph
+    at = [terrain.point_at(*place) for place in (() if graph is None else graph.vertices)]
+    points = np.zeros(terrain.shape, dtype=np.bool_)
+    points[tuple(np.transpose(at))] = True
+    watching = {radius: fields.watching(points) for radius, fields in by_radius.items()}
+    for number, point in enumerate(at):
+        if not any(fields.patrolled[point] for fields in watching.values()):
+            x, y = terrain.centre(*point)
+            where = f"terrain.graph: vertex {number} near [{x:.4g}, {y:.4g}]"
+            raise BadInput(
+                f"{where}: no robot sees it from ground that it can reach; correct the vertex, start a robot in its "
+                "part of the terrain, or set terrain.patrolled to ground"
+            )
+    for radius, fields in watching.items():
+        if not fields.patrolled.any():
+            raise BadInput(
+                f"terrain.patrolled: robots of radius {radius:g} m see no vertex from ground that they can reach; "
+                "start them elsewhere or leave them out"
+            )
+    return watching
 
 
 def _split(scenario: Scenario, terrain: Terrain, by_radius: Mapping[float, StaticFields]) -> dict[float, RegionSplit]:

@@ -48,7 +48,7 @@ class NamedSettings:
 
 @dataclass(frozen=True, slots=True)
 class Matrix:
-    """What the benchmark varies, and what all its runs share.
+    """The choices that the benchmark varies, and the settings that all its runs share.
 
     Attributes:
         policies: The policies.
@@ -116,7 +116,7 @@ class BenchmarkCell:
 
     @property
     def settings(self) -> dict[str, object]:
-        """What it sets in the scenario, by dotted field."""
+        """The settings of its scenario, by dotted field."""
         faults = faults_of(self.condition, self.matrix.duration_s)
         return {
             **self.terrain.settings,

@@ -142,7 +142,7 @@ def _published(preset: Preset | None, results: BenchmarkResults) -> str:
     if preset is None:
         return ""
     heads, rows = beside_published(preset, results.cells)
-    notes = [html.text(line, "note") for line in preset.differs]
+    notes = [html.text(line.replace("`", ""), "note") for line in preset.differs]
     return "\n".join([html.table(heads, rows, range(3, len(heads))), *notes])
 
 

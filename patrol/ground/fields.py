@@ -37,7 +37,7 @@ class StaticFields:
     Attributes:
         cspace: bool, the body fits with its centre at the point's centre.
         reach: bool, the connected parts of `cspace` that hold a start.
-        patrolled: bool, points that are seen from some place in `reach`.
+        patrolled: bool, points that are seen from some place in `reach`; all of them, or those that are to be watched.
         proxy: int32, for a patrolled point outside `reach` the flat index of the nearest point of `reach` that sees it
             (paper/NOTES 4: such points pull through it), else -1.
     """
@@ -46,6 +46,16 @@ class StaticFields:
     reach: BoolGrid
     patrolled: BoolGrid
     proxy: IntGrid
+
+    def watching(self, points: BoolGrid) -> StaticFields:
+        """Return the fields of robots that patrol nothing else than some points.
+
+        Args:
+            points: bool, like `patrolled`.
+        """
+        proxy = np.where(points, self.proxy, np.int32(-1))
+        proxy.flags.writeable = False
+        return StaticFields(self.cspace, self.reach, frozen_grid(self.patrolled & points), proxy)
 
     def save(self, folder: Path) -> None:
         """Write the four arrays as .npy files.

@@ -58,6 +58,6 @@ def own_grounds(prepared: Prepared) -> dict[int, OwnGround]:
 def _seen_from(fields: StaticFields, part: BoolGrid) -> BoolGrid:
     """Find the patrolled points in a part of the reachable ground, and those whose nearest seeing point lies in it."""
     hidden = fields.proxy >= 0
-    seen_from_part = np.array(part)
+    seen_from_part = part & fields.patrolled
     seen_from_part[hidden] = part.reshape(-1)[fields.proxy[hidden]]
     return frozen_grid(seen_from_part)

@@ -25,6 +25,7 @@ from patrol.values.types import (
     Kind,
     NotNegative,
     PathText,
+    Patrolled,
     Polygons,
     Positive,
     Quality,
@@ -36,6 +37,9 @@ from patrol.values.types import (
     at_least,
     by_shape,
 )
+
+GROUND, VERTICES = "ground", "vertices"
+"""What can be patrolled: all ground that robots can see, or the vertices of the terrain's graph."""
 
 DEFAULT_RADIUS = 1.0
 """Radius of the paper's body, m."""
@@ -67,6 +71,7 @@ class TerrainSpec(Section):
         description="FILE.graph of patrolling_sim, {file: FILE.graph, visit: M}, or vertices and edges; null: made "
         "from the ground if needed",
     )
+    patrolled: Patrolled = Field("ground", description="ground: all that robots can see | vertices: those of graph")
     keep_out: Polygons = Field((), description="m, polygons [[x, y], ...] that no body may enter")
 
     @field_validator("graph", mode="before")
@@ -93,6 +98,12 @@ class TerrainSpec(Section):
     def _one_of_two(self) -> Self:
         if (self.builtin is None) == (self.map is None):
             raise wrong("", "exactly one is needed: {builtin: NAME} or {map: FILE.yaml}")
+        return self
+
+    @model_validator(mode="after")
+    def _vertices_of_a_graph(self) -> Self:
+        if self.patrolled == VERTICES and self.graph is None:
+            raise wrong("patrolled", "vertices: there is no graph; set terrain.graph, or drop patrolled")
         return self
 
 

@@ -36,6 +36,7 @@ LARGEST = 1e9
 Kind = Model
 Builtin = Literal["open", "yards", "clutter", "site"]
 BUILTINS: tuple[str, ...] = get_args(Builtin)
+Patrolled = Literal["ground", "vertices"]
 
 
 def expecting(what: str, bare: bool = False) -> WrapValidator:

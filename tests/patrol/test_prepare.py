@@ -2,13 +2,16 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from patrol.errors import BadInput
+from patrol.measures.best_tour import best_tour
+from patrol.measures.own_ground import own_grounds
 from patrol.prepare import Prepared, prepare
-from patrol.scenario import Scenario, load_scenario
+from patrol.scenario import Scenario, load_scenario, scenario_hash
 
 
 def mixed_fleet() -> Scenario:
@@ -89,3 +92,65 @@ def test_a_critical_area_must_hold_free_ground(area: list[list[float]]) -> None:
     mapping = {"terrain": {"builtin": "yards"}, "point": 0.5, "robots": {"count": 1}, "patrol": patrol}
     with pytest.raises(BadInput, match=r"patrol\.options\.critical_areas\.1: holds no free point of yards; correct"):
         prepare(load_scenario(mapping))
+
+
+GRAPH: dict[str, Any] = {"vertices": [[10, 44], [50, 44], [90, 44]], "edges": [[0, 1, 40], [1, 2, 40]]}
+WATCHED: dict[str, Any] = {
+    "terrain": {"builtin": "open", "graph": GRAPH, "patrolled": "vertices"},
+    "point": 0.5,
+    "sensor": {"range": 2},
+    "robots": {"count": 2, "model": "holonomic"},
+}
+
+
+def test_nothing_but_the_vertices_is_patrolled_on_request(tmp_path: Path) -> None:
+    scenario = load_scenario(WATCHED)
+    prepared = prepare(scenario)
+    at = {prepared.terrain.point_at(x, y) for x, y in GRAPH["vertices"]}
+    assert set(map(tuple, np.argwhere(prepared.patrolled).tolist())) == at
+    assert own_grounds(prepared)[1].patrolled.sum() == 3
+    tour_m = best_tour(prepared).length_m
+    assert tour_m is not None
+    assert 2 * (80 - 2 * 2) <= tour_m < 2 * 80, "there and back, to where the outer ones are seen"
+    prepared.save(tmp_path)
+    assert np.array_equal(Prepared.load(scenario, tmp_path).patrolled, prepared.patrolled)
+
+
+def test_a_vertex_on_which_no_body_fits_is_patrolled_where_it_is_seen() -> None:
+    graph = {"vertices": [[50, 44], [0.25, 44]]}
+    prepared = prepare(load_scenario({**WATCHED, "terrain": {**WATCHED["terrain"], "graph": graph}}))
+    fields, at_wall = prepared.fields[1], prepared.terrain.point_at(0.25, 44)
+    assert not fields.reach[at_wall]
+    assert fields.patrolled[at_wall]
+    assert np.argwhere(fields.proxy >= 0).tolist() == [list(at_wall)], "no other point has a post"
+
+
+def test_a_vertex_that_no_robot_sees_is_refused() -> None:
+    terrain = prepare(load_scenario({"terrain": {"builtin": "yards"}, "point": 0.5, "robots": {"count": 1}})).terrain
+    vertex = list(terrain.centre(*map(int, np.argwhere(~terrain.passable)[0])))
+    graph = {"vertices": [[10, 44], vertex]}
+    given = {**WATCHED, "terrain": {"builtin": "yards", "graph": graph, "patrolled": "vertices"}}
+    with pytest.raises(BadInput, match=r"terrain\.graph: vertex 1 near \[.*: no robot sees it from .*; correct"):
+        prepare(load_scenario(given))
+
+
+def test_robots_that_see_no_vertex_are_refused() -> None:
+    keep_out = [[[20, 0], [21, 0], [21, 88], [20, 88]]]
+    terrain = {"builtin": "open", "graph": {"vertices": [[50, 44]]}, "patrolled": "vertices", "keep_out": keep_out}
+    robots = [{"radius": 1.0, "start": [50, 40]}, {"radius": 0.5, "start": [10, 44]}]
+    with pytest.raises(BadInput, match=r"terrain\.patrolled: robots of radius 0\.5 m see no vertex"):
+        prepare(load_scenario({**WATCHED, "terrain": terrain, "robots": robots}))
+
+
+def test_vertices_without_a_graph_are_refused() -> None:
+    with pytest.raises(BadInput, match=r"terrain\.patrolled: vertices: there is no graph; set terrain\.graph"):
+        load_scenario({"terrain": {"builtin": "open", "patrolled": "vertices"}})
+
+
+def test_hashes_are_as_before_it_could_be_set() -> None:
+    ground = load_scenario({"terrain": {"builtin": "open", "patrolled": "ground"}})
+    assert scenario_hash(ground) == scenario_hash(load_scenario({"terrain": {"builtin": "open"}}))
+    watched = load_scenario(WATCHED)
+    assert scenario_hash(watched) != scenario_hash(
+        load_scenario({**WATCHED, "terrain": {"builtin": "open", "graph": GRAPH}})
+    )

@@ -5,7 +5,7 @@ the cursor that is stale, and it drives to the place from which that point is se
 corners where nothing is left to see, leaves out what another robot has just seen, and misses nothing.
 
 A point is stale once it has been unseen for half of the time between two robots of an evenly spaced round. Where
-nothing is stale within one and a half sensor ranges along the tour, the robot drives that far along.
+nothing is stale within one and a half sensor ranges, or four strides, along the tour, the robot drives that far along.
 """
 
 from __future__ import annotations
@@ -24,6 +24,9 @@ STALE = 0.5
 
 AHEAD = 1.5
 """Length of the tour on which the next target is looked for, in sensor ranges."""
+
+AHEAD_STRIDES = 4.0
+"""The same in strides at least, so that a robot whose sensor sees no farther than it drives need not slow down."""
 
 Point = tuple[int, int]
 
@@ -64,7 +67,7 @@ class RoundAhead:
         self._width = setup.terrain.width
         self._step = setup.step
         self._speed = setup.spec.speed
-        self._ahead_m = AHEAD * setup.sight.range_m
+        self._ahead_m = max(AHEAD * setup.sight.range_m, AHEAD_STRIDES * setup.spec.speed * setup.step)
         self._firsts = np.searchsorted(laid_out.place_of, np.arange(len(laid_out.places) + 1))
         points = laid_out.points
         own = np.where(setup.fields.reach.reshape(-1)[points], points, setup.fields.proxy.reshape(-1)[points])

@@ -1,4 +1,4 @@
-"""What a robot on a graph knows: when each vertex was visited, by itself and by others, and where others are going.
+"""A robot's knowledge of a graph: visits to its vertices, its own and those of others, and where others are going.
 
 All of it comes from positions. A robot visits a vertex when it is within a tolerance of it, or passes by so close from
 one position to the next.

@@ -20,7 +20,7 @@ from experiments.benchmark.matrix import (
     read_teams,
     read_terrains,
 )
-from experiments.benchmark.presets import PRESETS, beside_published, preset_matrix
+from experiments.benchmark.presets import PRESETS, Preset, beside_published, preset_matrix
 from experiments.benchmark.results import (
     BenchmarkResults,
     cell_rows,
@@ -44,7 +44,8 @@ from fogwatch.progress import command_line, print_failures
 from patrol.errors import BadInput, did_you_mean
 from patrol.matplotlib_check import check_matplotlib
 from patrol.pose import MODELS
-from patrol.scenario import BUILTINS, parse_overrides
+from patrol.prepare import prepare
+from patrol.scenario import BUILTINS, Scenario, parse_overrides
 
 EXAMPLES = [
     "fogwatch benchmark --quick",
@@ -201,6 +202,8 @@ def benchmark(
         )
     plan = plan_of(matrix)
     check_classes(plan)
+    if preset is not None:
+        _check_ground(plan.runs[0].scenario, point)
     check_matplotlib("experiments")  # before hours of runs, not after them
     folder = out or Path("runs") / "benchmark"
     outcome = make_runs(plan, folder, workers_of(workers, cluster), console, estimate_time=True)
@@ -233,6 +236,15 @@ def _check_preset(preset: str, options: Mapping[str, object]) -> None:
             raise BadInput(f"{option}: --preset {preset} says what is run; leave it out, or drop --preset")
 
 
+def _check_ground(scenario: Scenario, point: float | None) -> None:
+    """Refuse ground on which a preset's robots do not fit: all its runs have the same ground and starts."""
+    try:
+        prepare(scenario)
+    except BadInput as error:
+        remedy = "" if point is None else f"; with --point {point:g} walls take more room: give less"
+        raise BadInput(f"{error}{remedy}") from None
+
+
 def _write(folder: Path, matrix: Matrix, results: BenchmarkResults, preset: str | None) -> None:
     from fogwatch.pictures.benchmark_page import drawings, page
     from monitor.report.document import write_page
@@ -258,7 +270,7 @@ def _print(console: Console, results: BenchmarkResults, preset: str | None) -> N
         title = f"MFoW of the second half (s), {describe(team, condition)}"
         tables.append((title, heads[:shown], [row[:shown] for row in rows]))
     if preset is not None:
-        tables.append((f"beside {PRESETS[preset].title}", *beside_published(PRESETS[preset], results.cells)))
+        tables += _published_tables(PRESETS[preset], results)
     for title, heads, rows in tables:
         console.print(title, highlight=False, markup=False, soft_wrap=True)
         table = Table(*heads, box=None, pad_edge=False, header_style="cyan")
@@ -269,6 +281,19 @@ def _print(console: Console, results: BenchmarkResults, preset: str | None) -> N
         for row in rows:
             table.add_row(*row)
         console.print(table, highlight=False, markup=False)
+
+
+def _published_tables(preset: Preset, results: BenchmarkResults) -> list[tuple[str, list[str], list[list[str]]]]:
+    """Return a table for each measure, narrow enough for a terminal: its title, headings and rows."""
+    heads, rows = beside_published(preset, results.cells)
+    named = [0, 1, 2] if len(preset.conditions) > 1 else [0, 2]
+    tables = []
+    for number, measure in enumerate(preset.measures):
+        values = [3 + 2 * number, 4 + 2 * number]
+        shown = [[row[at] for at in named + values] for row in rows if any(row[at] != "-" for at in values)]
+        title = f"{measure.title}, beside {preset.title}"
+        tables.append((title, [*(heads[at] for at in named), "theirs", "ours"], shown))
+    return tables
 
 
 def _default(value: T | None, default: T) -> T:

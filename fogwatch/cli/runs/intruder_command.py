@@ -90,7 +90,8 @@ def intruder(
     _print(f"{games.vertices} vertices of the graph", games.nodes, games.learned_nodes)
     if learned:
         where = f"{games.learned_points} of the points and all vertices"
-        typer.echo(f"learned: share of {trials or TRIALS} trials, each of which attacks one place, on {where}")
+        counted = "one trial, which" if trials == 1 else f"{trials or TRIALS} trials, each of which"
+        typer.echo(f"learned: share of {counted} attacks one place, on {where}")
 
 
 def _seconds(option: str, text: str, example: str) -> list[float]:

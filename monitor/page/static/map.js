@@ -174,7 +174,7 @@ export class MapView {
     const { store, shown } = this;
     const what = store.terrain[at];
     if (!(what & PASSABLE)) return "obstacle";
-    if (!(what & 2)) return "not patrolled: no robot can see this point";
+    if (!(what & 2)) return "not patrolled: no robot sees this point, or it need not be seen";
     const ages = this.fogs.map((fog) => {
       if (!fog) return "computing …";
       const lag = store.state.k - fog.tick;

@@ -38,7 +38,7 @@ from patrol.scenario.nemesis import written_out
 from patrol.scenario.policies import COMMITTED, OPTION_LENGTHS, CommittedPatrol, PaperPatrol, PatrolOptions
 from patrol.scenario.radio_spec import IDEAL
 from patrol.scenario.robots import RobotSpec
-from patrol.scenario.sections import BUILT_IN_SENSORS, RobotEntry, RobotGroup
+from patrol.scenario.sections import BUILT_IN_SENSORS, GROUND, RobotEntry, RobotGroup
 from patrol.values.types import AUTO, BUILTINS
 
 Overrides = Mapping[str, object]
@@ -252,6 +252,8 @@ def _meaning(scenario: Scenario) -> dict[str, Any]:
         del meaning["terrain"]["graph"]
     elif graph.visit == VISIT_M:  # as before it could be set
         del meaning["terrain"]["graph"]["visit"]
+    if scenario.terrain.patrolled == GROUND:  # as before it could be set
+        del meaning["terrain"]["patrolled"]
     if isinstance(scenario.patrol, PaperPatrol) and scenario.patrol.options.letter is False:
         del meaning["patrol"]["options"]["letter"]  # as before there was one, so that hashes stay
     if isinstance(scenario.patrol, CommittedPatrol) and scenario.patrol.options.unpredictability == 1.0:

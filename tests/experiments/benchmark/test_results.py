@@ -27,6 +27,7 @@ from experiments.sweeps.casetable import case_lines, csv_text
 from experiments.sweeps.runner import SweepOutcome, run_sweep
 from experiments.sweeps.stats import estimate
 from fogwatch.pictures.benchmark_page import drawings
+from fogwatch.pictures.benchmark_page import page as html_page
 from patrol.errors import BadInput
 from tests.experiments.sweeps.test_sweep_runs import Here, Watching
 
@@ -142,6 +143,11 @@ def test_presets_set_the_published_conditions(files: tuple[Path, Path]) -> None:
     assert (settings["duration"], settings["robots.count"], settings["robots.speed"]) == (500.0, 6, 1.0)
     assert settings["robots.starts"] == [[1.5 + 0.75 * vertex, 7.5] for vertex in (0, 8, 16, 24, 32, 39)]
     assert "faults" not in settings
+    assert settings["terrain.patrolled"] == "vertices"
+    assert settings["sensor.range"] == pytest.approx(0.4 - 0.1 * 2**0.5, abs=1e-6)
+    assert settings["point"] == 0.1
+    with pytest.raises(BadInput, match=r"--point 0\.2: visits within 0\.4 m need at most 0\.1"):
+        preset_matrix("m2bench", read_policies("sebs"), (1,), *files, {"point": 0.2})
 
 
 def test_a_preset_says_where_its_files_come_from(files: tuple[Path, Path], tmp_path: Path) -> None:
@@ -167,4 +173,7 @@ def test_published_numbers_stand_beside_ours(results: BenchmarkResults) -> None:
         assert {len(one.values) for one in preset.published} == {len(preset.measures)}
         plan = {policy.name for policy in read_policies("ahpa,cbls,cr,dtag,dtap,er,gbs,hcr,hpcc,random,sebs")}
         assert {one.policy for one in preset.published if one.policy} <= plan
+    shown = html_page(TINY, results, [], command="fogwatch benchmark", preset=PRESETS["m2bench"])
+    assert "terrain.patrolled: vertices" in shown
+    assert "`" not in shown
     assert MEASURES[0].metric == LATE

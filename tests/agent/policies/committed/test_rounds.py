@@ -29,6 +29,25 @@ def test_the_fog_stays_as_fresh_as_the_tour_promises() -> None:
     assert max(late) < 1.25
 
 
+def test_vertices_are_seen_as_often_by_a_sensor_that_sees_less_far_than_a_stride() -> None:
+    places = [[10, 10], [50, 10], [90, 10], [90, 78], [50, 78], [10, 78]]
+    graph = {"vertices": places, "edges": [[a, (a + 1) % 6, 40] for a in range(6)]}
+    scenario = open_scenario(
+        "open",
+        {
+            **ROUND,
+            "terrain.graph": graph,
+            "terrain.patrolled": "vertices",
+            "sensor.range": 1.2,
+            "patrol.options.random_move": 0,
+        },
+    )
+    ticks: list[float] = []
+    outcome = run_in_process(scenario, progress=lambda record: ticks.append(record.mfow * scenario.step))
+    assert outcome.summary.best_tour_s is not None
+    assert np.mean(ticks[400:]) < 1.1 * outcome.summary.best_tour_s
+
+
 def test_the_gaps_close_within_two_tours_after_a_death() -> None:
     ratios = mfow_s(faults=[{"kind": "kill", "who": "r2", "at": 150, "wreck": "removed"}], duration=700)
     # Two robots are left: their promise is half as good again.

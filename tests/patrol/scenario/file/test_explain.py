@@ -87,7 +87,7 @@ def test_what_may_be_zero_is_never_negative(field: str) -> None:
         ({7: 1}, "scenario: 7: unknown key"),
         ({"terrain": {}}, "scenario: terrain: exactly one is needed: {builtin: NAME} or {map: FILE.yaml}"),
         ({"terrain": {"builtin": "open", "map": "a.yaml"}}, "scenario: terrain: exactly one is needed"),
-        ({"terrain": None}, "scenario: terrain = null: expected keys and values (builtin, map, graph, keep_out)"),
+        ({"terrain": None}, "scenario: terrain = null: expected keys and values (builtin, map, graph, patrolled,"),
         ({"terrain": {"builtin": "yard"}}, 'terrain.builtin = "yard": expected open, yards, clutter or site; did you'),
         ({"terrain": {"map": "a\nb"}}, "scenario: terrain.map"),
         (
