@@ -210,20 +210,21 @@ def random_passage(seed: int, team: str) -> Passage:
         across_1 + length + across_2 + 2 * BORDER,
     )
     free = np.zeros(shape, dtype=np.bool_)
-    boxes = []
+    boxes: list[Box] = []
     for left, low, across, up in (
         (BORDER, low_1, across_1, up_1),
         (BORDER + across_1 + length, low_2, across_2, up_2),
         (BORDER + across_1, 0, length, width),
     ):
         free[low - bottom : low - bottom + up, left : left + across] = True
-        boxes.append(tuple(side * POINT for side in (left, low - bottom, left + across, low - bottom + up)))
+        bottom_row = low - bottom
+        boxes.append((left * POINT, bottom_row * POINT, (left + across) * POINT, (bottom_row + up) * POINT))
     rooms = boxes[0], boxes[1]
     turning = between(2.0, 3.0) * radius
     robots = []
-    for model, (left, low, right, high) in zip(TEAMS[team], rooms, strict=True):
+    for model, (west, south, east, north) in zip(TEAMS[team], rooms, strict=True):
         margin = radius + POINT
-        start = [between(left + margin, right - margin), between(low + margin, high - margin), between(-3.0, 3.0)]
+        start = [between(west + margin, east - margin), between(south + margin, north - margin), between(-3.0, 3.0)]
         robots.append(
             {"model": model, "radius": radius, "speed": SPEED, "turning_radius": round(turning, 2), "start": start}
         )
