@@ -197,6 +197,7 @@ def build_mind(
             ground=ground,
             psi=shared.psi.get(lengths.refine_reach),
             chance=chance,
+            sees_all_round=shared.footprint.all_round,
         )
     )
     facts = Facts(

@@ -1,7 +1,8 @@
 """A body with two driven wheels: it drives arcs, forward and in reverse, and turns on the spot.
 
 Wherever a straight line leads, turning first and driving then gets it there. It drives an arc instead where that saves
-the turn.
+the turn. On its way to a place it drives in reverse where that needs the smaller turn, unless its sensor looks ahead
+only: out of a narrow room, for example.
 
 Its moves are hardly random, so two such robots that block each other in a corridor would do so for ever. A robot that
 keeps bumping therefore drives away from the nearest robot for a moment, forward or in reverse, whichever needs the
@@ -345,6 +346,7 @@ class DifferentialBody(BodyBase):
         chance = setup.chance
         self._back_off = BackOff(self._steering, setup.step, lambda k, index: chance(k, index, Purpose.UNSTUCK))
         self._near = 2.0 * self.stride
+        self._towards_places = self._either_way if setup.sees_all_round else self._steering.towards
         self._turns_to: float | None = None
 
     def _stay(self, state: str, view: View) -> Choice:
@@ -407,7 +409,7 @@ class DifferentialBody(BodyBase):
             _Option(target, min(enough, self._option(target, pose, bearing, goal).enough), bearing, goal)
             for target in targets
         )
-        return self._take(options, place.state, view)
+        return self._take(options, place.state, view, self._towards_places)
 
     def _come_back(self, view: View) -> Choice:
         """A step of a robot that is off the reachable points, back to them; it holds where no way leads there."""
@@ -418,8 +420,17 @@ class DifferentialBody(BodyBase):
         bearing = math.atan2(spot[1] - pose.y, spot[0] - pose.x)
         return self._take(iter([self._option(spot, pose, bearing, Goal(spot, spot))]), State.DEAD_END, view)
 
-    def _take(self, options: Iterator[_Option], state: str, view: View) -> Choice:
-        """The first option that is good enough, else the one that leads farthest, else a way out of the dead end."""
+    def _take(
+        self, options: Iterator[_Option], state: str, view: View, towards: Callable[[Pose, Spot], Twist] | None = None
+    ) -> Choice:
+        """The first option that is good enough, else the one that leads farthest, else a way out of the dead end.
+
+        Args:
+            options: Best first.
+            state: To be reported.
+            view: Of this tick.
+            towards: Returns a step towards a target; None: forward alone.
+        """
         pose = view.pose
         best, farthest = None, 0.0
         for option in options:
@@ -435,9 +446,17 @@ class DifferentialBody(BodyBase):
                 out = self._back_off.next(view.tick, pose, bumped=False)
                 return Choice(out or halted(self.spec.model), State.DEAD_END)
         assert best is not None
-        twist = self._steering.towards(pose, best.target)
+        twist = (towards or self._steering.towards)(pose, best.target)
         self._turns_to = best.bearing if twist.speed == 0.0 else None
         return Choice(twist, state, best.bearing, best.goal)
+
+    def _either_way(self, pose: Pose, target: Spot) -> Twist:
+        """Return a step towards a target, forward or in reverse, whichever needs the smaller turn."""
+        _, sense = smaller_turn(pose.heading, math.atan2(target[1] - pose.y, target[0] - pose.x))
+        if sense > 0.0:
+            return self._steering.towards(pose, target)
+        twist = self._steering.towards(Pose(pose.x, pose.y, wrap(pose.heading + math.pi)), target)
+        return Twist(-twist.speed, twist.turn_rate)
 
     def _backing_off(self, state: str, view: View) -> Choice | None:
         """Return the next step of a robot that backs off or has to begin; None for any other."""

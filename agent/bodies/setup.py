@@ -49,6 +49,7 @@ class BodySetup:
         ground: Where the robot's centre may be.
         psi: float32 (h, w) of `agent.bodies.refine.psi_field`, or None for no refinement of goals.
         chance: Repeatable draws.
+        sees_all_round: Whether the sensor sees the same whichever way the body faces.
     """
 
     spec: RobotSpec
@@ -60,6 +61,7 @@ class BodySetup:
     ground: Ground
     psi: NDArray[np.float32] | None
     chance: Draw
+    sees_all_round: bool
 
 
 class BodyBase(ABC):

@@ -1,7 +1,7 @@
 """Following a round: always on to the first place from which something stale is to be seen.
 
 A robot on a round keeps a *cursor*, the place of the tour that it has come to. Its next target is the first point after
-the cursor that is stale, and it drives to the place from which that point is seen best, the shortest way. So it cuts
+the cursor that is stale, and it drives to the place to which that point belongs, the shortest way. So it cuts
 corners where nothing is left to see, leaves out what another robot has just seen, and misses nothing.
 
 A point is stale once it has been unseen for half of the time between two robots of an evenly spaced round. Where

@@ -1,7 +1,9 @@
 """A round: a closed tour laid out over the ground that it shows, so that a robot can follow it by what is left to see.
 
-Each patrolled point belongs to the place of the tour that sees it from nearest. A robot that has seen all points of the
-next places may cut the corner; one that has missed a point knows from where it would be seen.
+Each patrolled point belongs to a place of the tour from which it is seen. Few places have points: they are chosen in the
+order of the tour, each as late as the ground allows, and a place that has points has all that are seen from it and that
+no earlier one has. So a robot makes few stops, and may cut the corner where it has seen all points of the next places;
+one that has missed a point knows from where it would be seen.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
     from patrol.ground.terrain import BoolGrid, Terrain
     from patrol.ground.tour.tour import Tour
 
-PLACES = 0.05
+PLACES = 0.02
 """Distance of the places of a round, as a share of the sensor's range; at least one point."""
 
 ARRAYS = ("places", "along", "points", "place_of", "stands")
@@ -88,21 +90,16 @@ def lay_out(
     """
     width = terrain.width
     places, along, length_m = _places(terrain, reach, tour, max(terrain.point, PLACES * footprint.range_m))
-    reach_points = math.ceil(footprint.radius) + 1
-    lines = np.arange(-reach_points, reach_points + 1, dtype=np.int32)
-    squares = lines[:, None] ** 2 + lines[None] ** 2
-    nearest = np.full(terrain.shape, np.iinfo(np.int32).max, dtype=np.int32)
+    last = np.full(terrain.shape, -1, dtype=np.int64)
+    for number, place in enumerate(places.tolist()):
+        window, seen = _seen_from(place, terrain, footprint)
+        last[window][seen & ground[window]] = number
+    # The last place from which some point is seen has to be one of the stops.
     owner = np.full(terrain.shape, -1, dtype=np.int64)
-    for number, (row, col) in enumerate(zip(*np.divmod(places, width), strict=True)):
-        view = footprint.visible(Pose(*terrain.centre(int(row), int(col)), 0.0))
-        top, left = max(0, view.row0), max(0, view.col0)
-        seen = view.mask[top - view.row0 : terrain.height - view.row0, left - view.col0 : width - view.col0] != 0
-        rows, cols = slice(top, top + seen.shape[0]), slice(left, left + seen.shape[1])
-        up, across = top - row + reach_points, left - col + reach_points
-        off = squares[up : up + seen.shape[0], across : across + seen.shape[1]]
-        nearer = seen & ground[rows, cols] & (off < nearest[rows, cols])
-        nearest[rows, cols][nearer] = off[nearer]
-        owner[rows, cols][nearer] = number
+    for number in np.unique(last[last >= 0]).tolist():
+        if ((last == number) & (owner < 0)).any():
+            window, seen = _seen_from(int(places[number]), terrain, footprint)
+            owner[window][seen & ground[window] & (owner[window] < 0)] = number
     flat_owner = owner.reshape(-1)
     stands = np.where(flat_owner >= 0, places[np.maximum(flat_owner, 0)], -1)
     for point in np.flatnonzero(ground.reshape(-1) & (flat_owner < 0)).tolist():
@@ -112,6 +109,15 @@ def lay_out(
     points = np.flatnonzero(ground.reshape(-1) & (stands >= 0))
     points = points[np.argsort(flat_owner[points], kind="stable")]
     return Round(length_m, places, along, points, flat_owner[points], stands[points])
+
+
+def _seen_from(place: int, terrain: Terrain, footprint: Footprint) -> tuple[tuple[slice, slice], BoolGrid]:
+    """Return what is seen from a place: a window of the terrain, and the points within it."""
+    height, width = terrain.shape
+    view = footprint.visible(Pose(*terrain.centre(*divmod(place, width)), 0.0))
+    top, left = max(0, view.row0), max(0, view.col0)
+    seen = view.mask[top - view.row0 : height - view.row0, left - view.col0 : width - view.col0] != 0
+    return (slice(top, top + seen.shape[0]), slice(left, left + seen.shape[1])), seen
 
 
 def _places(terrain: Terrain, reach: BoolGrid, tour: Tour, spacing: float) -> tuple[Flat, NDArray[np.float64], float]:

@@ -15,7 +15,7 @@ TOUR = types.Array(types.float64, 2, "C", readonly=True)
 
 AHEAD_TWO = 0.1
 BACK = 0.3
-JUMP = 6.0
+JUMP = 20.0
 """Cost of moving on by two places in a tick, of moving back by one, and of being anywhere else. None: on by one, or
 standing still."""
 
