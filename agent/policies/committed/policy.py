@@ -171,8 +171,9 @@ class Committed:
         """Return True in a period in which the robots follow the round; take note of where they are on it."""
         if self.ahead is None or self.spacing is None or self.periods is None:
             return False
-        team = self.spacing.team(view)
-        if not self.periods.update(view.tick, view.mfow, team, self.ahead.interval(team)):
+        certain = self.spacing.listen(view)
+        team = self.spacing.team
+        if not self.periods.update(view.tick, view.mfow, team, self.ahead.interval(team), certain=certain):
             self.ahead.cursor = None
             self.spacing.robots.clear()
             return False
@@ -200,7 +201,7 @@ class Committed:
     def _next_on_round(self, view: View, start: Element, ahead: RoundAhead, spacing: Spacing) -> Way | None:
         """Commit to the first stale point ahead on the round, and return the way there."""
         for _ in range(TRIES):
-            stop = ahead.next(view, spacing.team(view), self.given_up.now(view.tick))
+            stop = ahead.next(view, spacing.team, self.given_up.now(view.tick))
             self._expected = 0
             way = self._way_to(view, start, stop.stand)
             if way is None:
