@@ -183,7 +183,8 @@ class Spacing:
         """Spread all robots over the tour, and return the place of this one.
 
         Of some positions of equally spaced places that one is taken in which the robot with the longest way, as the
-        crow flies, has the shortest; pairs that are nearest to each other go first.
+        crow flies, has the shortest; pairs that are nearest to each other go first. A robot that hears nobody takes the
+        place that its number has among those of all robots, and is where the others leave a gap.
 
         Args:
             view: Of this tick.
@@ -194,9 +195,11 @@ class Spacing:
         here = np.array([heard[number].spot for number in numbers])
         best: tuple[float, float] = (math.inf, math.inf)
         chosen: dict[int, int] = {}
-        for offset in range(OFFSETS):
-            shift = offset / OFFSETS
-            slots = [int((slot + shift) * self.count / team) % self.count for slot in range(team)]
+        shifts = [offset / OFFSETS for offset in range(OFFSETS)]
+        choices = [[int((slot + shift) * self.count / team) % self.count for slot in range(team)] for shift in shifts]
+        if team == 1 and len(self.followers) > 1:
+            choices = [[sorted(self.followers).index(self.number) * self.count // len(self.followers)]]
+        for slots in choices:
             ways = np.sqrt(((here[:, None, :] - self.tour[slots, :2][None]) ** 2).sum(axis=2))
             pairs = _pairs(ways)
             lengths = [float(ways[robot, slot]) for robot, slot in enumerate(pairs)]

@@ -194,6 +194,11 @@ def test_a_robot_that_is_not_heard_for_a_while_is_expected_to_go_on() -> None:
     assert spacing.team == 1
 
 
+def test_robots_that_hear_nobody_take_places_by_their_numbers() -> None:
+    begun = [begin(spacing_on(RING, number), at(0, {number: (0.5, 0.5)}, number)) for number in range(1, 9)]
+    assert begun == pytest.approx([10.0 * slot for slot in range(8)], abs=1.0)
+
+
 @pytest.mark.parametrize(
     ("places", "certain"),
     [({1: (11.0, 0.5), 2: (21.0, 0.5)}, True), ({1: (11.0, 0.5)}, False), ({1: (11.0, 0.5), 2: (25.5, 0.5)}, False)],
