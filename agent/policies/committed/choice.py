@@ -91,9 +91,6 @@ class TargetChoice:
         start: Element,
         rivals: NDArray[np.float64],
         given_up: GivenUp,
-        *,
-        least_age: int = 1,
-        others: float = OTHERS,
     ) -> Best | None:
         """Find the point that counts most.
 
@@ -102,19 +99,16 @@ class TargetChoice:
             start: The element of the ground on which the robot stands.
             rivals: float64 (n, 2), x and y in m of the other robots.
             given_up: What is left out, unless nothing else is left.
-            least_age: Points that are fresher count nothing, ticks.
-            others: Share that a point counts to which another robot has the shorter way.
 
         Returns:
             The point, or None where nothing is stale.
         """
         left_out = given_up.now(view.tick)
         worth = np.arange(view.mfow + 1.0) ** 2
-        worth[:least_age] = 0.0
-        best = self._search(view, start, rivals, left_out, worth, others)
-        if best is None and left_out.size and least_age == 1:
+        best = self._search(view, start, rivals, left_out, worth)
+        if best is None and left_out.size:
             given_up.clear()
-            best = self._search(view, start, rivals, given_up.now(view.tick), worth, others)
+            best = self._search(view, start, rivals, given_up.now(view.tick), worth)
         return best
 
     def _search(
@@ -124,7 +118,6 @@ class TargetChoice:
         rivals: NDArray[np.float64],
         left_out: NDArray[np.int64],
         worth: NDArray[np.float64],
-        others: float,
     ) -> Best | None:
         if worth[-1] == 0.0:
             return None
@@ -135,16 +128,16 @@ class TargetChoice:
             if 2 * (box[1] - box[0]) * (box[3] - box[2]) >= shape[0] * shape[1]:
                 box, limit = (0, shape[0], 0, shape[1]), LONGEST
             own, rival = paths_in(view.ground, [here], box, limit), NO_PATHS
-            score, place = self._best_in(view, own, rival, worth, left_out, others)
+            score, place = self._best_in(view, own, rival, worth, left_out)
             if score > 0.0 and _may_be_nearer(view, rivals, place[2:], own.length_to(*place[2:])):
                 rival = _paths_of_rivals(view, rivals, box, limit)
-                score, place = self._best_in(view, own, rival, worth, left_out, others)
+                score, place = self._best_in(view, own, rival, worth, left_out)
                 length = own.length_to(*place[2:])
                 if limit != LONGEST and 2 * length > limit and rival.length_to(*place[2:]) >= length:
                     reach = math.ceil(length / 50)
                     continue
             patch_ends = 2 * farthest_of_own(own.length, rival.length, limit) <= limit
-            to_beat = (score / others if others > 0.0 else math.inf) if patch_ends else score
+            to_beat = score / OTHERS if patch_ends else score
             enough = self._enough(view, here, worth, to_beat, 2 * reach) if score > 0.0 else 2 * reach
             if limit == LONGEST or reach >= enough:
                 break
@@ -180,7 +173,6 @@ class TargetChoice:
         rival: BoxPaths,
         worth: NDArray[np.float64],
         left_out: NDArray[np.int64],
-        others: float,
     ) -> tuple[float, tuple[int, int, int, int]]:
         """Return the best score in a box, 0 without any, and row and column of the point and of where to stand."""
         score, place, fog = np.zeros(1), np.zeros(4, dtype=np.int64), view.fog
@@ -188,7 +180,7 @@ class TargetChoice:
         grids = (*known, fog.patrolled, fog.last_seen, fog.looked, view.tick)
         posts = self.posts.between(own.row0 + 1, own.row0 + own.length.shape[0] - 2)
         for points, listed in ((NO_POINTS, False), (posts, True)):
-            best_of(points, listed, *grids, worth, self._near, others, left_out, score, place)
+            best_of(points, listed, *grids, worth, self._near, OTHERS, left_out, score, place)
         row, col, stand_row, stand_col = place.tolist()
         return float(score[0]), (row, col, stand_row, stand_col)
 

@@ -27,6 +27,9 @@ GOOD = 1.75
 SETTLED = 0.5
 """Share of a period after which its fog is its own, and not that of the period before."""
 
+CERTAIN = 0.98
+"""Share of that part's ticks in which a robot has to hear all others, or it learns nothing from the period."""
+
 WEIGHT = 0.5
 """Weight of the last period in what a fleet has experienced."""
 
@@ -52,8 +55,9 @@ class Periods:
     _team: int = 0
     _ages: int = 0
     _ticks: int = 0
+    _certain: int = 0
 
-    def update(self, tick: int, mfow: int, team: int, interval: float) -> bool:
+    def update(self, tick: int, mfow: int, team: int, interval: float, *, certain: bool) -> bool:
         """Return True if the robots follow the round at a tick.
 
         Args:
@@ -61,6 +65,7 @@ class Periods:
             mfow: Believed age of the stalest point, ticks.
             team: Number of robots that take part.
             interval: Time between two of them on an evenly spaced round, ticks.
+            certain: Whether all of them have been heard in this tick.
         """
         period = tick // self.length
         if period != self._period:
@@ -73,14 +78,15 @@ class Periods:
         if tick % self.length >= SETTLED * self.length:
             self._ages += mfow
             self._ticks += 1
+            self._certain += certain
         return self.round_now
 
     def _learn(self) -> None:
-        if self._ticks > 0:
+        if self._ticks > 0 and self._certain >= CERTAIN * self._ticks:
             mean = self._ages / self._ticks
             before = self.experience.get(self.round_now, mean)
             self.experience[self.round_now] = before + WEIGHT * (mean - before)
-        self._ages = self._ticks = 0
+        self._ages = self._ticks = self._certain = 0
 
     def _is_worth_it(self, interval: float) -> bool:
         """Return True if the round is better than free choices, as far as is known."""

@@ -14,8 +14,7 @@ its target:
 
 The option `unpredictability` and the experience with the round decide how much of the time choices are free
 (`agent.policies.committed.periods`). Where there is no round, because the ground is too large for a tour or the sensor
-does not look all around, each choice is free. On the round too a robot chooses freely what has become overdue: points
-that have been unseen for twice as long as usual there, and to which no other robot has a shorter way.
+does not look all around, each choice is free.
 
 For example, for a free choice a point not seen for 60 s at the end of a way of 9 m counts 60^2 / (9 + 3) = 300; one not
 seen for 90 s, 27 m away, 270. The first one is the target.
@@ -63,12 +62,6 @@ STILL_STALE = 0.5
 
 PROMPT_TICKS = 4
 """Ticks after the begin of a period in which a robot still begins the round together with the others."""
-
-FOUND_SHARE = 0.05
-"""Weight of the age at which a target is found on the round in the mean of these ages."""
-
-OVERDUE = 2.0
-"""A point is overdue on the round after so many times between two robots."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +121,6 @@ class Committed:
         self._least_age = 0
         self._progress_at = 0
         self._on_round = False
-        self._found_age = 0.0
 
     def decide(self, view: View) -> Intent:
         """Return the way to the target, or to a new one; now and then a random step."""
@@ -179,8 +171,9 @@ class Committed:
         """Return True in a period in which the robots follow the round; take note of where they are on it."""
         if self.ahead is None or self.spacing is None or self.periods is None:
             return False
-        team = self.spacing.team(view)
-        if not self.periods.update(view.tick, view.mfow, team, self.ahead.interval(team)):
+        certain = self.spacing.listen(view)
+        team = self.spacing.team
+        if not self.periods.update(view.tick, view.mfow, team, self.ahead.interval(team), certain=certain):
             self.ahead.cursor = None
             self.spacing.robots.clear()
             return False
@@ -203,15 +196,12 @@ class Committed:
             if self.target is not None:
                 ahead.go_to(spacing.along_m(spacing.nearest(view.place_of(self.target.stand))))
             return way
-        overdue = math.ceil(OVERDUE * max(ahead.interval(spacing.team(view)), self._found_age))
-        if view.mfow >= overdue and (way := self._free_choice(view, start, overdue)) is not None:
-            return way
         return self._next_on_round(view, start, ahead, spacing)
 
     def _next_on_round(self, view: View, start: Element, ahead: RoundAhead, spacing: Spacing) -> Way | None:
         """Commit to the first stale point ahead on the round, and return the way there."""
         for _ in range(TRIES):
-            stop = ahead.next(view, spacing.team(view), self.given_up.now(view.tick))
+            stop = ahead.next(view, spacing.team, self.given_up.now(view.tick))
             self._expected = 0
             way = self._way_to(view, start, stop.stand)
             if way is None:
@@ -219,27 +209,17 @@ class Committed:
                 continue
             if stop.age > 0 or way.length == 0.0:
                 ahead.cursor = stop.place
-                self._found_age += FOUND_SHARE * (stop.age - self._found_age)
             else:
                 ahead.come_to(spacing.along_m(spacing.own_place))
             self._commit(view, Target(stop.point, stop.stand, stop.age))
             return way
         return None
 
-    def _free_choice(self, view: View, start: Element, overdue: int = 0) -> Way | None:
-        """Commit to the best point of all, and return the way there.
-
-        Args:
-            view: Of this tick.
-            start: The element of the ground on which the robot stands.
-            overdue: Least age of a point, ticks, among those that are left to this robot alone; 0 for all points.
-        """
+    def _free_choice(self, view: View, start: Element) -> Way | None:
+        """Commit to the best point of all, and return the way there."""
         rivals = self._separation.rivals(view)
         for _ in range(TRIES):
-            if overdue:
-                best = self._choice.best(view, start, rivals, self.given_up, least_age=overdue, others=0.0)
-            else:
-                best = self._choice.best(view, start, rivals, self.given_up)
+            best = self._choice.best(view, start, rivals, self.given_up)
             if best is None:
                 return None
             self._expected = best.length

@@ -44,6 +44,12 @@ LONGEST_WAIT_S = 45.0
 LATE_TICKS = 20
 """Ticks of silence at most for which a robot's way is followed on."""
 
+MEMORY = 0.5
+"""Time for which a robot that is not heard is expected to go on, as a share of the time between two robots."""
+
+PLAUSIBLE = 2.0
+"""A robot that seems to have driven farther than so many strides a tick was not heard: somebody else was."""
+
 LONG_BUMPED_S = 5.0
 """Time after a bump in which a robot does not wait, so that it does not block others, s."""
 
@@ -91,6 +97,7 @@ class Spacing:
     Attributes:
         followers: Numbers of all robots that follow it; those in other parts of the terrain do not count.
         robots: Those that are followed, by number; the robot itself is one.
+        heard: The last positions of this robot and of those heard lately, by number.
     """
 
     round: Round
@@ -99,7 +106,7 @@ class Spacing:
     stride: float
     tour: NDArray[np.float64]
     robots: dict[int, Followed] = field(default_factory=dict)
-    _heard: dict[int, Heard] = field(default_factory=dict)
+    heard: dict[int, Heard] = field(default_factory=dict)
     _scratch: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     _bumped: int = -(2**30)
     _waited: int = 0
@@ -130,9 +137,34 @@ class Spacing:
         """Number of places."""
         return len(self.tour)
 
-    def team(self, view: View) -> int:
-        """Return the number of robots on the tour: this one and those heard lately."""
-        return 1 + sum(number in self.followers for number in view.peers)
+    @property
+    def team(self) -> int:
+        """Number of robots on the tour: this one and those heard lately."""
+        return len(self.heard)
+
+    def listen(self, view: View) -> bool:
+        """Take note of the positions of the robots on the tour.
+
+        Args:
+            view: Of this tick.
+
+        Returns:
+            True if each of them was heard in this tick, where it may be: so all robots believe the same fog.
+        """
+        before, memory = self.heard, MEMORY * self.count / len(self.followers)
+        self.heard = {number: heard for number, heard in before.items() if view.tick - heard.tick <= memory}
+        for number in self.followers & view.peers.keys():
+            peer = view.peers[number]
+            self.heard[number] = Heard((peer.pose.x, peer.pose.y), peer.tick)
+        self.heard[self.number] = Heard((view.reported.x, view.reported.y), view.tick)
+        return all(
+            heard.tick == view.tick and self._is_plausible(before.get(number, heard), heard)
+            for number, heard in self.heard.items()
+        )
+
+    def _is_plausible(self, before: Heard, heard: Heard) -> bool:
+        """Return True if a robot can have driven from one place to another in the time between."""
+        return math.dist(before.spot, heard.spot) <= PLAUSIBLE * self.stride * max(heard.tick - before.tick, 1)
 
     def along_m(self, place: int) -> float:
         """Return the length of the tour up to a place, m."""
@@ -151,20 +183,23 @@ class Spacing:
         """Spread all robots over the tour, and return the place of this one.
 
         Of some positions of equally spaced places that one is taken in which the robot with the longest way, as the
-        crow flies, has the shortest; pairs that are nearest to each other go first.
+        crow flies, has the shortest; pairs that are nearest to each other go first. A robot that hears nobody takes the
+        place that its number has among those of all robots, and is where the others leave a gap.
 
         Args:
             view: Of this tick.
         """
-        heard = self._hear(view)
+        heard = self.heard
         numbers = sorted(heard)
         team = len(numbers)
         here = np.array([heard[number].spot for number in numbers])
         best: tuple[float, float] = (math.inf, math.inf)
         chosen: dict[int, int] = {}
-        for offset in range(OFFSETS):
-            shift = offset / OFFSETS
-            slots = [int((slot + shift) * self.count / team) % self.count for slot in range(team)]
+        shifts = [offset / OFFSETS for offset in range(OFFSETS)]
+        choices = [[int((slot + shift) * self.count / team) % self.count for slot in range(team)] for shift in shifts]
+        if team == 1 and len(self.followers) > 1:
+            choices = [[sorted(self.followers).index(self.number) * self.count // len(self.followers)]]
+        for slots in choices:
             ways = np.sqrt(((here[:, None, :] - self.tour[slots, :2][None]) ** 2).sum(axis=2))
             pairs = _pairs(ways)
             lengths = [float(ways[robot, slot]) for robot, slot in enumerate(pairs)]
@@ -186,24 +221,13 @@ class Spacing:
         """
         if view.bumped:
             self._bumped = view.tick
-        self._heard = self._hear(view)
-        for number in [number for number in self.robots if number not in self._heard]:
+        for number in [number for number in self.robots if number not in self.heard]:
             del self.robots[number]
-        for number, (spot, tick) in self._heard.items():
+        for number, (spot, tick) in self.heard.items():
             robot = self.robots.get(number)
             if robot is None:
                 robot = self._enter(number, spot, tick, None)
             self._follow(robot, spot, tick)
-
-    def _hear(self, view: View) -> dict[int, Heard]:
-        """Return the positions of this robot and of those on its round that were heard lately."""
-        heard = {
-            number: Heard((peer.pose.x, peer.pose.y), peer.tick)
-            for number, peer in view.peers.items()
-            if number in self.followers
-        }
-        heard[self.number] = Heard((view.reported.x, view.reported.y), view.tick)
-        return heard
 
     def _enter(self, number: int, spot: Spot, heard: int, place: int | None) -> Followed:
         costs = np.full(self.count, JUMP if place is not None else 0.0)
@@ -259,11 +283,11 @@ class Spacing:
         for number, robot in self.robots.items():
             if number == self.number:
                 continue
-            gap = (robot.place - own.place) % self.count
+            gap = (robot.place + view.tick - robot.heard - own.place) % self.count
             if gap == 0 and number > self.number:
                 gap = self.count
             ahead, behind = min(ahead, gap), min(behind, self.count - gap)
-            apart = math.dist(self._heard[number].spot, (view.pose.x, view.pose.y))
+            apart = math.dist(self.heard[number].spot, (view.pose.x, view.pose.y))
             on_another_stretch = self.along_m(min(gap, self.count - gap)) > 2.0 * apart + 4.0 * self.stride
             if apart < CLEAR_RADII * view.spec.radius and on_another_stretch:
                 return False

@@ -14,9 +14,10 @@ def periods(unpredictability: float = 0.0, chance: float = 0.5) -> Periods:
     return Periods(LENGTH, unpredictability, lambda _: chance)
 
 
-def live(periods: Periods, period: int, mfow: int, team: int = 3) -> bool:
+def live(periods: Periods, period: int, mfow: int, team: int = 3, certain: bool = True) -> bool:
     """Live through a period; whether it is one on the round."""
-    return {periods.update(period * LENGTH + tick, mfow, team, INTERVAL) for tick in range(LENGTH)}.pop()
+    ticks = range(period * LENGTH, (period + 1) * LENGTH)
+    return {periods.update(tick, mfow, team, INTERVAL, certain=certain) for tick in ticks}.pop()
 
 
 def test_a_good_round_is_kept_to() -> None:
@@ -38,15 +39,20 @@ def test_after_a_bad_round_free_choices_are_tried_and_the_better_is_kept() -> No
 def test_only_the_settled_part_of_a_period_is_judged() -> None:
     fleet = periods()
     for tick in range(LENGTH):
-        fleet.update(tick, 10**6 if tick < LENGTH // 2 else round(INTERVAL), 3, INTERVAL)
+        fleet.update(tick, 10**6 if tick < LENGTH // 2 else round(INTERVAL), 3, INTERVAL, certain=True)
     assert live(fleet, 1, round(INTERVAL))
+
+
+def test_nothing_is_learnt_from_a_period_in_which_others_were_not_heard() -> None:
+    fleet = periods()
+    assert [live(fleet, period, 10**6, certain=False) for period in range(4)] == [True] * 4
 
 
 def test_another_team_begins_without_experience() -> None:
     fleet = periods()
     assert live(fleet, 0, 10**6)
     assert not live(fleet, 1, 10**6 + 1)
-    assert not fleet.update(2 * LENGTH, 0, 3, INTERVAL) or fleet.experience
+    assert not fleet.update(2 * LENGTH, 0, 3, INTERVAL, certain=True) or fleet.experience
     assert live(fleet, 3, 0, team=2)
 
 

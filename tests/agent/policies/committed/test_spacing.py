@@ -77,8 +77,19 @@ def at(tick: int, places: Mapping[int, tuple[float, float]], own: int = 1) -> Se
     return Seen(tick, poses[own], {number: Heard(pose, tick) for number, pose in poses.items() if number != own})
 
 
+def listen(spacing: Spacing, seen: Seen) -> bool:
+    return spacing.listen(seen)  # type: ignore[arg-type]
+
+
 def note(spacing: Spacing, seen: Seen) -> None:
+    listen(spacing, seen)
     spacing.note(seen)  # type: ignore[arg-type]
+
+
+def begin(spacing: Spacing, seen: Seen) -> float:
+    """Begin the round; m along the tour."""
+    listen(spacing, seen)
+    return spacing.along_m(spacing.begin(seen))  # type: ignore[arg-type]
 
 
 def waits(spacing: Spacing, seen: Seen) -> bool:
@@ -86,13 +97,13 @@ def waits(spacing: Spacing, seen: Seen) -> bool:
     return spacing.waits(seen)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(("begin", "course", "expected"), [(0.5, 1.0, 15.0), (29.5, -1.0, 45.0)])
+@pytest.mark.parametrize(("first", "course", "expected"), [(0.5, 1.0, 15.0), (29.5, -1.0, 45.0)])
 def test_a_dead_end_is_told_from_the_way_back_by_where_a_robot_came_from(
-    begin: float, course: float, expected: float
+    first: float, course: float, expected: float
 ) -> None:
     spacing = spacing_on(DEAD_END)
     for tick in range(30):
-        note(spacing, at(tick, {1: (begin + course * STRIDE * tick, 0.5)}))
+        note(spacing, at(tick, {1: (first + course * STRIDE * tick, 0.5)}))
     assert spacing.along_m(spacing.own_place) == pytest.approx(expected, abs=2.0)
 
 
@@ -109,7 +120,7 @@ def test_all_robots_find_the_same_equally_spaced_places() -> None:
     chosen = {}
     for number in places:
         spacing = spacing_on(RING, number)
-        chosen[number] = spacing.along_m(spacing.begin(at(0, places, number)))  # type: ignore[arg-type]
+        chosen[number] = begin(spacing, at(0, places, number))
     gaps = np.diff(sorted(chosen.values()))
     assert gaps == pytest.approx([20.0] * 3, abs=1.0)
     # The pair that stands together is parted, and the others stay near to where they are.
@@ -162,8 +173,40 @@ def test_who_has_bumped_drives_on() -> None:
 def test_robots_in_other_parts_of_the_terrain_do_not_count() -> None:
     spacing = Spacing.on(RING[0], 1, frozenset({1, 2}), STRIDE, RING[1])
     seen = at(0, {1: (0.5, 0.5), 2: (1.5, 0.5), 3: (35.5, 15.5)})
-    own = spacing.begin(seen)  # type: ignore[arg-type]
+    own_m = begin(spacing, seen)
     note(spacing, seen)
     assert sorted(spacing.robots) == [1, 2]
-    assert spacing.team(seen) == 2  # type: ignore[arg-type]
-    assert abs(spacing.along_m(spacing.robots[2].place) - spacing.along_m(own)) == pytest.approx(40.0, abs=1.0)
+    assert spacing.team == 2
+    assert abs(spacing.along_m(spacing.robots[2].place) - own_m) == pytest.approx(40.0, abs=1.0)
+
+
+def test_a_robot_that_is_not_heard_for_a_while_is_expected_to_go_on() -> None:
+    apart = {1: (10.5, 0.5), 2: (20.5, 0.5), 3: (10.5, 10.5)}
+    spacing = Spacing.on(RING[0], 1, frozenset({1, 2, 3}), STRIDE, RING[1])
+    for tick in range(6):
+        note(spacing, at(tick, apart))
+    assert waits(spacing, at(6, apart))
+    # 10 ticks later the others are 10 places of 1 m farther on.
+    alone = {1: (10.5, 0.5)}
+    assert not waits(spacing, at(16, alone))
+    assert spacing.team == 3
+    note(spacing, at(60, alone))
+    assert spacing.team == 1
+
+
+def test_robots_that_hear_nobody_take_places_by_their_numbers() -> None:
+    begun = [begin(spacing_on(RING, number), at(0, {number: (0.5, 0.5)}, number)) for number in range(1, 9)]
+    assert begun == pytest.approx([10.0 * slot for slot in range(8)], abs=1.0)
+
+
+@pytest.mark.parametrize(
+    ("places", "certain"),
+    [({1: (11.0, 0.5), 2: (21.0, 0.5)}, True), ({1: (11.0, 0.5)}, False), ({1: (11.0, 0.5), 2: (25.5, 0.5)}, False)],
+    ids=["heard", "not heard", "too far from where it was"],
+)
+def test_a_tick_is_certain_where_all_were_heard_and_could_have_driven_there(
+    places: Mapping[int, tuple[float, float]], certain: bool
+) -> None:
+    spacing = spacing_on(RING)
+    assert listen(spacing, at(0, {1: (10.5, 0.5), 2: (20.5, 0.5)}))
+    assert listen(spacing, at(1, places)) is certain
