@@ -5,16 +5,18 @@ two has to go back to where the other can get past it, and wait there:
 
       +------+              +------+
       |      +--------------+      |        1 and 2 have met in the corridor. 2 has less far to go back to a place
-      |              1 > < 2     R |        where it is in nobody's way (R), so it goes there. 1 waits until there is
-      |      +--------------+      |        room, then drives on, past R.
+      |              1 > < 2     R |        where it blocks no other robot (R), so it goes there. 1 follows it, and
+      |      +--------------+      |        drives past it as soon as there is room.
       +------+              +------+
 
 A place is a *refuge* where a robot that stands there parts the ground around it into no two pieces: not in a corridor
 or a doorway, but at the side of a room, in a corner, or at a dead end. Both robots know the ground and both positions,
-so both find the same refuges for both of them, and agree who goes back: the one that has less far to go, and if both
-have equally far, the one with the higher number. If that has not helped, the number alone decides.
+so both find nearly the same refuges for both of them, and mostly agree which one goes back: the one that has less far
+to go, and if both have equally far, the one with the higher number. If that has not helped, the number alone decides.
+Where they disagree, they bump again, or both stand still, and settle anew.
 
-A robot that goes on its way again treats the other one as an obstacle, so that it drives round it.
+A robot that goes on its way again treats the other one as an obstacle, so that it drives round it. Only two robots are
+considered: a third one that stands behind the one that goes back is not.
 """
 
 from __future__ import annotations
@@ -28,7 +30,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from agent.bodies.giveway import nearest
-from agent.ports import Place, Stay
+from agent.ports import Place
 from agent.routes.ground import Ground
 from agent.routes.routes import Routes
 from patrol.ground.kernels.components import label_parts
@@ -38,7 +40,7 @@ if TYPE_CHECKING:
     from agent.view import View
 
 PATIENCE = 2
-"""Number of bumps after which robots that cannot get past each other settle which of them goes back."""
+"""Number of bumps after which a robot drives round another that it could get past."""
 
 CALM_S = 3.0
 """Bumps further apart than this do not add up, s."""
@@ -53,17 +55,20 @@ STILL = 0.1
 """A robot stands still if it moves by less than this share of a stride in a tick."""
 
 LONGEST_S = 60.0
-"""Longest time for which a robot goes back and waits, s."""
+"""Longest time without a new bump for which a robot goes back or goes first, s."""
 
 AGAIN_S = 20.0
 """Two robots that block each other again within this time let their numbers decide, s."""
+
+PAST = 4.0
+"""A robot that goes first has got past the other once they are so many strides apart, besides their bodies."""
 
 AROUND = 3
 """Thickness of the ground around a robot in a refuge that must hold together, points."""
 
 
-class Part(Enum):
-    """The part that a robot has when two have met where they cannot pass."""
+class Role(Enum):
+    """What a robot does when two have met where they cannot pass."""
 
     GOES_BACK = auto()
     GOES_FIRST = auto()
@@ -73,7 +78,7 @@ class Passing:
     """What one robot does about another that it cannot get past.
 
     Attributes:
-        part: Its own; None while nothing is in its way.
+        role: Its own; None while no other robot blocks it.
     """
 
     def __init__(self, number: int, radii: Mapping[int, float], ground: Ground, step: float, stride: float) -> None:
@@ -86,7 +91,7 @@ class Passing:
             step: s per tick.
             stride: Longest way in one step, m.
         """
-        self.part: Part | None = None
+        self.role: Role | None = None
         self._number = number
         self._radii = radii
         self._ground = ground
@@ -98,10 +103,12 @@ class Passing:
         self._refuge: Spot = (0.0, 0.0)
         self._begun = 0
         self._settled: dict[int, int] = {}
+        self._hopeless: dict[int, int] = {}
+        self._expected: int | None = None
         self._seen: Spot = (0.0, 0.0)
         self._moved_at = 0
 
-    def lead(self, place: Place, view: View) -> Place | Stay:
+    def lead(self, place: Place, view: View) -> Place:
         """Return where to go instead of a place, or the place itself where nobody is in the way.
 
         Args:
@@ -112,17 +119,17 @@ class Passing:
             calm = view.tick - self._bumped_at > CALM_S / self._step
             self._bumps = 1 if calm else self._bumps + 1
             self._bumped_at = view.tick
-        if self.part is not None and self._is_over(view):
-            self.part = None
-        if view.bumped and self.part is not Part.GOES_BACK:
+        if self.role is not None and self._is_over(view):
+            self.role = None
+        if view.bumped and self.role is not Role.GOES_BACK:
             self._settle(place, view)
-        if self.part is None:
+        if self.role is None:
             return place
-        if self.part is Part.GOES_BACK:
-            if self._is_blocked(place, view):
+        if self.role is Role.GOES_BACK:
+            if self._is_blocked(place, view, self._other):
                 x, y = self._refuge
                 return replace(place, x=x, y=y, bend=None, lean=None, wander=None, exact=True)
-            self.part = Part.GOES_FIRST
+            self.role = Role.GOES_FIRST
         view.ground.close([self._disc(view, self._other)])
         return replace(place, bend=None, lean=None, wander=None)
 
@@ -132,52 +139,58 @@ class Passing:
             return True
         there, here = view.peers[self._other].pose, view.pose
         spot = there.x, there.y
-        on_the_way = self.part is Part.GOES_BACK and math.dist((here.x, here.y), self._refuge) > self._stride
+        on_the_way = self.role is Role.GOES_BACK and math.dist((here.x, here.y), self._refuge) > self._stride
         if on_the_way or math.dist(spot, self._seen) > STILL * self._stride:
             self._moved_at = view.tick
         self._seen = spot
-        if math.dist(spot, (here.x, here.y)) > self._wide(self._other) + FARTHEST:
+        farthest = FARTHEST if self.role is Role.GOES_BACK else PAST * self._stride
+        if math.dist(spot, (here.x, here.y)) > self._wide(self._other) + farthest:
             return True
         return view.tick - self._moved_at > STILL_S / self._step
 
     def _settle(self, place: Place, view: View) -> None:
-        """Take a part if the nearest robot is in the way of a place."""
+        """Take a role if the nearest robot blocks the way to a place."""
         gap, other = nearest(view.pose, view.peers, self._radii)
         if gap > self._radii[self._number] + 2.0 * self._stride:
             return
-        self._other = other
-        self._begun = self._moved_at = view.tick
         peer = view.peers[other].pose
         here, there = (view.reported.x, view.reported.y), (peer.x, peer.y)
-        self._seen = there
-        if not self._is_blocked(place, view):
-            self.part = Part.GOES_FIRST if self._bumps >= PATIENCE else None
-            return
-        wide = self._wide(other)
-        own, others = self._way_to_refuge(here, there, wide), self._way_to_refuge(there, here, wide)
-        if own is None and others is None:
-            return
-        again = view.tick - self._settled.get(other, -math.inf) <= AGAIN_S / self._step
-        self._settled[other] = view.tick
-        if own is None or others is None:
-            goes_back = others is None
-        elif again or own[0] == others[0]:
-            goes_back = self._number > other
+        refuge = self._refuge
+        if not self._is_blocked(place, view, other):
+            role = Role.GOES_FIRST if self._bumps >= PATIENCE else None
         else:
-            goes_back = own[0] < others[0]
-        self.part = Part.GOES_BACK if goes_back else Part.GOES_FIRST
-        if own is not None:
-            self._refuge = own[1]
+            lately = view.tick - self._settled.get(other, -math.inf) <= AGAIN_S / self._step
+            hopeless = view.tick - self._hopeless.get(other, -math.inf) <= AGAIN_S / self._step
+            if hopeless:
+                return
+            wide = self._wide(other)
+            own, others = self._way_to_refuge(here, there, wide), self._way_to_refuge(there, here, wide)
+            self._settled[other] = view.tick
+            if own is None and others is None:
+                role, self._hopeless[other] = None, view.tick
+            elif own is None or others is None:
+                role = Role.GOES_BACK if others is None else Role.GOES_FIRST
+            elif lately or own[0] == others[0]:
+                role = Role.GOES_BACK if self._number > other else Role.GOES_FIRST
+            else:
+                role = Role.GOES_BACK if own[0] < others[0] else Role.GOES_FIRST
+            refuge = own[1] if own is not None else refuge
+        self.role, self._refuge, self._other, self._seen = role, refuge, other, there
+        self._begun = self._moved_at = view.tick
 
-    def _is_blocked(self, place: Place, view: View) -> bool:
-        """Return True if no way leads to a place round the other robot."""
-        ground = self._closed([self._disc(view, self._other)])
+    def _is_blocked(self, place: Place, view: View, other: int) -> bool:
+        """Return True if no way leads to a place round another robot."""
+        row, col = view.point_of((place.x, place.y))
+        if not self._ground.static.open_now[row, col]:
+            return False
+        ground = self._closed([self._disc(view, other)])
         start = ground.join(view.pose.x, view.pose.y)
         if start is None:
             return True
-        row, col = view.point_of((place.x, place.y))
         target = row + 1, col + 1
-        return Routes(ground).way(start, target).place != ground.centre(*target)
+        way = Routes(ground).way(start, target, self._expected)
+        self._expected = round(100.0 * (way.length + 2.0 * self._stride) / ground.terrain.point)
+        return way.place != ground.centre(*target)
 
     def _way_to_refuge(self, here: Spot, there: Spot, wide: float) -> tuple[float, Spot] | None:
         """Return the length of the way to the nearest refuge, and its place; None where there is none.
@@ -190,17 +203,20 @@ class Passing:
         ground = self._closed([(*there, self._apart(here, there, wide))])
         point = ground.terrain.point
         lengths = Routes(ground).lengths(here, FARTHEST)
-        every = max(1, round(0.25 * self._radii[self._number] / point))
-        rows, cols = np.nonzero(np.isfinite(lengths[::every, ::every]))
-        rows, cols = rows * every, cols * every
-        for index in np.argsort(lengths[rows, cols], kind="stable"):
+        rows, cols = np.nonzero(np.isfinite(lengths))
+        order = np.argsort(lengths[rows, cols], kind="stable")
+        rows, cols = rows[order], cols[order]
+        # The nearest place of each square of a quarter of a radius stands for the square.
+        side = max(1, round(0.25 * self._radii[self._number] / point))
+        _, nearest_ones = np.unique(rows // side * lengths.shape[1] + cols // side, return_index=True)
+        for index in np.sort(nearest_ones):
             row, col = int(rows[index]), int(cols[index])
             if self._is_refuge(row, col, wide / point + 1.0):
                 return float(lengths[row, col]), ground.terrain.centre(row, col)
         return None
 
     def _is_refuge(self, row: int, col: int, wide: float) -> bool:
-        """Return True if the ground around a disc on a point holds together.
+        """Return True if the ground around a disc on a point, as far as it belongs to that point's, holds together.
 
         Args:
             row: Of the terrain.
@@ -210,10 +226,12 @@ class Passing:
         reach = math.ceil(wide) + AROUND
         state = self._ground.static.open_now
         top, left = max(row - reach, 0), max(col - reach, 0)
-        box = state[top : row + reach + 1, left : col + reach + 1]
+        box = np.ascontiguousarray(state[top : row + reach + 1, left : col + reach + 1]).view(np.uint8)
         up, across = np.ogrid[top - row : top - row + box.shape[0], left - col : left - col + box.shape[1]]
-        around = np.ascontiguousarray(box & (up**2 + across**2 >= wide**2)).view(np.uint8)
-        labels, work = np.empty(around.shape, dtype=np.int32), np.empty(around.size, dtype=np.int32)
+        labels, work = np.empty(box.shape, dtype=np.int32), np.empty(box.size, dtype=np.int32)
+        label_parts(box, labels, work)
+        own = labels == labels[row - top, col - left]
+        around = np.ascontiguousarray(own & (up**2 + across**2 >= wide**2)).view(np.uint8)
         return int(label_parts(around, labels, work)) == 1
 
     def _closed(self, discs: list[Disc]) -> Ground:
