@@ -429,7 +429,7 @@ class DifferentialBody(BodyBase):
             options: Best first.
             state: To be reported.
             view: Of this tick.
-            towards: Returns a step towards a target; None: forward alone.
+            towards: Returns a step towards a target; None: one that drives forward.
         """
         pose = view.pose
         best, farthest = None, 0.0

@@ -182,7 +182,7 @@ class PatrolSpec(Section):
     avoidance: Literal["none", "goal-refinement"] = Field(
         "goal-refinement", description="none | goal-refinement (a goal moves away from obstacles)"
     )
-    give_way: Flag = Field(True, description="of two robots that bumped, one goes round the other")
+    give_way: Flag = Field(True, description="of two robots that bumped, one goes round the other, or goes back")
     manoeuvres: Flag = Field(
         True, description="cars make three-point turns and back out; all find back to the ground of routes"
     )

@@ -39,7 +39,7 @@ from patrol.values.types import (
 )
 
 GROUND, VERTICES = "ground", "vertices"
-"""What can be patrolled: all ground that robots can see, or the vertices of the terrain's graph."""
+"""Values of `terrain.patrolled`: all ground that robots can see, or the vertices of the terrain's graph."""
 
 DEFAULT_RADIUS = 1.0
 """Radius of the paper's body, m."""

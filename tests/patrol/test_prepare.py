@@ -147,7 +147,7 @@ def test_vertices_without_a_graph_are_refused() -> None:
         load_scenario({"terrain": {"builtin": "open", "patrolled": "vertices"}})
 
 
-def test_hashes_are_as_before_it_could_be_set() -> None:
+def test_patrolling_the_ground_keeps_the_scenario_hash() -> None:
     ground = load_scenario({"terrain": {"builtin": "open", "patrolled": "ground"}})
     assert scenario_hash(ground) == scenario_hash(load_scenario({"terrain": {"builtin": "open"}}))
     watched = load_scenario(WATCHED)

@@ -112,9 +112,9 @@ class Committed:
             stride = max(spec.speed * setup.step, terrain.point)
             self.ahead = RoundAhead(setup, laid_out)
             followers = setup.followers()
-            self.spacing = Spacing.on(laid_out, spec.number, followers, stride, terrain)
-            share = len(followers) / len(setup.radii)
-            length = max(1, round(INTERVALS * self.ahead.interval(share * setup.team)))
+            whole = len(followers) / len(setup.radii) * setup.team
+            self.spacing = Spacing.on(laid_out, spec.number, followers, max(1, round(whole)), stride, terrain)
+            length = max(1, round(INTERVALS * self.ahead.interval(whole)))
             self.periods = Periods(length, options.unpredictability, setup.fleet_chance)
         self._expected = 0
         self._shortest = math.inf

@@ -48,7 +48,7 @@ MEMORY = 0.5
 """Time for which a robot that is not heard is expected to go on, as a share of the time between two robots."""
 
 PLAUSIBLE = 2.0
-"""A robot that seems to have driven farther than so many strides a tick was not heard: somebody else was."""
+"""Positions of a robot that are farther apart than so many strides a tick are taken as forged."""
 
 LONG_BUMPED_S = 5.0
 """Time after a bump in which a robot does not wait, so that it does not block others, s."""
@@ -96,6 +96,7 @@ class Spacing:
 
     Attributes:
         followers: Numbers of all robots that follow it; those in other parts of the terrain do not count.
+        whole: How many of them there are without the spare ones.
         robots: Those that are followed, by number; the robot itself is one.
         heard: The last positions of this robot and of those heard lately, by number.
     """
@@ -103,6 +104,7 @@ class Spacing:
     round: Round
     number: int
     followers: frozenset[int]
+    whole: int
     stride: float
     tour: NDArray[np.float64]
     robots: dict[int, Followed] = field(default_factory=dict)
@@ -113,13 +115,16 @@ class Spacing:
     _rests: bool = True
 
     @classmethod
-    def on(cls, laid_out: Round, number: int, followers: frozenset[int], stride: float, terrain: Terrain) -> Spacing:
+    def on(
+        cls, laid_out: Round, number: int, followers: frozenset[int], whole: int, stride: float, terrain: Terrain
+    ) -> Spacing:
         """Lay places a stride apart along a round.
 
         Args:
             laid_out: The round.
             number: Of the robot itself.
             followers: Numbers of all robots that follow it.
+            whole: How many of them there are without the spare ones.
             stride: Its way in a tick, m.
             terrain: The terrain.
         """
@@ -130,7 +135,7 @@ class Spacing:
         course = np.roll(spots, -1, axis=0) - np.roll(spots, 1, axis=0)
         length = np.sqrt((course**2).sum(axis=1))[:, None]
         tour = np.ascontiguousarray(np.hstack([spots, course / np.maximum(length, 1e-9)]))
-        return cls(laid_out, number, followers, stride, tour, _scratch=np.zeros(count))
+        return cls(laid_out, number, followers, whole, stride, tour, _scratch=np.zeros(count))
 
     @property
     def count(self) -> int:
@@ -149,9 +154,9 @@ class Spacing:
             view: Of this tick.
 
         Returns:
-            True if each of them was heard in this tick, where it may be: so all robots believe the same fog.
+            True if each of them was heard in this tick, where it can be: this robot has missed nothing.
         """
-        before, memory = self.heard, MEMORY * self.count / len(self.followers)
+        before, memory = self.heard, MEMORY * self.count / self.whole
         self.heard = {number: heard for number, heard in before.items() if view.tick - heard.tick <= memory}
         for number in self.followers & view.peers.keys():
             peer = view.peers[number]
@@ -197,8 +202,8 @@ class Spacing:
         chosen: dict[int, int] = {}
         shifts = [offset / OFFSETS for offset in range(OFFSETS)]
         choices = [[int((slot + shift) * self.count / team) % self.count for slot in range(team)] for shift in shifts]
-        if team == 1 and len(self.followers) > 1:
-            choices = [[sorted(self.followers).index(self.number) * self.count // len(self.followers)]]
+        if team == 1 and self.whole > 1:
+            choices = [[sorted(self.followers).index(self.number) % self.whole * self.count // self.whole]]
         for slots in choices:
             ways = np.sqrt(((here[:, None, :] - self.tour[slots, :2][None]) ** 2).sum(axis=2))
             pairs = _pairs(ways)
@@ -283,7 +288,8 @@ class Spacing:
         for number, robot in self.robots.items():
             if number == self.number:
                 continue
-            gap = (robot.place + view.tick - robot.heard - own.place) % self.count
+            driven = round((view.tick - robot.heard) * view.stride * self.count / self.round.length_m)
+            gap = (robot.place + driven - own.place) % self.count
             if gap == 0 and number > self.number:
                 gap = self.count
             ahead, behind = min(ahead, gap), min(behind, self.count - gap)

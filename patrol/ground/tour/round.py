@@ -1,9 +1,9 @@
 """A round: a closed tour laid out over the ground that it shows, so that a robot can follow it by what is left to see.
 
-Each patrolled point belongs to a place of the tour from which it is seen. Few places have points: they are chosen in the
-order of the tour, each as late as the ground allows, and a place that has points has all that are seen from it and that
-no earlier one has. So a robot makes few stops, and may cut the corner where it has seen all points of the next places;
-one that has missed a point knows from where it would be seen.
+Each patrolled point belongs to a place of the tour from which it is seen. Few places have points: they are chosen in
+the order of the tour, each as late as the ground allows, and a place that has points has all that are seen from it and
+that no earlier one has. So a robot makes few stops, and may cut the corner where it has seen all points of the next
+places; one that has missed a point knows from where it would be seen.
 """
 
 from __future__ import annotations

@@ -30,10 +30,10 @@ def with_door(width: float) -> Terrain:
     return plan((9.0, 6.0), (0.0, 0.0, 4.0, 6.0), (5.0, 0.0, 9.0, 6.0), (4.0, 3.0, 5.0, 3.0 + width))
 
 
-def prepared_for(terrain: Terrain, starts: Sequence[Pose], speed: float = SPEED) -> Prepared:
+def prepared_for(terrain: Terrain, starts: Sequence[Pose], speed: float = SPEED, angle: float = 360.0) -> Prepared:
     robots = {"model": "differential", "radius": RADIUS, "speed": speed}
     patrol = {"goal_distance": 1.65, "refine_side": 0.6, "refine_reach": 3.0}
-    return prepared_in(terrain, starts, robots, patrol=patrol)
+    return prepared_in(terrain, starts, robots, patrol=patrol, sensor={"angle": angle})
 
 
 @pytest.mark.parametrize("heading", [0.0, 2.0, math.pi, -1.0])
@@ -46,6 +46,20 @@ def test_it_passes_a_door_two_points_wider_than_itself(heading: float) -> None:
         assert alone.apart((8.0, 5.0)) < 0.01
         assert alone.bodies[0].command == Twist(0.0, 0.0)
     assert alone.bodies[0].collisions == 0
+
+
+def test_it_reverses_to_a_place_behind_it_if_it_sees_all_round() -> None:
+    terrain = plan((9.0, 1.0), (0.0, 0.0, 9.0, 1.0))
+    alone = Robots(prepared_for(terrain, [Pose(8.0, 0.5, 0.1)]), Place(1.0, 0.5))
+    alone.until(lambda: alone.apart((1.0, 0.5)) < 0.01, 60)
+    assert abs(alone.bodies[0].pose.heading) < 0.5 * math.pi
+
+
+def test_it_turns_about_to_a_place_behind_it_if_it_sees_only_ahead() -> None:
+    terrain = plan((9.0, 1.0), (0.0, 0.0, 9.0, 1.0))
+    alone = Robots(prepared_for(terrain, [Pose(8.0, 0.5, 0.1)], angle=90.0), Place(1.0, 0.5))
+    alone.until(lambda: alone.apart((1.0, 0.5)) < 0.01, 60)
+    assert abs(alone.bodies[0].pose.heading) > 0.5 * math.pi
 
 
 @pytest.mark.parametrize("heading", [0.0, math.pi / 2, 3.0])
