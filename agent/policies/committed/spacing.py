@@ -156,7 +156,7 @@ class Spacing:
         Returns:
             True if each of them was heard in this tick, where it can be: this robot has missed nothing.
         """
-        before, memory = self.heard, MEMORY * self.count / self.whole
+        before, memory = self.heard, MEMORY * self.round.length_m / view.stride / self.whole
         self.heard = {number: heard for number, heard in before.items() if view.tick - heard.tick <= memory}
         for number in self.followers & view.peers.keys():
             peer = view.peers[number]
@@ -268,8 +268,8 @@ class Spacing:
         Args:
             view: Of this tick.
         """
-        tick_s = self.stride / view.spec.speed
-        longest = min(PATIENCE * self.count / max(len(self.robots), 1), LONGEST_WAIT_S / tick_s)
+        tick_s = view.stride / view.spec.speed
+        longest = min(PATIENCE * self.round.length_m / view.stride / max(len(self.robots), 1), LONGEST_WAIT_S / tick_s)
         if self._waited >= longest:
             self._rests = False
         elif self._waited <= 0:

@@ -186,9 +186,9 @@ def test_a_robot_that_is_not_heard_for_a_while_is_expected_to_go_on() -> None:
     for tick in range(6):
         note(spacing, at(tick, apart))
     assert waits(spacing, at(6, apart))
-    # 10 ticks later the others are 10 places of 1 m farther on.
+    # 20 ticks later the others are 10 m farther on.
     alone = {1: (10.5, 0.5)}
-    assert not waits(spacing, at(16, alone))
+    assert not waits(spacing, at(26, alone))
     assert spacing.team == 3
     note(spacing, at(60, alone))
     assert spacing.team == 1
