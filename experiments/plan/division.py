@@ -11,7 +11,8 @@ short. It is found in three steps:
 3. *Relief.* The robot with the longest tour gives away what others see on their tours anyway, and its tour is searched
    for anew, until that no longer shortens it.
 
-The steps are repeated with other places to cut the common tour at, and the best division is kept.
+The first step is repeated with other places to cut the common tour at. The best few divisions of the graph are tried on
+the ground, and the best of these is kept.
 """
 
 from __future__ import annotations
@@ -44,8 +45,11 @@ if TYPE_CHECKING:
 POWER = 8.0
 """Power of the tours' lengths in the sum that moves of vertices lower."""
 
-OFFSETS = 4
+OFFSETS = 6
 """Number of places, within one stretch, from which the common tour is cut."""
+
+TRIED = 2
+"""How many of the divisions of the graph are tried on the ground, the best first."""
 
 GAIN_M = 0.01
 """Least gain in length of a search that is repeated, m."""
@@ -139,13 +143,12 @@ class _Search:
         """Divide the part among some robots; None if it is too large for a tour."""
         points = [self._terrain.point_at(*place) for place in graph.places.tolist()]
         vertices = [vertex for vertex, (row, col) in enumerate(points) if self._own.reach[row, col]]
-        best: list[Territory] | None = None
-        tried = []
+        divisions: dict[frozenset[frozenset[int]], list[list[int]]] = {}
         for offset in range(OFFSETS if robots > 1 else 1):
             tours = shared_out(graph, vertices, robots, offset / OFFSETS)
-            if {frozenset(tour) for tour in tours} in tried:
-                continue
-            tried.append({frozenset(tour) for tour in tours})
+            divisions.setdefault(frozenset(frozenset(tour) for tour in tours), tours)
+        best: list[Territory] | None = None
+        for tours in sorted(divisions.values(), key=lambda tours: _longest_of(graph, tours))[:TRIED]:
             tours.sort(key=lambda tour: tour_length(graph, tour))
             territories = self._on_the_ground([[points[vertex] for vertex in tour] for tour in tours])
             if territories is None:
@@ -225,6 +228,10 @@ def shared_out(graph: Graph, vertices: list[int], robots: int, offset: float = 0
     tours = _Tours(graph, _stretches(graph, closed_tour(graph, vertices), robots, offset))
     tours.improve()
     return [tour for tour in tours.tours if tour]
+
+
+def _longest_of(graph: Graph, tours: list[list[int]]) -> float:
+    return max(tour_length(graph, tour) for tour in tours)
 
 
 def _stretches(graph: Graph, tour: list[int], count: int, offset: float) -> list[list[int]]:

@@ -38,10 +38,10 @@ def curve_picture(plan: FleetPlan, files: Sequence[Path]) -> None:
     from matplotlib.figure import Figure
     from matplotlib.ticker import MaxNLocator
 
-    figure = Figure(figsize=(8.0, 4.8), dpi=DPI, facecolor="white", layout="constrained")
+    figure = Figure(figsize=(9.5, 4.8), dpi=DPI, facecolor="white", layout="constrained")
     axes = figure.subplots()
     bounds = [(size.robots, size.bound_s) for size in plan.sizes if size.bound_s > 0.0]
-    _line(axes, bounds, "lower bound", ":", LIGHT["muted"])
+    _line(axes, bounds, "lower bound", "v:", LIGHT["muted"])
     _line(axes, [(size.robots, size.tour_s) for size in plan.sizes], "one tour for all", "o-", ROBOTS[0])
     _line(axes, [(size.robots, size.own_tours_s) for size in plan.sizes], "a tour for each", "s--", ROBOTS[1])
     for simulated, what, colour, shift in (
@@ -57,7 +57,7 @@ def curve_picture(plan: FleetPlan, files: Sequence[Path]) -> None:
     axes.set_xlabel("robots")
     axes.set_ylabel("age of the stalest point (s)")
     axes.grid(visible=True, color=LIGHT["grid"], linewidth=0.6)
-    axes.legend(frameon=False, fontsize=9)
+    figure.legend(loc="outside right upper", frameon=False, fontsize=9)
     axes.set_title(f"{plan.scenario.name}: the age that robots keep", loc="left", fontsize=11)
     write_figure(figure, files)
 
