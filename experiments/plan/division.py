@@ -4,8 +4,8 @@ The time between two visits of a robot that has ground of its own is the time of
 short. It is found in three steps:
 
 1. *On a graph* (`patrol.graph.from_ground`), whose vertices together see all of the ground. The common tour through
-   them is cut into stretches of equal lengths. Then single vertices move to other robots as long as that lowers the sum of
-   `POWER`-th powers of the tours' lengths, which the longest tour dominates.
+   them is cut into stretches of equal lengths. Then single vertices move to other robots as long as that lowers the sum
+   of `POWER`-th powers of the tours' lengths, which the longest tour dominates.
 2. *On the ground.* A point goes to a robot that has a vertex from which it is seen, and of several to the one with the
    shortest tour. The tour of each robot's ground is searched for as the common one is (`patrol.ground.tour.search`).
 3. *Relief.* The robot with the longest tour gives away what others see on their tours anyway, and its tour is searched

@@ -182,9 +182,12 @@ def _tests(size: FleetSize, wanted_s: float | None) -> Iterator[str]:
     """Say what the chosen fleet keeps with one robot dead, and with free choices alone."""
     if (dead := size.one_dead) is not None:
         rest = f"{_robots(size.robots - 1)} left, {_holding(dead, wanted_s)}{_kept(dead)}"
-        yield f"one dead: {rest}; at most {_age(dead.peak_s)} s before the gap closed"
+        yield f"one dead: {rest}; largest since its death {_age(dead.peak_s)} s"
     if size.stochastic is not None:
         yield f"stochastic (unpredictability: 1): {_holding(size.stochastic, wanted_s)}{_kept(size.stochastic)}"
+    for kept in (size.simulated, size.one_dead, size.stochastic):
+        if kept is not None:
+            yield from (f"warning: {kept.scenario.name}: {warning}" for warning in kept.warnings)
 
 
 def _holding(kept: AgeKept, wanted_s: float | None) -> str:

@@ -92,7 +92,7 @@ def test_a_simulated_age_is_that_of_the_run_of_its_scenario(rooms: Path) -> None
     assert peak.scenario.faults[0].kind == "kill"
 
 
-@pytest.mark.parametrize(("needed", "by_tours"), [(2, 4), (4, 4), (6, 4)])
+@pytest.mark.parametrize(("needed", "by_tours"), [(3, 4), (4, 4), (6, 4)])
 def test_the_search_goes_down_or_up_from_what_tours_keep(
     needed: int, by_tours: int, rooms: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
