@@ -48,7 +48,7 @@ POWER = 8.0
 OFFSETS = 6
 """Number of places, within one stretch, from which the common tour is cut."""
 
-TRIED = 2
+TRIED = 3
 """How many of the divisions of the graph are tried on the ground, the best first."""
 
 GAIN_M = 0.01

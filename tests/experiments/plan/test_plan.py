@@ -68,6 +68,8 @@ def test_the_figures_of_a_size_follow_from_its_tours(rooms: Path) -> None:
     for size in planned(rooms, None, range(1, 4), quick=True).sizes:
         assert size.tours.length_m is not None
         assert size.territories is not None
+        assert size.tour_s is not None
+        assert size.own_tours_s is not None
         assert size.tour_s == pytest.approx(size.tours.length_m / size.robots)
         longest = max(territory.tour.length_m for territory in size.territories)
         assert size.own_tours_s == pytest.approx(longest)
