@@ -17,7 +17,7 @@ from fogwatch.cli.command_help import FINISHED, MANY, OTHER, RUNNING, START, Ord
 from fogwatch.cli.ending import complain, run_app
 from fogwatch.cli.experiments import benchmark, chaos_command, experiment, paper, sweep
 from fogwatch.cli.fleets import control, doctor_command, fleet, key, process_commands
-from fogwatch.cli.grounds import map_commands, scenario
+from fogwatch.cli.grounds import map_commands, plan_command, scenario
 from fogwatch.cli.runs import intruder_command, judge_command, page, recording_commands, report_commands
 from patrol.errors import BadInput
 from patrol.pose import MODELS
@@ -45,6 +45,7 @@ for group, name, panel in (
     (paper.app, "paper", MANY),
 ):
     app.add_typer(group, name=name, rich_help_panel=panel)
+command(app, examples=plan_command.EXAMPLES, exit_codes=plan_command.EXIT_CODES, panel=START)(plan_command.plan)
 process_commands.register(app, START)
 command(app, examples=page.MONITOR_EXAMPLES, exit_codes=page.EXIT_CODES, panel=RUNNING)(page.monitor)
 command(app, examples=doctor_command.EXAMPLES, exit_codes=doctor_command.EXIT_CODES, panel=START)(doctor_command.doctor)

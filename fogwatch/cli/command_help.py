@@ -17,6 +17,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 ORDER = (
     "run",
     "map",
+    "plan",
     "scenario",
     "key",
     "fleet",

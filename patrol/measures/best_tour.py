@@ -53,11 +53,13 @@ class PartTour:
         robots: Their numbers.
         speed: Of the slowest, m/s.
         length_m: Of the tour, m; None where the ground is too large for one.
+        way: Its corners in order, x and y in m; empty without a tour.
     """
 
     robots: tuple[int, ...]
     speed: float
     length_m: float | None
+    way: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +137,8 @@ def best_tour(prepared: Prepared) -> BestTour:
         if part_ground.any():
             tour = _tour(terrain, own, part_ground, prepared.fields[robots[0]].proxy, footprint, identity)
             speed = min(specs[number].speed for number in robots)
-            parts.append(PartTour(tuple(robots), speed, None if tour is None else tour.length_m))
+            length_m, way = (None, ()) if tour is None else (tour.length_m, tour.way)
+            parts.append(PartTour(tuple(robots), speed, length_m, way))
     return BestTour(tuple(parts))
 
 

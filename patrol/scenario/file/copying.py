@@ -41,16 +41,32 @@ def keep_scenario(scenario: Scenario, folder: Path) -> Path:
         OSError: When the folder cannot be written to.
     """
     path = folder / FILE
+    path.write_text(dump_scenario(with_copies(scenario, folder)), encoding="utf-8")
+    return path
+
+
+def with_copies(scenario: Scenario, folder: Path) -> Scenario:
+    """Copy a scenario's map and its own classes' files into a folder.
+
+    Args:
+        scenario: Resolved.
+        folder: An existing one, without such copies.
+
+    Returns:
+        The scenario, which names the copies relative to the folder.
+
+    Raises:
+        BadInput: When one of them cannot be read.
+        OSError: When the folder cannot be written to.
+    """
     own = _with_own_map(scenario, folder / MAP)
-    own = own.model_copy(
+    return own.model_copy(
         update={
             "patrol": _with_own_class(own.patrol, "patrol.policy", folder / POLICY),
             "sensor": _with_own_class(own.sensor, "sensor.kind", folder / SENSOR),
             "radio": _with_own_class(own.radio, "radio.model", folder / MODEL),
         }
     )
-    path.write_text(dump_scenario(own), encoding="utf-8")
-    return path
 
 
 def _with_own_class(section: AnySection, named: str, folder: Path) -> AnySection:

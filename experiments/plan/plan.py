@@ -1,0 +1,435 @@
+"""The plan: what age a fleet of each size can keep, by tours and in simulated runs, and how many robots an age needs.
+
+A fleet keeps an age if nothing is older: in a simulated run, if the largest MFoW after the first quarter of the run is
+at most that age, and the verdict is valid. The first quarter is left out because ground counts as unseen since the
+start of the run until somebody has been there.
+
+The search for the least number begins with the least that keeps the age on one of its tours. It goes down while the
+simulated fleet keeps the age, or else up until it does. It takes for granted that more robots keep no greater age.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from experiments.inprocess import run_in_process
+from experiments.plan.division import Divider, Territory, longest_m
+from patrol.errors import BadInput
+from patrol.ground.maps import load_terrain
+from patrol.measures.best_tour import MOST_ROBOTS, BestTour, best_tour
+from patrol.prepare import Prepared, prepare
+from patrol.scenario import RobotGroup, as_mapping, load_scenario
+from patrol.scenario.policies import CommittedPatrol
+from worldsim.output.record import lower_bound
+
+if TYPE_CHECKING:
+    from patrol.ground.terrain import Terrain
+    from patrol.journal import TickRecord
+    from patrol.scenario import Scenario
+
+LEAST_S = 600.0
+"""Shortest simulated run unless its length is given, s."""
+
+INTERVALS = 12.0
+"""The same, in ages kept by tours: the last quarter of a run has three of them."""
+
+WANTED = 2.0
+"""The same, in wanted ages: ground that is never seen is older than wanted long before the end."""
+
+SETTLED = 0.25
+"""Share of a run, and of the time before a robot's death, that does not count."""
+
+KILLED_AT = 0.5
+"""Share of a run after which a robot is killed."""
+
+LOOKED_AT = 2.0
+"""The first number in the search for a wanted age keeps, on one tour for all, at most this many times the age."""
+
+MORE = 1
+"""Numbers in the table beyond the least one that keeps the age by tours."""
+
+
+class Observer(Protocol):
+    """Shows what a plan is at."""
+
+    def begin(self, what: str) -> None:
+        """Take what is computed next, as in "4 robots: tours"."""
+
+    def share(self, done: float) -> None:
+        """Take the share of it that is done, 0 to 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class AgeKept:
+    """The ages that a simulated fleet kept.
+
+    Attributes:
+        scenario: What was run.
+        from_s: Begin of the time that counts; it lasts to the end of the run, s.
+        mean_s: Mean MFoW in it.
+        max_s: Largest MFoW in it.
+        peak_s: Largest MFoW from a robot's death on; None without one.
+        outcome: Of the verdict.
+        warnings: Of the verdict.
+        trace_hash: Of the run.
+    """
+
+    scenario: Scenario
+    from_s: float
+    mean_s: float
+    max_s: float
+    peak_s: float | None
+    outcome: str
+    warnings: tuple[str, ...]
+    trace_hash: str
+
+    def keeps(self, age_s: float) -> bool:
+        """Return whether nothing was older than an age, in a run that can be believed.
+
+        Args:
+            age_s: The age, s.
+        """
+        return self.outcome == "valid" and self.max_s <= age_s
+
+
+@dataclass(frozen=True, slots=True)
+class FleetSize:
+    """A fleet of some size.
+
+    Attributes:
+        robots: How many.
+        area_m2: The patrolled ground.
+        bound_s: Lower bound of the MFoW; 0 where it says nothing.
+        tours: The best tours for all, one for each part of the terrain.
+        tour_s: MFoW of the fleet on them; None where there is none.
+        territories: The best division of the ground found; None where there is none.
+        own_tours_s: MFoW of the fleet with a tour for each robot.
+        simulated: The fleet with the scenario's policy; None if it was not run.
+        one_dead: The same with one robot dead from the middle of the run; None too for one robot.
+        stochastic: The same with free choices alone; None too for other policies than `committed`.
+    """
+
+    robots: int
+    area_m2: float
+    bound_s: float
+    tours: BestTour
+    tour_s: float | None
+    territories: tuple[Territory, ...] | None
+    own_tours_s: float | None
+    simulated: AgeKept | None = None
+    one_dead: AgeKept | None = None
+    stochastic: AgeKept | None = None
+
+    @property
+    def age_s(self) -> float | None:
+        """The age that the tours keep, the better of both kinds, s."""
+        return min((age for age in (self.tour_s, self.own_tours_s) if age is not None), default=None)
+
+
+@dataclass(frozen=True, slots=True)
+class FleetPlan:
+    """The result.
+
+    Attributes:
+        scenario: The ground, body and sensor, with faults and intruders left out.
+        terrain: The terrain.
+        wanted_s: The wanted age, or None.
+        sizes: The fleets, by their number of robots.
+        chosen: The least number of robots that keeps the wanted age, simulated or, with `quick`, by tours; without a
+            wanted age the largest. None if no number does.
+        quick: Whether nothing was simulated.
+    """
+
+    scenario: Scenario
+    terrain: Terrain
+    wanted_s: float | None
+    sizes: tuple[FleetSize, ...]
+    chosen: int | None
+    quick: bool
+
+    def size(self, robots: int) -> FleetSize:
+        """Return the fleet of some size.
+
+        Args:
+            robots: How many robots.
+        """
+        return next(size for size in self.sizes if size.robots == robots)
+
+    def by_tours(self) -> int | None:
+        """Return the least number of robots that keeps the wanted age by tours."""
+        wanted = math.inf if self.wanted_s is None else self.wanted_s
+        return min(
+            (size.robots for size in self.sizes if size.age_s is not None and size.age_s <= wanted), default=None
+        )
+
+
+def make_plan(
+    scenario: Scenario,
+    wanted_s: float | None,
+    numbers: Sequence[int] | None,
+    observer: Observer,
+    *,
+    duration_s: float | None = None,
+    quick: bool = False,
+) -> FleetPlan:
+    """Make the plan.
+
+    Args:
+        scenario: Ground, body, sensor, radio and policy; its number of robots, faults and intruders do not count.
+        wanted_s: The age that nothing is to exceed, s; needed without `numbers`.
+        numbers: The numbers of robots to look at, in ascending order; None to search for those around the answer.
+        observer: Shown the progress.
+        duration_s: Length of each simulated run, s; None for what `_Planner.duration_s` says.
+        quick: Whether to leave out the simulated runs.
+
+    Raises:
+        BadInput: The scenario lists its robots, or cannot be prepared with some number of robots.
+    """
+    planner = _Planner(scenario, wanted_s, observer, duration_s, quick)
+    if numbers is None:
+        if wanted_s is None:
+            raise ValueError("neither an age nor numbers")
+        chosen = planner.search(wanted_s)
+    else:
+        chosen = planner.look_at(numbers)
+    if chosen is not None and not quick:
+        planner.test(chosen)
+    sizes = tuple(size for _, size in sorted(planner.sizes.items()))
+    return FleetPlan(planner.scenario, planner.terrain, wanted_s, sizes, chosen, quick)
+
+
+class _Planner:
+    """Computes and runs fleets of several sizes on one terrain.
+
+    Attributes:
+        scenario: The ground, body and sensor.
+        terrain: The terrain.
+        sizes: What is known, by number of robots.
+    """
+
+    def __init__(
+        self, scenario: Scenario, wanted_s: float | None, observer: Observer, duration_s: float | None, quick: bool
+    ) -> None:
+        if not isinstance(scenario.robots, RobotGroup):
+            raise BadInput(
+                f"{scenario.name} lists its robots; a plan needs robots of one kind: give one entry with count"
+            )
+        mapping = as_mapping(scenario)
+        for field in ("faults", "intruders", "nemesis"):
+            mapping.pop(field, None)
+        for field in ("starts", "spare"):
+            mapping["robots"].pop(field, None)
+        self.scenario = load_scenario(mapping)
+        self.terrain = load_terrain(scenario.terrain, scenario.point, scenario.base)
+        self.sizes: dict[int, FleetSize] = {}
+        self._wanted_s = wanted_s
+        self._observer = observer
+        self._duration_s = duration_s
+        self._quick = quick
+        self._divider = Divider()
+
+    def search(self, wanted_s: float) -> int | None:
+        """Search for the least number of robots that keeps an age; see the module."""
+        number = self._first_by_tours(wanted_s)
+        if self._quick or number is None:
+            return number
+        if self._keeps(number, wanted_s):
+            while number > 1 and self.size(number - 1).bound_s <= wanted_s and self._keeps(number - 1, wanted_s):
+                number -= 1
+            return number
+        while number < MOST_ROBOTS:
+            number += 1
+            if self._keeps(number, wanted_s):
+                return number
+        return None
+
+    def look_at(self, numbers: Sequence[int]) -> int | None:
+        """Compute and run fleets of some sizes; return the least that keeps the wanted age, or the largest."""
+        for number in numbers:
+            self.size(number)
+            if not self._quick:
+                self._simulated(number)
+        if self._wanted_s is None:
+            return numbers[-1]
+        wanted = self._wanted_s
+        return next((number for number in numbers if self._keeps(number, wanted)), None)
+
+    def test(self, number: int) -> None:
+        """Run a fleet with one robot dead from the middle of the run, and with free choices alone."""
+        size, scenario = self.size(number), self._scenario_of(number)
+        dead = stochastic = None
+        if number > 1:
+            kill = {"kind": "kill", "at": KILLED_AT * scenario.duration, "who": "r1", "wreck": "removed"}
+            name = f"{scenario.name}-one-dead"
+            dead = self._run(load_scenario(as_mapping(scenario), {"name": name, "faults": [kill]}), "one of them dead")
+        if isinstance(scenario.patrol, CommittedPatrol) and scenario.patrol.options.unpredictability < 1.0:
+            free = {"name": f"{scenario.name}-stochastic", "patrol.options.unpredictability": 1.0}
+            stochastic = self._run(load_scenario(as_mapping(scenario), free), "free choices alone")
+        self.sizes[number] = replace(size, one_dead=dead, stochastic=stochastic)
+
+    def size(self, number: int) -> FleetSize:
+        """Return what tours a fleet of some size has."""
+        if number not in self.sizes:
+            self._observer.begin(f"{robots_text(number)}: tours")
+            prepared = self._prepared(load_scenario(as_mapping(self.scenario), {"robots.count": number}))
+            tours = best_tour(prepared)
+            territories = None if tours.length_m is None else self._divider.divide(prepared)
+            self.sizes[number] = _size_of(number, prepared, tours, territories)
+            self._observer.share(1.0)
+        return self.sizes[number]
+
+    def duration_s(self, number: int) -> float:
+        """Return the length of the simulated runs of a fleet, s: as given, or long enough for its tours."""
+        if self._duration_s is not None:
+            return self._duration_s
+        age_s = self.size(number).age_s or 0.0
+        least = max(LEAST_S, INTERVALS * age_s, WANTED * (self._wanted_s or 0.0))
+        return 60.0 * math.ceil(least / 60.0)
+
+    def _first_by_tours(self, wanted_s: float) -> int | None:
+        """Return the least number of robots that keeps an age by its tours, or by the bound where there are none."""
+        for number in range(1, MOST_ROBOTS + 1):
+            prepared = self._prepared(load_scenario(as_mapping(self.scenario), {"robots.count": number}))
+            on_one_tour = best_tour(prepared).bound_of_fleet_s(prepared.scenario)
+            if on_one_tour is not None and on_one_tour > LOOKED_AT * wanted_s:
+                continue
+            size = self.size(number)
+            if (size.bound_s if size.age_s is None else size.age_s) <= wanted_s:
+                for more in range(number + 1, min(number + MORE, MOST_ROBOTS) + 1):
+                    self.size(more)
+                return number
+        self.size(MOST_ROBOTS)
+        return None
+
+    def _keeps(self, number: int, wanted_s: float) -> bool:
+        if self._quick:
+            age_s = self.size(number).age_s
+            return age_s is not None and age_s <= wanted_s
+        return self._simulated(number).keeps(wanted_s)
+
+    def _simulated(self, number: int) -> AgeKept:
+        size = self.size(number)
+        kept = size.simulated
+        if kept is None:
+            kept = self._run(self._scenario_of(number), "simulated")
+            self.sizes[number] = replace(size, simulated=kept)
+        return kept
+
+    def _scenario_of(self, number: int) -> Scenario:
+        settings = {"name": f"{self.scenario.name}-{number}", "robots.count": number}
+        return load_scenario(as_mapping(self.scenario), {**settings, "duration": self.duration_s(number)})
+
+    def _prepared(self, scenario: Scenario) -> Prepared:
+        return prepare(scenario, self.terrain)
+
+    def _run(self, scenario: Scenario, how: str) -> AgeKept:
+        self._observer.begin(f"{robots_text(len(scenario.roster))}: {how}")
+        ticks = scenario.duration / scenario.step
+        ages: list[float] = []
+
+        def take(record: TickRecord) -> None:
+            ages.append(record.mfow * scenario.step)
+            self._observer.share(min(len(ages) / ticks, 1.0))
+
+        outcome = run_in_process(self._prepared(scenario), keep=False, progress=take)
+        killed = round(KILLED_AT * len(ages)) if scenario.faults else 0
+        begin = killed + round(SETTLED * len(ages))
+        late, end = np.array(ages[begin:]), outcome.journal.end
+        return AgeKept(
+            scenario,
+            begin * scenario.step,
+            float(late.mean()),
+            float(late.max()),
+            max(ages[killed:]) if scenario.faults else None,
+            outcome.verdict.outcome,
+            outcome.verdict.warnings,
+            "" if end is None else end.trace_hash,
+        )
+
+
+def plan_facts(plan: FleetPlan) -> dict[str, Any]:
+    """Write a plan as plain lists, texts and numbers.
+
+    Args:
+        plan: The plan.
+    """
+    scenario, body = plan.scenario, plan.scenario.roster[0]
+    return {
+        "name": scenario.name,
+        "point_m": scenario.point,
+        "body": {
+            "model": body.model,
+            "radius_m": body.radius,
+            "speed_m_s": body.speed,
+            "turning_radius_m": body.turning_radius if body.model == "car" else None,
+        },
+        "sensor": {"kind": scenario.sensor.kind, "range_m": scenario.sensor.range},
+        "policy": scenario.patrol.policy,
+        "wanted_age_s": plan.wanted_s,
+        "criterion": "by tours" if plan.quick else "largest simulated MFoW after the first quarter of the run",
+        "robots": plan.chosen if plan.wanted_s is not None else None,
+        "robots_by_tours": plan.by_tours() if plan.wanted_s is not None else None,
+        "sizes": [_size_facts(size, plan.wanted_s) for size in plan.sizes],
+    }
+
+
+def _size_facts(size: FleetSize, wanted_s: float | None) -> dict[str, Any]:
+    own = None if size.territories is None else [territory.tour.length_m for territory in size.territories]
+    return {
+        "robots": size.robots,
+        "patrolled_area_m2": size.area_m2,
+        "bound_s": size.bound_s,
+        "tour_s": size.tour_s,
+        "tour_m": size.tours.length_m,
+        "own_tours_s": size.own_tours_s,
+        "own_tours_m": own,
+        "age_s": size.age_s,
+        "simulated": _kept_facts(size.simulated, wanted_s),
+        "one_dead": _kept_facts(size.one_dead, wanted_s),
+        "stochastic": _kept_facts(size.stochastic, wanted_s),
+    }
+
+
+def _kept_facts(kept: AgeKept | None, wanted_s: float | None) -> dict[str, Any] | None:
+    if kept is None:
+        return None
+    return {
+        "duration_s": kept.scenario.duration,
+        "from_s": kept.from_s,
+        "mean_s": kept.mean_s,
+        "max_s": kept.max_s,
+        "peak_s": kept.peak_s,
+        "keeps": None if wanted_s is None else kept.keeps(wanted_s),
+        "verdict": kept.outcome,
+        "warnings": list(kept.warnings),
+        "trace_hash": kept.trace_hash,
+    }
+
+
+def _size_of(number: int, prepared: Prepared, tours: BestTour, territories: tuple[Territory, ...] | None) -> FleetSize:
+    scenario = prepared.scenario
+    area_m2 = float(np.count_nonzero(prepared.patrolled)) * prepared.terrain.point_area
+    own_s = None if territories is None else longest_m(territories) / scenario.roster[0].speed
+    return FleetSize(
+        number,
+        area_m2,
+        lower_bound(area_m2, scenario.roster, scenario.sensor.range),
+        tours,
+        tours.bound_of_fleet_s(scenario),
+        territories,
+        own_s,
+    )
+
+
+def robots_text(number: int) -> str:
+    """Return a number of robots in words, for example "1 robot".
+
+    Args:
+        number: How many.
+    """
+    return "1 robot" if number == 1 else f"{number} robots"

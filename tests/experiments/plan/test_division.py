@@ -1,0 +1,102 @@
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from experiments.plan.division import Divider, Territory, longest_m, shared_out
+from patrol.graph.graph import Graph, graph_of
+from patrol.graph.tour import tour_length
+from patrol.ground.fields import compute_fields
+from patrol.ground.fog import Fog
+from patrol.ground.terrain import Terrain
+from patrol.measures.best_tour import best_tour
+from patrol.pose import Pose
+from patrol.prepare import Prepared, sensor_footprint
+from patrol.scenario import load_scenario
+
+SPEED = 1.0
+
+
+def line(vertices: int) -> Graph:
+    """Vertices in a line, 10 m apart."""
+    places = [(10.0 * vertex, 0.0) for vertex in range(vertices)]
+    return graph_of(places, [(vertex, vertex + 1, 10.0) for vertex in range(vertices - 1)])
+
+
+def rooms(robots: int, door: bool = True) -> Prepared:
+    """Two rooms of 10 x 10 m side by side; robots start in the left one and the right one in turn."""
+    free = np.ones((20, 41), dtype=np.bool_)
+    free[:, 20] = False
+    if door:
+        free[8:12, 20] = True
+    terrain = Terrain("rooms", free, 0.5)
+    starts = tuple(Pose(3.0 + 14.0 * (number % 2), 3.0, 0.0) for number in range(robots))
+    body = {"count": robots, "model": "holonomic", "radius": 0.3, "speed": SPEED}
+    scenario = load_scenario({"terrain": {"builtin": "open"}, "point": 0.5, "robots": body, "sensor": {"range": 3.0}})
+    fields = compute_fields(terrain, 0.3, 3.0, True, list(starts))
+    return Prepared(scenario, terrain, starts, dict.fromkeys(range(1, robots + 1), fields))
+
+
+def divided(prepared: Prepared) -> tuple[Territory, ...]:
+    territories = Divider().divide(prepared)
+    assert territories is not None
+    return territories
+
+
+def test_vertices_in_a_line_are_shared_out_evenly() -> None:
+    tours = shared_out(line(8), list(range(8)), 2)
+    assert sorted(sorted(tour) for tour in tours) == [[0, 1, 2, 3], [4, 5, 6, 7]]
+    assert [tour_length(line(8), tour) for tour in tours] == [60.0, 60.0]
+    assert len(shared_out(line(2), [0, 1], 5)) == 2
+
+
+def test_each_point_belongs_to_one_robot() -> None:
+    prepared = rooms(3)
+    owners = np.sum([territory.ground for territory in divided(prepared)], axis=0)
+    assert np.array_equal(owners, prepared.patrolled.astype(owners.dtype))
+
+
+@pytest.mark.parametrize("robots", [2, 3])
+def test_no_point_gets_older_than_the_longest_tour_takes(robots: int) -> None:
+    prepared = rooms(robots)
+    territories = divided(prepared)
+    footprint = sensor_footprint(prepared.scenario, prepared.terrain)
+    fog = Fog(prepared.patrolled)
+    oldest, longest = 0, longest_m(territories)
+    step_m = 0.1
+    for tick in range(int(3 * longest / step_m)):
+        for territory in territories:
+            x, y = place_along(territory, tick * step_m)
+            fog.observe(footprint.visible(Pose(x, y, 0.0)), tick)
+        if tick > 1.5 * longest / step_m:
+            oldest = max(oldest, fog.mfow(tick))
+    assert 0.5 * longest < oldest * step_m < longest + 2.0
+
+
+def test_two_rooms_are_best_shared_by_two_robots() -> None:
+    prepared = rooms(2)
+    common = best_tour(prepared).length_m
+    assert common is not None
+    left, right = divided(prepared)
+    assert longest_m((left, right)) < 0.6 * common
+    columns = sorted(float(np.nonzero(territory.ground)[1].mean()) for territory in (left, right))
+    assert columns[0] < 15.0
+    assert columns[1] > 25.0
+
+
+def test_rooms_without_a_door_have_robots_of_their_own() -> None:
+    prepared = rooms(2, door=False)
+    for territory in divided(prepared):
+        columns = np.nonzero(territory.ground)[1]
+        assert columns.max() < 20 or columns.min() > 20
+
+
+def place_along(territory: Territory, passed_m: float) -> tuple[float, float]:
+    """Return the place on a closed tour after some length."""
+    way = [*territory.tour.way, territory.tour.way[0]]
+    along = np.concatenate([[0.0], np.cumsum([np.hypot(x1 - x, y1 - y) for (x, y), (x1, y1) in pairwise(way)])])
+    at = passed_m % along[-1] if along[-1] else 0.0
+    xs, ys = np.array(way).T
+    return float(np.interp(at, along, xs)), float(np.interp(at, along, ys))

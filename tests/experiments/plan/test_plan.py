@@ -1,0 +1,138 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from experiments.inprocess import run_in_process
+from experiments.plan import plan as module
+from experiments.plan.plan import AgeKept, FleetPlan, make_plan, plan_facts
+from patrol.errors import BadInput
+from patrol.journal import TickRecord
+from patrol.scenario import Scenario, load_scenario
+
+
+class Silent:
+    """Takes what a plan is at."""
+
+    def __init__(self) -> None:
+        self.begun: list[str] = []
+
+    def begin(self, what: str) -> None:
+        self.begun.append(what)
+
+    def share(self, done: float) -> None:
+        assert 0.0 <= done <= 1.0
+
+
+@pytest.fixture(scope="module")
+def rooms(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A map of three rooms of 10 x 10 m in a row, with doors 2 m wide."""
+    free = np.full((22, 64), 254, dtype=np.uint8)
+    free[[0, -1]] = free[:, [0, -1]] = 0
+    free[:, 21] = free[:, 42] = 0
+    free[9:13, [21, 42]] = 254
+    folder = tmp_path_factory.mktemp("rooms")
+    Image.fromarray(free).save(folder / "rooms.png")
+    says = "image: rooms.png\nresolution: 0.5\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\n"
+    (folder / "rooms.yaml").write_text(says)
+    return folder / "rooms.yaml"
+
+
+def ground(rooms: Path, **settings: Any) -> Scenario:
+    body = {"model": "holonomic", "radius": 0.3, "speed": 1.0}
+    facts = {"terrain": {"map": str(rooms)}, "point": 0.5, "robots": body, "sensor": {"range": 4.0}}
+    return load_scenario({**facts, **settings})
+
+
+def planned(rooms: Path, wanted_s: float | None, numbers: range | None = None, **options: Any) -> FleetPlan:
+    return make_plan(ground(rooms), wanted_s, numbers, Silent(), **options)
+
+
+def test_tours_alone_name_the_least_number_that_keeps_an_age(rooms: Path) -> None:
+    plan = planned(rooms, 25.0, quick=True)
+    ages = {size.robots: size.age_s for size in plan.sizes}
+    assert plan.chosen is not None
+    enough, fewer = ages[plan.chosen], ages[plan.chosen - 1]
+    assert enough is not None
+    assert fewer is not None
+    assert enough <= 25.0 < fewer
+    assert all(size.simulated is None for size in plan.sizes)
+
+
+def test_the_figures_of_a_size_follow_from_its_tours(rooms: Path) -> None:
+    for size in planned(rooms, None, range(1, 4), quick=True).sizes:
+        assert size.tours.length_m is not None
+        assert size.territories is not None
+        assert size.tour_s is not None
+        assert size.own_tours_s is not None
+        assert size.tour_s == pytest.approx(size.tours.length_m / size.robots)
+        longest = max(territory.tour.length_m for territory in size.territories)
+        assert size.own_tours_s == pytest.approx(longest)
+        assert size.age_s == min(size.tour_s, size.own_tours_s)
+
+
+def test_a_simulated_age_is_that_of_the_run_of_its_scenario(rooms: Path) -> None:
+    plan = planned(rooms, None, range(2, 3), duration_s=60.0)
+    facts = plan_facts(plan)["sizes"][0]
+    for kind, killed in (("simulated", 0), ("one_dead", 60), ("stochastic", 0)):
+        kept = getattr(plan.size(2), kind)
+        ticks: list[TickRecord] = []
+        outcome = run_in_process(kept.scenario, progress=ticks.append)
+        late = np.array([0.5 * record.mfow for record in ticks if record.k >= killed + 30])
+        assert facts[kind]["trace_hash"] == outcome.summary.trace_hash
+        assert facts[kind]["max_s"] == late.max()
+        assert facts[kind]["mean_s"] == pytest.approx(late.mean())
+    peak = plan.size(2).one_dead
+    assert peak is not None
+    assert peak.peak_s is not None
+    assert peak.peak_s >= peak.max_s
+    assert peak.scenario.faults[0].kind == "kill"
+
+
+@pytest.mark.parametrize(("needed", "by_tours"), [(3, 4), (4, 4), (6, 4)])
+def test_the_search_goes_down_or_up_from_what_tours_keep(
+    needed: int, by_tours: int, rooms: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runs: list[int] = []
+
+    def run(_: Any, scenario: Scenario, how: str) -> AgeKept:
+        number = len(scenario.roster)
+        runs.append(number)
+        age = 10.0 if number >= needed else 99.0
+        return AgeKept(scenario, 0.0, age, age, None, "valid", (), how)
+
+    monkeypatch.setattr(module._Planner, "_run", run)
+    monkeypatch.setattr(module._Planner, "_first_by_tours", lambda *_: by_tours)
+    plan = planned(rooms, 20.0)
+    assert plan.chosen == needed
+    assert {needed, needed - 1} <= set(runs)
+    assert len([number for number in runs if number != needed]) == len({*runs} - {needed})
+
+
+def test_an_age_is_kept_only_in_a_valid_run(rooms: Path) -> None:
+    kept = AgeKept(ground(rooms), 0.0, 5.0, 10.0, None, "valid", (), "")
+    assert kept.keeps(10.0)
+    assert not kept.keeps(9.9)
+    assert not replace(kept, outcome="invalid").keeps(10.0)
+
+
+def test_runs_are_long_enough_for_their_tours_and_the_wanted_age(rooms: Path) -> None:
+    def duration(wanted_s: float | None) -> float:
+        return module._Planner(ground(rooms), wanted_s, Silent(), None, True).duration_s(1)
+
+    age_s = planned(rooms, None, range(1, 2), quick=True).sizes[0].age_s
+    assert age_s is not None
+    assert 600.0 < 12.0 * age_s <= duration(None) < 12.0 * age_s + 60.0
+    assert duration(6000.0) == 12000.0
+
+
+def test_faults_are_left_out_and_listed_robots_refused(rooms: Path) -> None:
+    faulty = ground(rooms, faults=[{"kind": "kill", "at": 5, "who": ["r5"]}], intruders=[{"place": [5, 5], "at": 1}])
+    assert make_plan(faulty, None, [1], Silent(), quick=True).scenario.faults == ()
+    with pytest.raises(BadInput, match="lists its robots"):
+        make_plan(ground(rooms, robots=[{"name": "a"}, {"name": "b"}]), 60.0, None, Silent())
