@@ -190,13 +190,14 @@ class Committed:
         ahead, spacing = self.ahead, self.spacing
         if not self._on_round or ahead is None or spacing is None:
             return self._free_choice(view, start)
-        if ahead.cursor is None:
-            # A robot that joins the others on the round begins where most is to be seen.
-            way = self._free_choice(view, start)
-            if self.target is not None:
-                ahead.go_to(spacing.along_m(spacing.nearest(view.place_of(self.target.stand))))
+        if ahead.cursor is not None and (way := self._next_on_round(view, start, ahead, spacing)) is not None:
             return way
-        return self._next_on_round(view, start, ahead, spacing)
+        # A robot that joins the others on the round begins where most is to be seen. So does one that finds the round
+        # ahead blocked, for example by a robot that has died there.
+        way = self._free_choice(view, start)
+        if self.target is not None:
+            ahead.go_to(spacing.along_m(spacing.nearest(view.place_of(self.target.stand))))
+        return way
 
     def _next_on_round(self, view: View, start: Element, ahead: RoundAhead, spacing: Spacing) -> Way | None:
         """Commit to the first stale point ahead on the round, and return the way there."""
