@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from agent.policies.committed.policy import Committed
 from experiments.inprocess import run_in_process
-from patrol.scenario import open_scenario
+from patrol.scenario import load_scenario, open_scenario
+from tests.buildings import Building
+from worldsim.world import World
 
 ROUND = {"robots.count": 3, "robots.model": "holonomic", "point": 1.0, "duration": 400, "sensor.range": 20}
 
@@ -52,6 +56,33 @@ def test_the_gaps_close_within_two_tours_after_a_death() -> None:
     ratios = mfow_s(faults=[{"kind": "kill", "who": "r2", "at": 150, "wreck": "removed"}], duration=700)
     # Two robots are left: their promise is half as good again.
     assert np.mean(ratios[-300:]) < 1.15 * 1.5
+
+
+def test_a_robot_that_died_on_the_round_blocks_no_patrol(tmp_path: Path) -> None:
+    """Two rooms, the first with five walls in it, a corridor of a body's width, and in it a robot that dies at once."""
+    free = np.zeros((70, 220), dtype=np.bool_)
+    free[5:65, 5:65] = free[5:65, 155:215] = free[31:39, 65:155] = True
+    for col in range(10, 60, 10):
+        free[5:45, col : col + 2] = False
+    robots = {"model": "holonomic", "radius": 0.3, "speed": 1.0}
+    starts = [[11.0, 3.5], [2.0, 5.5], [4.0, 5.5]]
+    scenario = load_scenario(
+        {
+            "terrain": {"map": str(Building(free, 0.1).write(tmp_path))},
+            "point": 0.1,
+            "duration": 200,
+            "robots": [{**robots, "start": start} for start in starts],
+            "faults": [{"kind": "kill", "who": "r1", "at": 1.0}],
+        }
+    )
+    ages_s: list[float] = []
+
+    def look(world: World, _minds: object) -> None:
+        last_seen = world.truth.fog.last_seen[:, :65][free[:, :65]]
+        ages_s.append((world.tick - last_seen.min()) * scenario.step)
+
+    run_in_process(scenario, look=look)
+    assert max(ages_s[200:]) < 60.0
 
 
 def test_where_every_choice_is_free_there_is_no_round() -> None:
