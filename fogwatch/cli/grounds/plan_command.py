@@ -16,7 +16,6 @@ from rich.table import Table
 
 from patrol.errors import BadInput
 from patrol.matplotlib_check import check_matplotlib
-from patrol.measures.best_tour import MOST_ROBOTS, NO_BOUND
 from patrol.pose import MODELS
 from patrol.printable import printable
 from patrol.process.lifeline import heed
@@ -138,6 +137,8 @@ def plain_lines(plan: FleetPlan) -> Iterator[str]:
     Yields:
         Lines of text.
     """
+    from patrol.measures.best_tour import NO_BOUND  # here: it imports kernels
+
     if plan.wanted_s is not None and any(size.simulated is None for size in plan.sizes):
         yield "in brackets: by the better of the tours, not simulated"
     if any(size.bound_s == 0.0 for size in plan.sizes):
@@ -246,6 +247,8 @@ def _robots(number: int) -> str:
 
 def _numbers(text: str) -> range:
     """Read numbers of robots: N or N-M."""
+    from patrol.measures.best_tour import MOST_ROBOTS  # here: it imports kernels
+
     match = re.fullmatch(r"(\d{1,3})(?:-(\d{1,3}))?", text.strip())
     first, last = (int(match[1]), int(match[2] or match[1])) if match else (0, 0)
     if not 1 <= first <= last <= MOST_ROBOTS:
