@@ -44,7 +44,6 @@ from fogwatch.progress import command_line, print_failures
 from patrol.errors import BadInput, did_you_mean
 from patrol.matplotlib_check import check_matplotlib
 from patrol.pose import MODELS
-from patrol.prepare import prepare
 from patrol.scenario import BUILTINS, Scenario, parse_overrides
 
 EXAMPLES = [
@@ -238,6 +237,8 @@ def _check_preset(preset: str, options: Mapping[str, object]) -> None:
 
 def _check_ground(scenario: Scenario, point: float | None) -> None:
     """Refuse ground on which a preset's robots do not fit: all its runs have the same ground and starts."""
+    from patrol.prepare import prepare  # here: it imports kernels
+
     try:
         prepare(scenario)
     except BadInput as error:
