@@ -142,7 +142,7 @@ class Passage:
 
 @dataclass(frozen=True)
 class Swap:
-    """How a swap went.
+    """The result of a swap.
 
     Attributes:
         seed: It is drawn from.

@@ -21,7 +21,7 @@ from enum import Enum, auto
 from itertools import chain
 from typing import TYPE_CHECKING
 
-from agent.bodies.giveway import nearest
+from agent.bodies.giveway import Bumps, nearest
 from agent.bodies.manoeuvre import Manoeuvres
 from agent.bodies.setup import CLEAR_SHARE, BodyBase, BodySetup, way_of
 from agent.bodies.steering import EASIER, CarSteering, Footing
@@ -270,8 +270,7 @@ class Retreat:
         self._until = 0
         self._ended = -math.inf
         self._again = 0
-        self._bumps = 0
-        self._bumped_at = -math.inf
+        self._bumps = Bumps(RETREAT_CALM_S / step)
 
     def remember(self, drive: Drive) -> None:
         """Remember the command of this tick; call it last."""
@@ -299,15 +298,14 @@ class Retreat:
             return False
         if goes_back:
             return False
-        self._bumps = self._bumps + 1 if tick - self._bumped_at <= RETREAT_CALM_S / self._step else 1
-        self._bumped_at = tick
+        self._bumps.add(tick)
         other = self._neighbour(pose, peers)
-        if other is None or not self._trail or self._bumps < (PATIENCE if other < self._number else STUBBORN):
+        if other is None or not self._trail or self._bumps.count < (PATIENCE if other < self._number else STUBBORN):
             return False
         self._again = self._again + 1 if tick - self._ended <= AGAIN_S / self._step else 0
         spell_s = min(LONGEST_S, SHORTEST_S * 2.0**self._again * (0.5 + self._chance(tick)))
         self._until = tick + max(1, round(spell_s / self._step))
-        self._bumps = 0
+        self._bumps.clear()
         return True
 
     def next(self, tick: int, pose: Pose) -> Drive | None:

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import chain
 
-from agent.bodies.giveway import nearest
+from agent.bodies.giveway import Bumps, nearest
 from agent.bodies.setup import BARELY, BLOCKED_SHARE, CLEAR_SHARE, BodyBase, BodySetup, way_of
 from agent.bodies.steering import EASIER, Footing, HolonomicSteering
 from agent.ports import Bearing, Choice, Goal, Place, State
@@ -228,8 +228,7 @@ class BackOff:
         self._steering = steering
         self._step = step
         self._chance = chance
-        self._bumps = 0
-        self._bumped_at = 0
+        self._bumps = Bumps(CALM_S / step)
         self._direction: float | None = None
         self._until = 0
 
@@ -249,9 +248,8 @@ class BackOff:
             Whether the robot has bumped often enough to back off.
         """
         if bumped:
-            self._bumps = self._bumps + 1 if tick - self._bumped_at <= CALM_S / self._step else 1
-            self._bumped_at = tick
-        return bumped and self._bumps >= PATIENCE
+            self._bumps.add(tick)
+        return bumped and self._bumps.count >= PATIENCE
 
     def begin(self, tick: int, pose: Pose, near: Spot | None, *, stuck: bool) -> None:
         """Choose a direction and a time; a robot with room nowhere stays where it is.
@@ -279,7 +277,7 @@ class BackOff:
             self._direction = None
         spell_s = SHORTEST_S + (LONGEST_S - SHORTEST_S) * self._chance(tick, TRIES)
         self._until = tick + max(1, round(spell_s / self._step))
-        self._bumps = 0
+        self._bumps.clear()
         self.stuck = stuck
 
     def end(self) -> None:
@@ -363,7 +361,7 @@ class DifferentialBody(BodyBase):
             return self._come_back(view)
         if not intent.bearings:
             return self._stand(State.HOLDING)
-        return self._take(self._options(intent, view, start), intent.state, view)
+        return self._take(self._options(intent, view, start), intent.state, view, self._steering.towards)
 
     def _options(self, intent: Bearing, view: View, start: tuple[int, int]) -> Iterator[_Option]:
         """Give the options of a `Bearing`, best first."""
@@ -418,10 +416,11 @@ class DifferentialBody(BodyBase):
         if spot is None:
             return self._stand(State.HOLDING)
         bearing = math.atan2(spot[1] - pose.y, spot[0] - pose.x)
-        return self._take(iter([self._option(spot, pose, bearing, Goal(spot, spot))]), State.DEAD_END, view)
+        options = iter([self._option(spot, pose, bearing, Goal(spot, spot))])
+        return self._take(options, State.DEAD_END, view, self._steering.towards)
 
     def _take(
-        self, options: Iterator[_Option], state: str, view: View, towards: Callable[[Pose, Spot], Twist] | None = None
+        self, options: Iterator[_Option], state: str, view: View, towards: Callable[[Pose, Spot], Twist]
     ) -> Choice:
         """The first option that is good enough, else the one that leads farthest, else a way out of the dead end.
 
@@ -429,7 +428,7 @@ class DifferentialBody(BodyBase):
             options: Best first.
             state: To be reported.
             view: Of this tick.
-            towards: Returns a step towards a target; None: one that drives forward.
+            towards: Returns a step towards a target.
         """
         pose = view.pose
         best, farthest = None, 0.0
@@ -446,7 +445,7 @@ class DifferentialBody(BodyBase):
                 out = self._back_off.next(view.tick, pose, bumped=False)
                 return Choice(out or halted(self.spec.model), State.DEAD_END)
         assert best is not None
-        twist = (towards or self._steering.towards)(pose, best.target)
+        twist = towards(pose, best.target)
         self._turns_to = best.bearing if twist.speed == 0.0 else None
         return Choice(twist, state, best.bearing, best.goal)
 

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from agent.routes.ground import Disc
+from agent.routes.ground import Disc, Spot
 from patrol.pose import Pose
 from patrol.radio.peers import Peer, places_of
 from patrol.random import Purpose, draw
@@ -48,6 +48,53 @@ def nearest(pose: Pose, peers: Mapping[int, Peer], radii: Mapping[int, float]) -
     worth = np.flatnonzero(~(gaps > np.fmin.reduce(gaps) + ROUNDING_M))
     near = [(numbers[index], peers[numbers[index]].pose) for index in worth]
     return min((math.hypot(there.x - pose.x, there.y - pose.y) - radii[number], number) for number, there in near)
+
+
+def disc_round(there: Spot, here: Spot, radii: float, point: float) -> Disc:
+    """Return the disc that one robot closes to another one's centre.
+
+    Args:
+        there: Where the robot is, x and y in m.
+        here: Where the other one is, x and y in m.
+        radii: Of both bodies together, m.
+        point: Side of the terrain's points, m.
+
+    Returns:
+        x, y and radius in m: as wide as both bodies together, but never over the other one's own point.
+    """
+    apart = math.hypot(there[0] - here[0], there[1] - here[1]) - point
+    return *there, max(0.0, min(radii + 0.5 * point, apart))
+
+
+class Bumps:
+    """Bumps that follow each other closely.
+
+    Attributes:
+        count: How many they are.
+    """
+
+    def __init__(self, calm: float) -> None:
+        """Start with none.
+
+        Args:
+            calm: Ticks; bumps further apart do not add up.
+        """
+        self.count = 0
+        self._calm = calm
+        self._at = 0
+
+    def add(self, tick: int) -> None:
+        """Take in a bump.
+
+        Args:
+            tick: Now.
+        """
+        self.count = self.count + 1 if tick - self._at <= self._calm else 1
+        self._at = tick
+
+    def clear(self) -> None:
+        """Start again with none."""
+        self.count = 0
 
 
 class GiveWay:
@@ -104,8 +151,6 @@ class GiveWay:
         found = []
         for other, until in sorted(self._until.items()):
             if tick < until:
-                peer = peers[other].pose
-                wide = self._radii[other] + self._radii[self._number] + 0.5 * point
-                apart = math.hypot(peer.x - pose.x, peer.y - pose.y) - point
-                found.append((peer.x, peer.y, max(0.0, min(wide, apart))))
+                there, both = peers[other].pose, self._radii[other] + self._radii[self._number]
+                found.append(disc_round((there.x, there.y), (pose.x, pose.y), both, point))
         return found

@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from agent.bodies.giveway import nearest
+from agent.bodies.giveway import Bumps, disc_round, nearest
 from agent.ports import Place
 from agent.routes.ground import Ground
 from agent.routes.routes import Routes
@@ -68,14 +68,14 @@ AROUND = 3
 
 
 class Role(Enum):
-    """What a robot does when two have met where they cannot pass."""
+    """The task of one of two robots that have met where they cannot pass."""
 
     GOES_BACK = auto()
     GOES_FIRST = auto()
 
 
 class Passing:
-    """What one robot does about another that it cannot get past.
+    """One robot's way of dealing with another that it cannot get past.
 
     Attributes:
         role: Its own; None while no other robot blocks it.
@@ -97,8 +97,7 @@ class Passing:
         self._ground = ground
         self._step = step
         self._stride = stride
-        self._bumps = 0
-        self._bumped_at = 0
+        self._bumps = Bumps(CALM_S / step)
         self._other = 0
         self._refuge: Spot = (0.0, 0.0)
         self._begun = 0
@@ -116,9 +115,7 @@ class Passing:
             view: Of this tick.
         """
         if view.bumped:
-            calm = view.tick - self._bumped_at > CALM_S / self._step
-            self._bumps = 1 if calm else self._bumps + 1
-            self._bumped_at = view.tick
+            self._bumps.add(view.tick)
         if self.role is not None and self._is_over(view):
             self.role = None
         if view.bumped and self.role is not Role.GOES_BACK:
@@ -144,7 +141,7 @@ class Passing:
             self._moved_at = view.tick
         self._seen = spot
         farthest = FARTHEST if self.role is Role.GOES_BACK else PAST * self._stride
-        if math.dist(spot, (here.x, here.y)) > self._wide(self._other) + farthest:
+        if math.dist(spot, (here.x, here.y)) > self._both(self._other) + 0.5 * self._ground.terrain.point + farthest:
             return True
         return view.tick - self._moved_at > STILL_S / self._step
 
@@ -157,14 +154,14 @@ class Passing:
         here, there = (view.reported.x, view.reported.y), (peer.x, peer.y)
         refuge = self._refuge
         if not self._is_blocked(place, view, other):
-            role = Role.GOES_FIRST if self._bumps >= PATIENCE else None
+            role = Role.GOES_FIRST if self._bumps.count >= PATIENCE else None
         else:
             lately = view.tick - self._settled.get(other, -math.inf) <= AGAIN_S / self._step
             hopeless = view.tick - self._hopeless.get(other, -math.inf) <= AGAIN_S / self._step
             if hopeless:
                 return
-            wide = self._wide(other)
-            own, others = self._way_to_refuge(here, there, wide), self._way_to_refuge(there, here, wide)
+            both = self._both(other)
+            own, others = self._way_to_refuge(here, there, both), self._way_to_refuge(there, here, both)
             self._settled[other] = view.tick
             if own is None and others is None:
                 role, self._hopeless[other] = None, view.tick
@@ -192,16 +189,16 @@ class Passing:
         self._expected = round(100.0 * (way.length + 2.0 * self._stride) / ground.terrain.point)
         return way.place != ground.centre(*target)
 
-    def _way_to_refuge(self, here: Spot, there: Spot, wide: float) -> tuple[float, Spot] | None:
+    def _way_to_refuge(self, here: Spot, there: Spot, both: float) -> tuple[float, Spot] | None:
         """Return the length of the way to the nearest refuge, and its place; None where there is none.
 
         Args:
             here: Of the robot that goes back, x and y in m.
             there: Of the one that it lets through.
-            wide: Radii of both and half a point, m.
+            both: Their radii together, m.
         """
-        ground = self._closed([(*there, self._apart(here, there, wide))])
-        point = ground.terrain.point
+        point = self._ground.terrain.point
+        ground = self._closed([disc_round(there, here, both, point)])
         lengths = Routes(ground).lengths(here, FARTHEST)
         rows, cols = np.nonzero(np.isfinite(lengths))
         order = np.argsort(lengths[rows, cols], kind="stable")
@@ -211,7 +208,7 @@ class Passing:
         _, nearest_ones = np.unique(rows // side * lengths.shape[1] + cols // side, return_index=True)
         for index in np.sort(nearest_ones):
             row, col = int(rows[index]), int(cols[index])
-            if self._is_refuge(row, col, wide / point + 1.0):
+            if self._is_refuge(row, col, both / point + 1.5):
                 return float(lengths[row, col]), ground.terrain.centre(row, col)
         return None
 
@@ -242,13 +239,9 @@ class Passing:
         return ground
 
     def _disc(self, view: View, other: int) -> Disc:
-        peer = view.peers[other].pose
-        there = peer.x, peer.y
-        return *there, self._apart((view.pose.x, view.pose.y), there, self._wide(other))
+        there, here = view.peers[other].pose, view.pose
+        return disc_round((there.x, there.y), (here.x, here.y), self._both(other), self._ground.terrain.point)
 
-    def _apart(self, here: Spot, there: Spot, wide: float) -> float:
-        """Return the radius of a disc at another robot that does not cover the robot's own point, m."""
-        return max(0.0, min(wide, math.dist(here, there) - self._ground.terrain.point))
-
-    def _wide(self, other: int) -> float:
-        return self._radii[other] + self._radii[self._number] + 0.5 * self._ground.terrain.point
+    def _both(self, other: int) -> float:
+        """Return the radii of this robot and another together, m."""
+        return self._radii[other] + self._radii[self._number]

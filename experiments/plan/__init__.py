@@ -1,1 +1,1 @@
-"""How many robots some ground needs: bounds, tours, and simulated fleets of each size."""
+"""The number of robots that some ground needs: bounds, tours, and simulated fleets of each size."""

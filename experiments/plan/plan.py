@@ -276,12 +276,18 @@ class _Planner:
         """Return what tours a fleet of some size has."""
         if number not in self.sizes:
             self._observer.begin(f"{robots_text(number)}: tours")
-            prepared = self._prepared(load_scenario(as_mapping(self.scenario), {"robots.count": number}))
-            tours = best_tour(prepared)
-            territories = None if tours.length_m is None else self._divider.divide(prepared)
-            self.sizes[number] = _size_of(number, prepared, tours, territories)
-            self._observer.share(1.0)
+            self._add(number, *self._with_tours(number))
         return self.sizes[number]
+
+    def _with_tours(self, number: int) -> tuple[Prepared, BestTour]:
+        prepared = self._prepared(load_scenario(as_mapping(self.scenario), {"robots.count": number}))
+        return prepared, best_tour(prepared)
+
+    def _add(self, number: int, prepared: Prepared, tours: BestTour) -> None:
+        """Divide the ground among a fleet of some size, and keep what tours it has."""
+        territories = None if tours.length_m is None else self._divider.divide(prepared)
+        self.sizes[number] = _size_of(number, prepared, tours, territories)
+        self._observer.share(1.0)
 
     def duration_s(self, number: int) -> float:
         """Return the length of the simulated runs of a fleet, s: as given, or long enough for its tours."""
@@ -294,11 +300,14 @@ class _Planner:
     def _first_by_tours(self, wanted_s: float) -> int | None:
         """Return the least number of robots that keeps an age by its tours, or by the bound where there are none."""
         for number in range(1, MOST_ROBOTS + 1):
-            prepared = self._prepared(load_scenario(as_mapping(self.scenario), {"robots.count": number}))
-            on_one_tour = best_tour(prepared).bound_of_fleet_s(prepared.scenario)
+            prepared, tours = self._with_tours(number)
+            on_one_tour = tours.bound_of_fleet_s(prepared.scenario)
             if on_one_tour is not None and on_one_tour > LOOKED_AT * wanted_s:
                 continue
-            size = self.size(number)
+            if number not in self.sizes:
+                self._observer.begin(f"{robots_text(number)}: tours")
+                self._add(number, prepared, tours)
+            size = self.sizes[number]
             if (size.bound_s if size.age_s is None else size.age_s) <= wanted_s:
                 for more in range(number + 1, min(number + MORE, MOST_ROBOTS) + 1):
                     self.size(more)

@@ -73,9 +73,8 @@ def tour_picture(plan: FleetPlan, size: FleetSize, out: Path) -> None:
     Raises:
         BadInput: The file cannot be written.
     """
-    grounds = np.zeros((0, *plan.terrain.shape), dtype=np.bool_)
     title = f"{plan.scenario.name}: one tour for all; {robots_text(size.robots)} come by every {size.tour_s:.0f} s"
-    _draw(plan.terrain, title, list(grounds), [(part.way, part.length_m or 0.0) for part in size.tours.parts], out)
+    _draw(plan.terrain, title, [], [(part.way, part.length_m or 0.0) for part in size.tours.parts], out)
 
 
 def territories_picture(plan: FleetPlan, size: FleetSize, out: Path) -> None:

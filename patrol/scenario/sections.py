@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Final, Self
 
 from pydantic import ConfigDict, Field, Tag, ValidationInfo, field_validator, model_validator
 
@@ -38,7 +38,8 @@ from patrol.values.types import (
     by_shape,
 )
 
-GROUND, VERTICES = "ground", "vertices"
+GROUND: Final = "ground"
+VERTICES: Final = "vertices"
 """Values of `terrain.patrolled`: all ground that robots can see, or the vertices of the terrain's graph."""
 
 DEFAULT_RADIUS = 1.0
@@ -71,7 +72,7 @@ class TerrainSpec(Section):
         description="FILE.graph of patrolling_sim, {file: FILE.graph, visit: M}, or vertices and edges; null: made "
         "from the ground if needed",
     )
-    patrolled: Patrolled = Field("ground", description="ground: all that robots can see | vertices: those of graph")
+    patrolled: Patrolled = Field(GROUND, description="ground: all that robots can see | vertices: those of graph")
     keep_out: Polygons = Field((), description="m, polygons [[x, y], ...] that no body may enter")
 
     @field_validator("graph", mode="before")

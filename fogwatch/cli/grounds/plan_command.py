@@ -6,8 +6,7 @@ import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Annotated, Self
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
@@ -116,7 +115,8 @@ def plan(
     from fogwatch.plan_folder import plan_folder, write_plan
 
     folder = plan_folder(out, scenario.name)
-    with _Shown(Console(stderr=True)) as shown:
+    shown = _Shown(Console(stderr=True))
+    with shown.bar:
         made = make_plan(scenario, age, numbers, shown, duration_s=duration, quick=quick)
         shown.begin("pictures")
         write_plan(made, folder)
@@ -257,29 +257,24 @@ def _numbers(text: str) -> range:
 
 
 class _Shown:
-    """Shows what a plan is at: a bar on a terminal, lines elsewhere. Implements `experiments.plan.plan.Observer`."""
+    """Shows what a plan is at: a bar on a terminal, lines elsewhere. Implements `experiments.plan.plan.Observer`.
+
+    Attributes:
+        bar: A context manager that shows it and clears it away.
+    """
 
     def __init__(self, console: Console) -> None:
         self._console = console
         columns = (TextColumn("{task.description}", style="cyan"), BarColumn(), TimeElapsedColumn())
-        self._bar = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
-        self._task = self._bar.add_task("plan", total=1.0)
-
-    def __enter__(self) -> Self:
-        self._bar.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._bar.stop()
+        self.bar = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+        self._task = self.bar.add_task("plan", total=1.0)
 
     def begin(self, what: str) -> None:
         """Show what is computed next."""
-        self._bar.update(self._task, description=what, completed=0.0)
+        self.bar.update(self._task, description=what, completed=0.0)
         if not self._console.is_terminal:
             self._console.print(f"{what} ...", highlight=False, markup=False, soft_wrap=True)
 
     def share(self, done: float) -> None:
         """Show the share of it that is done."""
-        self._bar.update(self._task, completed=done)
+        self.bar.update(self._task, completed=done)

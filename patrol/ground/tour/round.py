@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.ground.fields import load_grid
-from patrol.pose import Pose
+from patrol.ground.tour.cover import Looks
 
 if TYPE_CHECKING:
     from patrol.ground.footprint import Footprint
@@ -90,16 +90,17 @@ def lay_out(
     """
     width = terrain.width
     places, along, length_m = _places(terrain, reach, tour, max(terrain.point, PLACES * footprint.range_m))
+    looks = Looks(terrain, footprint)
     last = np.full(terrain.shape, -1, dtype=np.int64)
     for number, place in enumerate(places.tolist()):
-        window, seen = _seen_from(place, terrain, footprint)
-        last[window][seen & ground[window]] = number
+        rows, cols, seen = looks.window(place, 1)
+        last[rows, cols][seen & ground[rows, cols]] = number
     # The last place from which some point is seen has to be one of the stops.
     owner = np.full(terrain.shape, -1, dtype=np.int64)
     for number in np.unique(last[last >= 0]).tolist():
         if ((last == number) & (owner < 0)).any():
-            window, seen = _seen_from(int(places[number]), terrain, footprint)
-            owner[window][seen & ground[window] & (owner[window] < 0)] = number
+            rows, cols, seen = looks.window(int(places[number]), 1)
+            owner[rows, cols][seen & ground[rows, cols] & (owner[rows, cols] < 0)] = number
     flat_owner = owner.reshape(-1)
     stands = np.where(flat_owner >= 0, places[np.maximum(flat_owner, 0)], -1)
     for point in np.flatnonzero(ground.reshape(-1) & (flat_owner < 0)).tolist():
@@ -109,15 +110,6 @@ def lay_out(
     points = np.flatnonzero(ground.reshape(-1) & (stands >= 0))
     points = points[np.argsort(flat_owner[points], kind="stable")]
     return Round(length_m, places, along, points, flat_owner[points], stands[points])
-
-
-def _seen_from(place: int, terrain: Terrain, footprint: Footprint) -> tuple[tuple[slice, slice], BoolGrid]:
-    """Return what is seen from a place: a window of the terrain, and the points within it."""
-    height, width = terrain.shape
-    view = footprint.visible(Pose(*terrain.centre(*divmod(place, width)), 0.0))
-    top, left = max(0, view.row0), max(0, view.col0)
-    seen = view.mask[top - view.row0 : height - view.row0, left - view.col0 : width - view.col0] != 0
-    return (slice(top, top + seen.shape[0]), slice(left, left + seen.shape[1])), seen
 
 
 def _places(terrain: Terrain, reach: BoolGrid, tour: Tour, spacing: float) -> tuple[Flat, NDArray[np.float64], float]:

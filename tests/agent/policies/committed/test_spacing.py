@@ -18,7 +18,7 @@ STRIDE = 0.5
 
 
 class Heard(NamedTuple):
-    """What a spacing reads of a peer."""
+    """The part of a peer that a spacing reads."""
 
     pose: Pose
     tick: int
@@ -26,7 +26,7 @@ class Heard(NamedTuple):
 
 @dataclass(frozen=True)
 class Spec:
-    """What it reads of the robot's own specification."""
+    """The part of the robot's own specification that it reads."""
 
     radius: float = 0.1
     speed: float = 1.0
@@ -34,7 +34,7 @@ class Spec:
 
 @dataclass(frozen=True)
 class Seen:
-    """What it reads of a view."""
+    """The part of a view that it reads."""
 
     tick: int
     reported: Pose
