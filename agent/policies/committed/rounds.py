@@ -5,7 +5,7 @@ the cursor that is stale, and it drives to the place to which that point belongs
 corners where nothing is left to see, leaves out what another robot has just seen, and misses nothing.
 
 A point is stale once it has been unseen for half of the time between two robots of an evenly spaced round. Where
-nothing is stale within one and a half sensor ranges, or four strides, along the tour, the robot drives that far along.
+nothing is stale within one sensor range, or four strides, along the tour, the robot drives that far along.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 STALE = 0.5
 """Share of the time between two robots of an evenly spaced round after which a point is stale."""
 
-AHEAD = 1.5
+AHEAD = 1.0
 """Length of the tour on which the next target is looked for, in sensor ranges."""
 
 AHEAD_STRIDES = 4.0

@@ -1,9 +1,12 @@
 """A round: a closed tour laid out over the ground that it shows, so that a robot can follow it by what is left to see.
 
-Each patrolled point belongs to a place of the tour from which it is seen. Few places have points: they are chosen in
-the order of the tour, each as late as the ground allows, and a place that has points has all that are seen from it and
-that no earlier one has. So a robot makes few stops, and may cut the corner where it has seen all points of the next
-places; one that has missed a point knows from where it would be seen.
+Each patrolled point belongs to a place of the tour from which it is seen. Few places have points: the *stops*. They are
+chosen in the order of the tour. Each lies shortly before a point goes out of sight that is seen from no earlier stop. So
+a robot may cut the corner where it has seen all points of the next stops; one that has missed a point knows from where
+it would be seen.
+
+Bodies pass a little beside the places of a tour, cars most of all. So a point belongs to the first stop that sees it
+also from a little before and after, or to the nearest stop that sees it at all.
 """
 
 from __future__ import annotations
@@ -26,6 +29,9 @@ if TYPE_CHECKING:
 
 PLACES = 0.02
 """Distance of the places of a round, as a share of the sensor's range; at least one point."""
+
+SLACK = 0.075
+"""How far before and after a place a point has to be seen as well, as a share of the sensor's range."""
 
 ARRAYS = ("places", "along", "points", "place_of", "stands")
 
@@ -90,17 +96,7 @@ def lay_out(
     """
     width = terrain.width
     places, along, length_m = _places(terrain, reach, tour, max(terrain.point, PLACES * footprint.range_m))
-    looks = Looks(terrain, footprint)
-    last = np.full(terrain.shape, -1, dtype=np.int64)
-    for number, place in enumerate(places.tolist()):
-        rows, cols, seen = looks.window(place, 1)
-        last[rows, cols][seen & ground[rows, cols]] = number
-    # The last place from which some point is seen has to be one of the stops.
-    owner = np.full(terrain.shape, -1, dtype=np.int64)
-    for number in np.unique(last[last >= 0]).tolist():
-        if ((last == number) & (owner < 0)).any():
-            rows, cols, seen = looks.window(int(places[number]), 1)
-            owner[rows, cols][seen & ground[rows, cols] & (owner[rows, cols] < 0)] = number
+    owner = _stops(terrain, ground, places, along, Looks(terrain, footprint), SLACK * footprint.range_m)
     flat_owner = owner.reshape(-1)
     stands = np.where(flat_owner >= 0, places[np.maximum(flat_owner, 0)], -1)
     for point in np.flatnonzero(ground.reshape(-1) & (flat_owner < 0)).tolist():
@@ -110,6 +106,50 @@ def lay_out(
     points = np.flatnonzero(ground.reshape(-1) & (stands >= 0))
     points = points[np.argsort(flat_owner[points], kind="stable")]
     return Round(length_m, places, along, points, flat_owner[points], stands[points])
+
+
+def _stops(
+    terrain: Terrain, ground: BoolGrid, places: Flat, along: NDArray[np.float64], looks: Looks, slack_m: float
+) -> Flat:
+    """Return the place to which each patrolled point belongs, int64 (height, width); -1 where no place sees it."""
+    window = np.zeros(terrain.shape, dtype=np.bool_)
+
+    def sees(number: int, rows: slice, cols: slice) -> BoolGrid:
+        """Return which points of a window are seen from a place."""
+        own_rows, own_cols, seen = looks.window(int(places[number]), 1)
+        window[own_rows, own_cols] = seen
+        within = window[rows, cols].copy()
+        window[own_rows, own_cols] = False
+        return within
+
+    # The last places in a row from which each point is seen.
+    first = np.full(terrain.shape, -1, dtype=np.int64)
+    last = np.full(terrain.shape, -2, dtype=np.int64)
+    for number, place in enumerate(places.tolist()):
+        rows, cols, seen = looks.window(place, 1)
+        seen = seen & ground[rows, cols]
+        first[rows, cols][seen & (last[rows, cols] != number - 1)] = number
+        last[rows, cols][seen] = number
+    before = np.searchsorted(along, along - slack_m)
+    after = np.minimum(np.searchsorted(along, along + slack_m), len(places) - 1)
+    due = np.where(last >= 0, np.maximum(first, before[np.maximum(last, 0)]), -1)
+
+    owner = np.full(terrain.shape, -1, dtype=np.int64)
+    nearest = np.full(terrain.shape, np.iinfo(np.int64).max, dtype=np.int64)
+    is_sure = np.zeros(terrain.shape, dtype=np.bool_)
+    for number in np.unique(due[due >= 0]).tolist():
+        if not ((due == number) & (owner < 0)).any():
+            continue
+        rows, cols, seen = looks.window(int(places[number]), 1)
+        row, col = divmod(int(places[number]), terrain.width)
+        up, across = np.arange(terrain.height)[rows] - row, np.arange(terrain.width)[cols] - col
+        off = up[:, None] ** 2 + across**2
+        free = seen & ground[rows, cols] & ~is_sure[rows, cols]
+        nearer = free & (off < nearest[rows, cols])
+        owner[rows, cols][nearer], nearest[rows, cols][nearer] = number, off[nearer]
+        sure = free & sees(before[number], rows, cols) & sees(after[number], rows, cols)
+        owner[rows, cols][sure], is_sure[rows, cols][sure] = number, True
+    return owner
 
 
 def _places(terrain: Terrain, reach: BoolGrid, tour: Tour, spacing: float) -> tuple[Flat, NDArray[np.float64], float]:
