@@ -1,9 +1,9 @@
 """A round: a closed tour laid out over the ground that it shows, so that a robot can follow it by what is left to see.
 
 Each patrolled point belongs to a place of the tour from which it is seen. Few places have points: the *stops*. They are
-chosen in the order of the tour. Each lies shortly before a point goes out of sight that is seen from no earlier stop. So
-a robot may cut the corner where it has seen all points of the next stops; one that has missed a point knows from where
-it would be seen.
+chosen in the order of the tour. Each lies shortly before a point goes out of sight that is seen from no earlier stop.
+So a robot may cut the corner where it has seen all points of the next stops; one that has missed a point knows from
+where it would be seen.
 
 Bodies pass a little beside the places of a tour, cars most of all. So a point belongs to the first stop that sees it
 also from a little before and after, or to the nearest stop that sees it at all.
