@@ -42,6 +42,7 @@ class Purpose(IntEnum):
     RADIO = 14
     INTRUDER = 15
     PERIOD = 16
+    MOTION = 17
 
 
 def mix(*values: SupportsIndex) -> int:

@@ -18,6 +18,7 @@ from worldsim.radio.models.found import model_of
 from worldsim.robots.bodies import Body, overlap, standstill
 from worldsim.robots.intruders import Intruders
 from worldsim.robots.motion import move, within_limits
+from worldsim.robots.noise import MotionNoise
 from worldsim.robots.senses import Senses
 from worldsim.truth import Truth
 
@@ -50,6 +51,7 @@ class World:
         bodies: By robot number.
         truth: The true fog.
         senses: What robots sense, with the faults of their sensors.
+        noise: What bodies do of their commands, with the faults of their motion.
         ether: Carries frames between robots.
     """
 
@@ -80,6 +82,7 @@ class World:
         self.truth = Truth(footprint or sensor_footprint(scenario, self.terrain), prepared.patrolled)
         self._intruders = Intruders(scenario, self.truth.footprint)
         self.senses = Senses(scenario, self.timeline, self.terrain)
+        self.noise = MotionNoise(scenario, self.timeline)
         model = model_of(scenario, self.terrain)
         self.ether = ether_of(scenario, self.timeline, self.terrain, self.senses, model=model, operated=operated)
         self._waits = scenario.factor is None
@@ -149,7 +152,8 @@ class World:
         for number in self.living:
             self._obey(self.bodies[number], replies.get(number))
         before = {number: body.pose for number, body in self.bodies.items()}
-        move(list(self.bodies.values()), self.terrain, self.step)
+        driven = self.noise.driven(self.tick, {number: self.bodies[number].command for number in self.living})
+        move(list(self.bodies.values()), self.terrain, self.step, driven)
         robots = tuple(_robot_tick(body, before[number], replies.get(number)) for number, body in self.bodies.items())
         fog = self.truth.fog
         record = TickRecord(
@@ -185,7 +189,7 @@ class World:
             raise BadInput(f"control: {names} cannot join: only who is not there yet, or has left, can")
         intruders = Intruders(scenario, self.truth.footprint)
         self.ether.follow(timeline)
-        self.senses.timeline = timeline
+        self.senses.timeline = self.noise.timeline = timeline
         self.scenario, self.timeline = scenario, timeline
         self._intruders = intruders
 

@@ -237,7 +237,7 @@ def control_in(event: Event) -> Control:
 
 
 def in_force(scenario: Scenario, k: int, first: int = 0) -> tuple[Mapping[str, Any], ...]:
-    """List the lasting faults of radio and senses that are active in a tick and change something.
+    """List the lasting faults of radio, senses and bodies that are active in a tick and change something.
 
     Args:
         scenario: With its operators' faults.

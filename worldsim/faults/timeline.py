@@ -109,7 +109,7 @@ class Timeline:
         self._changes, self._active = self._all_active()
 
     def at(self, k: int) -> tuple[Entry, ...]:
-        """Return the lasting faults of radio, position and clock that are active in tick k, by index."""
+        """Return the lasting faults of radio, senses and bodies that are active in tick k, by index."""
         place = bisect_right(self._changes, k) - 1
         return self._active[place] if place >= 0 else ()
 

@@ -12,7 +12,7 @@ import numpy as np
 from patrol.journal.records import FORGED
 from patrol.scenario import load_scenario
 from patrol.scenario.controls import OPERATOR, operated
-from patrol.scenario.faults.kinds import PROCESS_KINDS, SENSE_KINDS, Spoof
+from patrol.scenario.faults.kinds import FRAME_KINDS, Spoof
 from patrol.summary.links import count_frames
 from patrol.summary.totals import dropped_by_source
 from worldsim.faults.timeline import Entry, Timeline
@@ -40,7 +40,7 @@ class _Fault:
 
     def facts(self) -> dict[str, Any]:
         facts = {"kind": self.entry.fault.kind}
-        if self.entry.fault.kind not in (*PROCESS_KINDS, *SENSE_KINDS):
+        if self.entry.fault.kind in FRAME_KINDS:
             counts = ("frames", "dropped", "delayed", "duplicated")
             facts |= {name: getattr(self, name) for name in counts}
         return facts

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,7 +40,7 @@ def length(command: Command, step: float) -> float:
     return command.speed_mps * step
 
 
-def move(bodies: Sequence[Body], terrain: Terrain, step: float) -> None:
+def move(bodies: Sequence[Body], terrain: Terrain, step: float, driven: Mapping[int, Command] | None = None) -> None:
     """Move all bodies that are present by their commands for one step, all at once.
 
     A move is cancelled when the swept body would enter a wall, or come nearer to another body than the sum of their
@@ -52,29 +52,36 @@ def move(bodies: Sequence[Body], terrain: Terrain, step: float) -> None:
         bodies: All bodies; sets each one's pose, bumped, collisions and distance_m.
         terrain: The map.
         step: s.
+        driven: What bodies do instead of what they are commanded, by robot number (`worldsim.robots.noise`).
     """
     present = [body for body in bodies if body.present]
-    far = [length(body.command, step) if body.alive else 0.0 for body in present]
+    commands = [(driven or {}).get(body.spec.number, body.command) for body in present]
+    far = [length(command, step) if body.alive else 0.0 for body, command in zip(present, commands, strict=True)]
     moving = [ahead > 0.0 for ahead in far]
     stands = np.array(
         [
-            not moves or not path_is_free(terrain, body.pose, body.command, step, body.spec.radius)
-            for body, moves in zip(present, moving, strict=True)
+            not moves or not path_is_free(terrain, body.pose, command, step, body.spec.radius)
+            for body, command, moves in zip(present, commands, moving, strict=True)
         ],
         dtype=np.uint8,
     )
-    _cancel_meeting(present, far, moving, stands, step)
-    for body, ahead, moves, stood in zip(present, far, moving, stands.tolist(), strict=True):
+    _cancel_meeting(present, commands, far, moving, stands, step)
+    for body, command, ahead, moves, stood in zip(present, commands, far, moving, stands.tolist(), strict=True):
         body.bumped = moves and bool(stood)
         if body.bumped:
             body.collisions += 1
-        elif body.alive and not is_halt(body.command):
-            body.pose = advance(body.pose, body.command, step)
+        elif body.alive and not is_halt(command):
+            body.pose = advance(body.pose, command, step)
             body.distance_m += ahead
 
 
 def _cancel_meeting(
-    bodies: Sequence[Body], far: Sequence[float], moving: Sequence[bool], stands: NDArray[np.uint8], step: float
+    bodies: Sequence[Body],
+    commands: Sequence[Command],
+    far: Sequence[float],
+    moving: Sequence[bool],
+    stands: NDArray[np.uint8],
+    step: float,
 ) -> None:
     """Stop every body that would meet another; far: the lengths of their paths, m.
 
@@ -85,19 +92,14 @@ def _cancel_meeting(
     near = np.flatnonzero(near_others(np.array(discs, dtype=np.float64).reshape(-1, 3))).tolist()
     if not near:
         return
-    pieces = max((chords(body.command, step) for body, moves in zip(bodies, moving, strict=True) if moves), default=1)
-    paths = _paths([bodies[at] for at in near], [moving[at] for at in near], pieces, step)
+    pieces = max((chords(command, step) for command, moves in zip(commands, moving, strict=True) if moves), default=1)
+    paths = np.empty((len(near), pieces + 1, 2), dtype=np.float64)
+    for path, at in zip(paths, near, strict=True):
+        pose = bodies[at].pose
+        if moving[at]:
+            lay_path(path, pose, commands[at], step)
+        else:
+            path[:] = (pose.x, pose.y)
     stopped = stands[near]
     cancel_meeting(paths, np.array([bodies[at].spec.radius for at in near], dtype=np.float64), stopped)
     stands[near] = stopped
-
-
-def _paths(bodies: Sequence[Body], moving: Sequence[bool], pieces: int, step: float) -> NDArray[np.float64]:
-    """Lay out the places of bodies at m + 1 equal steps of time, with m chords for arcs: float64 (n, m + 1, 2), m."""
-    paths = np.empty((len(bodies), pieces + 1, 2), dtype=np.float64)
-    for path, body, moves in zip(paths, bodies, moving, strict=True):
-        if moves:
-            lay_path(path, body.pose, body.command, step)
-        else:
-            path[:] = (body.pose.x, body.pose.y)
-    return paths

@@ -22,6 +22,7 @@ from worldsim.verdict.frames.sent import FramesAreTrue, LinksAddUp
 from worldsim.verdict.frames.shares import DelaysAsAsked, LossesAsAsked
 from worldsim.verdict.frames.timing import OnTime
 from worldsim.verdict.robots.body_checks import BodiesApart, MovesAreTrue
+from worldsim.verdict.robots.motion_checks import MotionAsAsked
 from worldsim.verdict.robots.sense_checks import SensesAsAsked
 from worldsim.verdict.robots.status_checks import DownAreSilent, NobodyLost, PausedStandStill, StatusesFollow
 from worldsim.verdict.run.exit_codes import ExitCodes
@@ -58,6 +59,7 @@ CHECKS: tuple[type[Check], ...] = (
     StatusesFollow,
     BodiesApart,
     MovesAreTrue,
+    MotionAsAsked,
     FramesAreTrue,
     FatesAsRecomputed,
     DropsExplained,

@@ -1,4 +1,4 @@
-"""The vocabulary of faults: what may be done to robots, their radio, their positions and their clocks, and when.
+"""The vocabulary of faults: what may be done to robots, their radio, positions, clocks and motion, and when.
 
 `worldsim.faults.timeline` says which robots and ticks a scenario's faults mean.
 """
@@ -26,6 +26,7 @@ from patrol.values.types import (
     Probability,
     RobotName,
     Ticks,
+    Tolerance,
     at_least,
     by_shape,
     expecting,
@@ -77,7 +78,7 @@ class Wait(Section):
 KINDS: dict[str, type[Fault]] = {}
 """The model of each kind of fault, in the order in which the models are defined here."""
 
-ActsOn = Literal["processes", "frames", "senses"]
+ActsOn = Literal["processes", "frames", "senses", "bodies"]
 
 
 class Fault(Section):
@@ -87,8 +88,8 @@ class Fault(Section):
     the error messages. A nemesis draws it once `patrol.scenario.faults.nemesis_draws` says how.
 
     Attributes:
-        acts_on: *processes* (needs a launcher that can start and stop robots), *frames* (needs an ether) or *senses*
-            (changes what a robot measures).
+        acts_on: *processes* (needs a launcher that can start and stop robots), *frames* (needs an ether), *senses*
+            (changes what a robot measures) or *bodies* (changes what its body does).
     """
 
     acts_on: ClassVar[ActsOn]
@@ -323,6 +324,33 @@ class Clock(OnSenses):
     rate: Growth = Field(0.0, description="s/s, by which the clock gains")
 
 
+class Jitter(Section):
+    """A speed that changes from time to time."""
+
+    size: Tolerance = Field(description="the speed is multiplied by 1 - size to 1 + size, all equally likely")
+    every: Positive | None = Field(None, description="s, for which each factor holds; null: one step")
+
+
+class Slip(Section):
+    """Wheels that slip from time to time."""
+
+    rate: Probability = Field(description="share of the time in which the body does not move")
+    every: Positive | None = Field(None, description="s, between draws; null: one step")
+
+
+class Motion(OnRobots, Lasting):
+    """Bodies do not quite what they are commanded: noise of speed and turning, jitter of travel times, slip."""
+
+    acts_on = "bodies"
+
+    kind: Literal["motion"] = Field(description=KIND)
+    speed: Probability = Field(0.0, description="standard deviation of the speed, as a share of it, new in each tick")
+    turning: Probability = Field(0.0, description="rad per rad turned, standard deviation, new in each tick")
+    veer: Probability = Field(0.0, description="rad per m driven, standard deviation, new in each tick")
+    jitter: Jitter | None = Field(None, description="{size: share, every: s}, a speed that changes from time to time")
+    slip: Slip | None = Field(None, description="{rate: share, every: s}, times in which the body does not move")
+
+
 def nothing(name: str, at: float, step: float, who: str) -> dict[str, Any]:
     """Make an entry that changes nothing (a clock that is not wrong), for a place that others' draws depend on.
 
@@ -336,7 +364,7 @@ def nothing(name: str, at: float, step: float, who: str) -> dict[str, Any]:
 
 
 def kinds_acting_on(what: ActsOn) -> tuple[str, ...]:
-    """List the kinds of faults that act on processes, on frames or on senses.
+    """List the kinds of faults that act on processes, frames, senses or bodies.
 
     Args:
         what: As `Fault.acts_on` has it.
@@ -348,7 +376,7 @@ def kinds_acting_on(what: ActsOn) -> tuple[str, ...]:
 
 
 PROCESS_KINDS = kinds_acting_on("processes")
-SENSE_KINDS = kinds_acting_on("senses")
+FRAME_KINDS = kinds_acting_on("frames")
 
 
 def _kind_of(fault: Any) -> str:

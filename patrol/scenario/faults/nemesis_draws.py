@@ -217,6 +217,14 @@ def _clock(draws: Draws, robots: RobotsHit, when: When) -> Found:
     return [{**when.lasting, "who": robots.any(draws), "offset": offset, "rate": rate}]
 
 
+def _motion(draws: Draws, robots: RobotsHit, when: When) -> Found:
+    noise = {name: draws.between(0.0, 0.4) for name in ("speed", "turning", "veer")}
+    every = {"every": draws.between(when.step, 20.0 * when.step)}
+    jitter = draws.choice({}, {"jitter": {"size": draws.between(0.05, 0.9), **every}})
+    slip = draws.choice({}, {"slip": {"rate": draws.between(0.05, 0.8), **draws.choice({}, every)}})
+    return [{**when.lasting, "who": robots.any(draws), **noise, **jitter, **slip}]
+
+
 DRAWN: Mapping[str, Callable[[Draws, RobotsHit, When], Found]] = {
     "kill": _kill,
     "restart": _restart,
@@ -235,5 +243,6 @@ DRAWN: Mapping[str, Callable[[Draws, RobotsHit, When], Found]] = {
     "spoof": _spoof,
     "drift": _drift,
     "clock": _clock,
+    "motion": _motion,
 }
 """Draws of each kind. Another kind or another order changes the faults of every nemesis of `kinds: all`."""

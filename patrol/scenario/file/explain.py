@@ -11,7 +11,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from patrol.errors import did_you_mean, quoted
-from patrol.scenario.faults.kinds import KINDS, Fault, Forgery, Jump, Wait
+from patrol.scenario.faults.kinds import KINDS, Fault, Forgery, Jitter, Jump, Slip, Wait
 from patrol.scenario.faults.nemesis_spec import NemesisSpec
 from patrol.scenario.faults.targets import Some
 from patrol.scenario.model import Scenario
@@ -47,6 +47,8 @@ _OF_FAULTS: dict[str, type[Section]] = {
     "delay": Wait,
     "payload": Forgery,
     "jump": Jump,
+    "jitter": Jitter,
+    "slip": Slip,
 }
 _UNKNOWN = ("extra_forbidden", "invalid_key")
 

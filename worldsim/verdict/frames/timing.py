@@ -11,7 +11,7 @@ import numpy as np
 
 from patrol.journal.links import places_of
 from patrol.journal.records import sent_at
-from patrol.scenario.faults.kinds import PROCESS_KINDS, SENSE_KINDS, Delay, Duplicate, Reorder, Wait
+from patrol.scenario.faults.kinds import FRAME_KINDS, Delay, Duplicate, Reorder, Wait
 from worldsim.verdict.common.faults import FrameFaultCheck, active, on_link
 from worldsim.verdict.frames.airborne import airborne, arrived
 
@@ -49,8 +49,7 @@ class OnTime(FrameFaultCheck):
     @classmethod
     def applies(cls, run: JudgedRun) -> bool:
         """Return True if the world carried the frames and there is any fault of the radio."""
-        kinds = {entry.fault.kind for entry in run.timeline.entries}
-        return run.by_ether and bool(kinds - {*PROCESS_KINDS, *SENSE_KINDS})
+        return run.by_ether and any(entry.fault.kind in FRAME_KINDS for entry in run.timeline.entries)
 
     def _tick(self, record: TickRecord) -> None:
         entries = [entry for entry in self._entries if active(entry, record.k)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +13,7 @@ from patrol.journal import RobotTick, Status, TickRecord
 from patrol.pose import Command, Pose, command_of, is_halt
 from worldsim.kernels.apart import first_overlap
 from worldsim.robots.motion import length
+from worldsim.robots.noise import MotionNoise
 from worldsim.verdict.common.check import Check
 from worldsim.verdict.common.robots_there import RobotsThere
 from worldsim.verdict.robots.expected_statuses import ExpectedStatuses
@@ -62,6 +63,8 @@ class BodiesApart(Check):
 class MovesAreTrue(Check):
     """Each body goes from its start where its commands take it, to the bit, and they are within its limits.
 
+    Under motion faults it goes where commands and draws take it; the check `motion` judges these draws.
+
     A body without a driver, or whose move was cancelled, stays exactly where it is; one that was away comes back at
     its start. A move that was not cancelled touches no wall. For one that was cancelled there is a wall in its way, or
     another body so near that the two could have met; whether they would have met is not recomputed.
@@ -77,6 +80,7 @@ class MovesAreTrue(Check):
         self._step = run.step
         self._terrain = run.prepared.terrain
         self._specs = {spec.number: spec for spec in roster}
+        self._noise = MotionNoise(run.prepared.scenario, run.timeline)
         self._starts = {spec.number: start for spec, start in zip(roster, run.prepared.starts, strict=True)}
         self._due = dict(self._starts)
         self._looked = 0
@@ -84,30 +88,30 @@ class MovesAreTrue(Check):
     def _tick(self, record: TickRecord) -> None:
         for number in self._expected.appeared:
             self._due[number] = self._starts[number]
+        commands = {row.number: command_of(self._specs[row.number].model, row.c0, row.c1) for row in record.robots}
+        driven = self._noise.driven(record.k, commands)
         for row in record.robots:
             spec, pose = self._specs[row.number], Pose(row.x, row.y, row.heading)
-            command = self._command(row)
-            problem = self._problem_of(row, spec, pose, command)
-            problem = problem or self._problem_of_cancelling(row, pose, command, record.robots)
+            problem = self._problem_of(row, spec, pose, commands[row.number])
+            problem = problem or self._problem_of_cancelling(row, pose, driven, record.robots)
             if problem:
                 self._fail(f"{spec.name} {problem} at tick {record.k}")
                 return
-            moves = not row.bumped and not is_halt(command)
-            self._due[row.number] = advance(pose, command, self._step) if moves else pose
+            moves = not row.bumped and not is_halt(driven[row.number])
+            self._due[row.number] = advance(pose, driven[row.number], self._step) if moves else pose
             self._looked += 1
 
     def _good(self) -> str:
         return f"{self._looked} poses follow from the commands"
 
-    def _command(self, row: RobotTick) -> Command:
-        return command_of(self._specs[row.number].model, row.c0, row.c1)
-
-    def _problem_of_cancelling(self, row: RobotTick, pose: Pose, command: Command, rows: Sequence[RobotTick]) -> str:
+    def _problem_of_cancelling(
+        self, row: RobotTick, pose: Pose, driven: Mapping[int, Command], rows: Sequence[RobotTick]
+    ) -> str:
         """Describe the error of a move that was cancelled without reason, or wrongly not cancelled."""
-        radius, far = self._specs[row.number].radius, length(command, self._step)
+        radius, far = self._specs[row.number].radius, length(driven[row.number], self._step)
         if far <= 0.0:
             return "has a cancelled move although it does not drive" if row.bumped else ""
-        free = path_is_free(self._terrain, pose, command, self._step, radius)
+        free = path_is_free(self._terrain, pose, driven[row.number], self._step, radius)
         if not row.bumped:
             return "" if free else "drives through a wall"
         if not free:
@@ -115,7 +119,7 @@ class MovesAreTrue(Check):
         for other in rows:
             if other.number == row.number or other.number in self._expected.away:
                 continue
-            reach = radius + self._specs[other.number].radius + far + length(self._command(other), self._step)
+            reach = radius + self._specs[other.number].radius + far + length(driven[other.number], self._step)
             if math.hypot(other.x - row.x, other.y - row.y) <= reach + SLACK:
                 return ""
         return "has a cancelled move although neither a wall nor another body was in its way,"

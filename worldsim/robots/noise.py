@@ -1,0 +1,113 @@
+"""What bodies do instead of what they are commanded, under motion faults.
+
+A body that is commanded a speed drives a share of it, and turns a share of what it is commanded to, both 1 on average;
+it also veers by an angle for each metre. Or it slips, and stays where it is. This is the usual noise of odometry (Thrun,
+Burgard and Fox, "Probabilistic Robotics", 2005, chapter 5) put into the motion itself. For example, a body that is
+commanded 2 m/s under `{kind: motion, jitter: {size: 0.2, every: 10}}` drives at 1.6 to 2.4 m/s, each speed for 10 s.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, assert_never
+
+from patrol.pose import Command, Drive, Twist, Velocity, halted, is_halt
+from patrol.random import Purpose, draw, gauss
+from patrol.scenario.faults.kinds import Motion
+
+if TYPE_CHECKING:
+    from patrol.scenario import Scenario
+    from worldsim.faults.timeline import Entry, Timeline
+
+SLOWEST, FASTEST = 0.05, 1.95
+"""The least and the largest share of a command that one fault lets a body do, unless it slips.
+
+They lie evenly round 1, so that cutting does not change the mean; and noise alone never stops a body.
+"""
+
+_SPEED, _TURNING, _VEER, _JITTER, _SLIP = range(5)
+
+
+class MotionNoise:
+    """The motion of bodies under motion faults: functions of the timeline, the tick and the command alone.
+
+    Several motion faults of one robot act one after the other, each on what the one before it left.
+
+    Attributes:
+        timeline: The faults.
+    """
+
+    def __init__(self, scenario: Scenario, timeline: Timeline) -> None:
+        self.timeline = timeline
+        self._seed = scenario.seed
+        self._step = scenario.step
+        self._models = {spec.number: spec.model for spec in scenario.roster}
+
+    def driven(self, k: int, commands: Mapping[int, Command]) -> Mapping[int, Command]:
+        """Return what bodies do in a tick.
+
+        Args:
+            k: The tick.
+            commands: What each of them is commanded, within its limits, by robot number.
+
+        Returns:
+            For each of them a command that brings it where it gets to.
+        """
+        driven = dict(commands)
+        for entry in self.timeline.at(k):
+            if isinstance(entry.fault, Motion):
+                for number in entry.who:
+                    if number in driven and not is_halt(driven[number]):
+                        driven[number] = self._disturbed(driven[number], entry, entry.fault, number, k)
+        return driven
+
+    def _disturbed(self, command: Command, entry: Entry, fault: Motion, number: int, k: int) -> Command:
+        what = (self._seed, Purpose.MOTION, entry.index, number)
+        slip, jitter = fault.slip, fault.jitter
+        if slip is not None and draw(*what, stretch_of(entry, slip.every, self._step, k), _SLIP) < slip.rate:
+            return halted(self._models[number])
+        speed = turning = 1.0
+        veer = 0.0
+        if jitter is not None:
+            stretch = stretch_of(entry, jitter.every, self._step, k)
+            speed += jitter.size * (2.0 * draw(*what, stretch, _JITTER) - 1.0)
+        if fault.speed > 0.0:
+            speed += fault.speed * gauss(*what, k, _SPEED)
+        if fault.turning > 0.0:
+            turning += fault.turning * gauss(*what, k, _TURNING)
+        if fault.veer > 0.0:
+            veer = fault.veer * gauss(*what, k, _VEER)
+        return _changed(command, _share(speed), _share(turning), veer, self._step)
+
+
+def stretch_of(entry: Entry, every: float | None, step: float, k: int) -> int:
+    """Return the number of the stretch of time, all with a draw of their own, in which a tick lies.
+
+    Args:
+        entry: The fault.
+        every: Length of a stretch, s; None for one step.
+        step: s.
+        k: The tick.
+    """
+    elapsed = k - entry.begin
+    return elapsed if every is None else math.floor(elapsed * step / every + 1e-9)
+
+
+def _share(share: float) -> float:
+    return min(max(share, SLOWEST), FASTEST)
+
+
+def _changed(command: Command, speed: float, turning: float, veer: float, step: float) -> Command:
+    """Multiply a command's speed and turning by shares, and turn its path by `veer` rad per m driven."""
+    match command:
+        case Velocity(vx, vy):
+            turn = veer * command.speed_mps * speed * step
+            cosine, sine = speed * math.cos(turn), speed * math.sin(turn)
+            return Velocity(vx * cosine - vy * sine, vx * sine + vy * cosine)
+        case Drive():
+            return Drive(command.speed * speed, command.curvature * turning + veer)
+        case Twist():
+            return Twist(command.speed * speed, command.turn_rate * turning + veer * command.speed * speed)
+        case _:
+            assert_never(command)
