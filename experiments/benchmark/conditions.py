@@ -1,7 +1,7 @@
 """The conditions of the benchmark: faults by name.
 
-`none`, `loss-P` (P % of all frames), `silence`, `deaths` (two robots) and `spoof` (forged positions of a robot), or
-several at once, as in ``loss-90+deaths``.
+`none`, `loss-P` (P % of all frames), `silence`, `deaths` (two robots), `spoof` (forged positions of a robot) and
+`jitter-P` (speeds up to P % lower or higher than commanded), or several at once, as in ``loss-90+deaths``.
 """
 
 from __future__ import annotations
@@ -11,14 +11,17 @@ from typing import Any
 
 from patrol.errors import BadInput, did_you_mean
 
-NONE, SILENCE, DEATHS, SPOOF, LOSS = "none", "silence", "deaths", "spoof", "loss-"
-ALL = (NONE, "loss-50", "loss-90", SILENCE, DEATHS, SPOOF)
-"""All conditions, with two examples of `loss-P`."""
+NONE, SILENCE, DEATHS, SPOOF, LOSS, JITTER = "none", "silence", "deaths", "spoof", "loss-", "jitter-"
+ALL = (NONE, "loss-50", "loss-90", SILENCE, DEATHS, SPOOF, "jitter-20")
+"""All conditions, with examples of `loss-P` and `jitter-P`."""
 
 DEATHS_S = (300.0, 1100.0)
 """When the robots r1 and r2 die in a run of `DEATHS_OF_S` or more, s; in a shorter run earlier, in proportion."""
 
 DEATHS_OF_S = 1800.0
+
+JITTER_S = 5.0
+"""How long a jittered speed holds, s: about a leg between two vertices."""
 
 Faults = list[dict[str, Any]]
 
@@ -34,7 +37,11 @@ def check_condition(name: str) -> None:
     """
     parts = name.split("+")
     for part in parts:
-        if part not in (NONE, SILENCE, DEATHS, SPOOF) and _loss(part) is None:
+        if (
+            part not in (NONE, SILENCE, DEATHS, SPOOF)
+            and _percent(part, LOSS) is None
+            and _percent(part, JITTER) is None
+        ):
             hint = f"{did_you_mean(part, ALL)}, or join several, as in loss-90+deaths"
             raise BadInput(f"--conditions {name}: {part}: no such condition; {hint}")
     if len(set(parts)) < len(parts) or (NONE in parts and len(parts) > 1):
@@ -47,7 +54,7 @@ def least_team(name: str) -> int:
     Args:
         name: The condition.
     """
-    return max(1 if part == NONE else 3 if part == DEATHS else 2 for part in name.split("+"))
+    return max(3 if part == DEATHS else 1 if part == NONE or _percent(part, JITTER) else 2 for part in name.split("+"))
 
 
 def faults_of(name: str, duration_s: float) -> Faults:
@@ -71,13 +78,15 @@ def _part(part: str, duration_s: float) -> Faults:
             {"kind": "kill", "who": f"r{number}", "at": round(at_s * earlier, 3), "wreck": "removed"}
             for number, at_s in enumerate(DEATHS_S, start=1)
         ]
-    rate = _loss(part)
+    if (size := _percent(part, JITTER)) is not None:
+        return [{"kind": "motion", "who": "all", "jitter": {"size": size, "every": JITTER_S}}]
+    rate = _percent(part, LOSS)
     return [] if rate is None else [{"kind": "loss", "rate": rate}]
 
 
-def _loss(part: str) -> float | None:
-    """Return the share of lost frames that `loss-P` means; None for another text."""
-    percent = part.removeprefix(LOSS)
-    if part == percent or not re.fullmatch("[1-9][0-9]?|100", percent):
+def _percent(part: str, prefix: str) -> float | None:
+    """Return the share that `loss-P` or `jitter-P` means; None for another text. All frames may be lost."""
+    percent = part.removeprefix(prefix)
+    if part == percent or not re.fullmatch("[1-9][0-9]?|100" if prefix == LOSS else "[1-9][0-9]?", percent):
         return None
     return int(percent) / 100.0

@@ -1,7 +1,7 @@
 """What bodies do instead of what they are commanded, under motion faults.
 
-A body that is commanded a speed drives a share of it, and turns a share of what it is commanded to, both 1 on average;
-it also veers by an angle for each metre. Or it slips, and stays where it is. This is the usual noise of odometry (Thrun,
+A body drives a share of its commanded speed, and turns a share of what it is commanded to turn, both 1 on average; it
+also veers by an angle for each metre. Or it slips, and stays where it is. This is the usual noise of odometry (Thrun,
 Burgard and Fox, "Probabilistic Robotics", 2005, chapter 5) put into the motion itself. For example, a body that is
 commanded 2 m/s under `{kind: motion, jitter: {size: 0.2, every: 10}}` drives at 1.6 to 2.4 m/s, each speed for 10 s.
 """

@@ -104,7 +104,7 @@ def benchmark(
         str | None,
         typer.Option(
             metavar="NAME,...",
-            help=f"Of {', '.join(ALL)}; loss-P for any percentage, A+B for both (default: {NONE}).",
+            help=f"Of {', '.join(ALL)}; loss-P and jitter-P for any percentage, A+B for both (default: {NONE}).",
             rich_help_panel=VARIED,
         ),
     ] = None,
@@ -166,8 +166,8 @@ def benchmark(
 
     A cell is one policy on one terrain, in one team, under one condition; it is run once with each seed. Conditions are
     none, loss-50 (each frame is lost with 50 %), silence (no robot hears another), deaths (two robots die at 300 and
-    1100 s, earlier in runs shorter than 1800 s) and spoof (a stranger sends random positions in the name of r1). Cells
-    whose team is too small for their condition are left out.
+    1100 s, earlier in runs shorter than 1800 s), spoof (a stranger sends random positions in the name of r1) and
+    jitter-20 (speeds change every 5 s by up to 20 %). Cells whose team is too small for their condition are left out.
 
     The folder gets benchmark.html (curves, tables, and for each cell the command that makes its run again), runs.csv,
     cells.csv with means and 95 % intervals, benchmark.md with the tables, and figures/. Runs that have a result there

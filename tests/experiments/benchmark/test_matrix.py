@@ -38,6 +38,7 @@ def matrix(**more: object) -> Matrix:
     [
         ("none", []),
         ("loss-50", [{"kind": "loss", "rate": 0.5}]),
+        ("jitter-20", [{"kind": "motion", "who": "all", "jitter": {"size": 0.2, "every": 5.0}}]),
         ("loss-100", [{"kind": "loss", "rate": 1.0}]),
         ("silence", [{"kind": "silence", "who": "all"}]),
         ("spoof", [{"kind": "spoof", "as": "r1", "payload": "random"}]),
@@ -67,7 +68,7 @@ def test_robots_die_within_a_shorter_run() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["loss", "loss-0", "loss-101", "loss-5.5", "death", "none+deaths", "deaths+deaths", ""]
+    "name", ["loss", "loss-0", "loss-101", "loss-5.5", "jitter-100", "death", "none+deaths", "deaths+deaths", ""]
 )
 def test_what_is_no_condition_is_refused(name: str) -> None:
     with pytest.raises(BadInput, match="--conditions"):

@@ -38,6 +38,8 @@ FAULTS: list[dict[str, Any]] = [
     {"kind": "spoof", "by": "r1", "as": "r2", "payload": {"ahead": 1000}, "at": 9.0, "for": 6.0},
     {"kind": "drift", "who": "r3", "bias": [0.5, 0.0], "noise": 0.1},
     {"kind": "clock", "who": "r1", "offset": -3.0, "rate": 0.1},
+    {"kind": "motion", "who": "all", "speed": 0.1, "veer": 0.05, "jitter": {"size": 0.2, "every": 4}, "at": 5.0},
+    {"kind": "motion", "who": "half", "turning": 0.3, "slip": {"rate": 0.2, "every": 1.0}, "at": 10.0, "for": 9.0},
 ]
 SCENARIO: dict[str, Any] = {
     "terrain": {"builtin": "yards"},

@@ -20,7 +20,7 @@ def scenario(robots: int = 5, step: float = 0.5, duration: float = 300.0, **neme
 
 
 seeds = st.integers(0, 2**63 - 1)
-kinds = st.lists(st.sampled_from(list(DRAWN)), min_size=1, max_size=17, unique=True)
+kinds = st.lists(st.sampled_from(list(DRAWN)), min_size=1, max_size=len(DRAWN), unique=True)
 
 
 @given(seeds, st.integers(1, 8), kinds, st.sampled_from([0.1, 1.0 / 3.0, 0.5, 1.7]))
@@ -65,7 +65,7 @@ def test_the_kinds_of_all_and_their_order_stay() -> None:
     """They decide the faults, and so the trace, of every scenario with a nemesis of all kinds."""
     processes = ("kill", "restart", "pause", "resume", "join", "leave")
     frames = ("loss", "delay", "duplicate", "reorder", "partition", "silence", "range", "bandwidth", "spoof")
-    assert tuple(DRAWN) == (*processes, *frames, "drift", "clock")
+    assert tuple(DRAWN) == (*processes, *frames, "drift", "clock", "motion")
 
 
 def test_every_kind_alone_does_something() -> None:

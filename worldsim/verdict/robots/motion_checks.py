@@ -1,7 +1,7 @@
 """The verdict's check of motion faults: how far bodies got and where to, compared with the faults' numbers.
 
-It does not use `worldsim.robots.noise`, which disturbs the motion, and repeats no draw (the check `moves` does both): it
-measures each move from two poses, and judges whether chance explains how often moves were fast, far off, or none.
+It does not use `worldsim.robots.noise`, which disturbs the motion, and repeats no draw (the check `moves` does both).
+It measures each move from two poses, and judges whether chance explains how often moves were fast, far off, or none.
 
 A move that would end in a wall or another body is cancelled and cannot be measured, and a fast one is cancelled more
 often than a slow one. So only moves are judged that nothing could have cancelled, however fast.
@@ -43,8 +43,8 @@ MEDIAN = 0.6744897501960817
 ALARM = 1e-3 * FAMILY
 """For all counts together: they add next to nothing to the false alarms of the others."""
 
-_HALVES = ("slower or faster by little", "faster than commanded", "off by little", "off to the left")
-_NEAR_SPEED, _FAST, _NEAR_TURN, _LEFT = range(4)
+_HALVES = ("slower or faster by little", "faster than commanded", "off by little", "off to one side")
+_NEAR_SPEED, _FAST, _NEAR_TURN, _ONE_SIDE = range(4)
 
 Move = tuple[int, "Entry", RobotTick]
 """A tick, the motion fault, and the robot's row."""
@@ -53,8 +53,8 @@ Move = tuple[int, "Entry", RobotTick]
 class MotionAsAsked(Check):
     """Bodies drive and turn as unevenly as motion faults ask for, and slip as often.
 
-    Speeds are as often above the commanded as below, and turns as often too far left as right; half of the errors are
-    as small as half of the draws would be. Moves under several motion faults of a robot are not judged here.
+    Speeds are as often above the commanded as below; bodies turn as often too far as not far enough, or, where they
+    veer, to the left as to the right. Half of the errors are as small as half of the draws would be. Moves under several motion faults of a robot are not judged here.
     """
 
     name = "motion"
@@ -155,7 +155,8 @@ class MotionAsAsked(Check):
         if max(turning, veer) > LEAST:
             if min(turning, veer) == 0.0:
                 self._count(_NEAR_TURN, abs(turned - bend) < MEDIAN * (turning + veer))
-            self._count(_LEFT, turned > bend)
+            forwards = bend if veer == 0.0 else row.c0 if isinstance(command, Twist | Drive) else 1.0
+            self._count(_ONE_SIDE, (turned - bend) * forwards > 0.0)
 
     def _judge_speed(self, error: float, fault: Motion, move: Move) -> None:
         size = 0.0 if fault.jitter is None else fault.jitter.size

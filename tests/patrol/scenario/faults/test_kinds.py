@@ -14,7 +14,7 @@ from patrol.scenario import (
     scenario_hash,
     scenario_schema,
 )
-from patrol.scenario.faults.kinds import INSTANT, KINDS, PROCESS_KINDS, SENSE_KINDS, ActsOn, OneFault, Spoof, Wait
+from patrol.scenario.faults.kinds import FRAME_KINDS, INSTANT, KINDS, PROCESS_KINDS, ActsOn, OneFault, Spoof, Wait
 from patrol.scenario.faults.targets import Target, meant
 
 YARDS: dict[str, Any] = {"terrain": {"builtin": "yards"}, "robots": {"count": 5}, "duration": 100}
@@ -38,6 +38,7 @@ EVERY_KIND: list[dict[str, Any]] = [
     {"kind": "spoof", "payload": "freeze", "for": 3},
     {"kind": "drift", "who": "r1", "jump": {"every": 5, "size": 1}},
     {"kind": "clock", "who": "r1", "rate": 0.01},
+    {"kind": "motion", "who": "all", "speed": 0.2, "jitter": {"size": 0.1, "every": 9}, "slip": {"rate": 0.1}},
 ]
 
 
@@ -78,7 +79,7 @@ def test_every_kind_is_in_all_the_lists() -> None:
     assert [get_args(annotated)[0] for annotated in chosen] == list(KINDS.values())
     assert set(INSTANT) == {"kill", "restart", "resume", "join", "leave"}
     assert set(PROCESS_KINDS) == {*INSTANT, "pause"}
-    assert set(SENSE_KINDS) == {"drift", "clock"}
+    assert set(KINDS) - {*PROCESS_KINDS, *FRAME_KINDS} == {"drift", "clock", "motion"}
     assert all(fault.acts_on in get_args(ActsOn) for fault in KINDS.values())
 
 
@@ -193,6 +194,9 @@ def test_faults_can_be_given_as_an_override() -> None:
         ({"kind": "drift", "who": "r1", "bias": [1]}, "faults.0.bias = [1]: expected [x, y] in m"),
         ({"kind": "drift", "who": "r1", "jump": {"every": 1}}, "faults.0.jump.size: missing; give m, of each jump"),
         ({"kind": "clock", "who": "r1", "rate": -1}, "faults.0.rate = -1: expected a number above -1 and at most 1"),
+        ({"kind": "motion", "who": "r1", "veer": 2}, "faults.0.veer = 2: expected a number from 0 to 1 (rad per m"),
+        ({"kind": "motion", "who": "r1", "jitter": {"size": 1}}, "faults.0.jitter.size = 1: expected a number from 0"),
+        ({"kind": "motion", "who": "r1", "slip": {"rat": 1}}, "faults.0.slip.rat: unknown key; did you mean rate?"),
     ],
 )
 def test_a_wrong_fault_is_told_in_one_line(fault: Any, expected: str) -> None:
