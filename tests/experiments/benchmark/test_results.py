@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from experiments.benchmark import markdown
+from experiments.benchmark.conditions import faults_of
 from experiments.benchmark.matrix import Matrix, plan_of, read_policies, read_terrains
 from experiments.benchmark.presets import PRESETS, beside_published, preset_matrix
 from experiments.benchmark.results import (
@@ -146,6 +147,8 @@ def test_presets_set_the_published_conditions(files: tuple[Path, Path]) -> None:
     assert settings["terrain.patrolled"] == "vertices"
     assert settings["sensor.range"] == pytest.approx(0.4 - 0.1 * 2**0.5, abs=1e-6)
     assert settings["point"] == 0.1
+    jittered = preset_matrix("m2bench-jitter", read_policies("sebs"), (1,), *files, {}).cells[-1].settings
+    assert jittered == settings | {"faults": faults_of("jitter-25", 500.0)}
     with pytest.raises(BadInput, match=r"--point 0\.2: visits within 0\.4 m need at most 0\.1"):
         preset_matrix("m2bench", read_policies("sebs"), (1,), *files, {"point": 0.2})
 

@@ -37,7 +37,7 @@ def test_without_a_fault_bodies_do_what_they_are_commanded() -> None:
 
 
 def test_a_body_that_is_commanded_to_stand_stands() -> None:
-    still = {1: Drive(0.0, 0.3), 2: Twist(0.0, 0.0), 3: Velocity(0.0, 0.0)}
+    still: dict[int, Command] = {1: Drive(0.0, 0.3), 2: Twist(0.0, 0.0), 3: Velocity(0.0, 0.0)}
     every = {"speed": 0.5, "turning": 0.5, "veer": 0.5, "jitter": {"size": 0.5}}
     assert noise(every).driven(7, still) == still
 

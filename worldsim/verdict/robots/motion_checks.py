@@ -54,7 +54,8 @@ class MotionAsAsked(Check):
     """Bodies drive and turn as unevenly as motion faults ask for, and slip as often.
 
     Speeds are as often above the commanded as below; bodies turn as often too far as not far enough, or, where they
-    veer, to the left as to the right. Half of the errors are as small as half of the draws would be. Moves under several motion faults of a robot are not judged here.
+    veer, to the left as to the right. Half of the errors are as small as half of the draws would be. Moves under
+    several motion faults of a robot are not judged here.
     """
 
     name = "motion"

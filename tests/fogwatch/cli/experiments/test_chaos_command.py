@@ -40,7 +40,7 @@ def test_what_breaks_is_written_as_a_scenario_with_few_faults(
     monkeypatch.setattr(InProcessFleet, "leave", fail)
     monkeypatch.setattr("fogwatch.chaos_session.MOST_NARROWED", 1)
     out = tmp_path / "chaos"
-    assert fogwatch("chaos", "--runs", "2", "--seed", "2007", "--out", str(out)) == 1
+    assert fogwatch("chaos", "--runs", "2", "--seed", "2004", "--out", str(out)) == 1
     said = capsys.readouterr().out
     assert "breaks: in process: RuntimeError" in said
     files = sorted(out.glob("seed-*.yaml"))

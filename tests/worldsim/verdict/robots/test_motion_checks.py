@@ -31,8 +31,12 @@ def judged(lab: Lab) -> Callable[..., Verdict]:
     """The verdict on a run of three slow robots that drive at random under some faults."""
 
     def of(*faults: dict[str, Any], ticks: int = 400, seed: int = 1, speed: float = 0.8) -> Verdict:
-        slow = {"radius": 0.4, "speed": speed}
-        models = [{"model": "car", "turning_radius": 2.0}, {"model": "differential"}, {"model": "holonomic"}]
+        slow: dict[str, Any] = {"radius": 0.4, "speed": speed}
+        models: list[dict[str, Any]] = [
+            {"model": "car", "turning_radius": 2.0},
+            {"model": "differential"},
+            {"model": "holonomic"},
+        ]
         robots = [{**model, **slow} for model in models]
         starts = [(3.0, 3.0, 0.0), (6.0, 10.0, 1.0), (14.0, 7.0, 0.0)]
         world = lab.world(robots, starts, duration=0.5 * ticks, seed=seed, faults=list(faults))
@@ -71,7 +75,9 @@ def test_noise_of_another_size_or_with_a_bias_fails(
     assert "half of them are expected" in motion(judged(fault))
 
 
-@pytest.mark.parametrize("bend", [lambda share: share**3, lambda share: 0.5 + 0.3 * (share - 0.5)])
+@pytest.mark.parametrize(
+    "bend", [lambda share: share**3, lambda share: 0.5 + 0.3 * (share - 0.5)], ids=["lower", "narrower"]
+)
 def test_another_jitter_fails(judged: Any, monkeypatch: pytest.MonkeyPatch, bend: Callable[[float], float]) -> None:
     monkeypatch.setattr("worldsim.robots.noise.draw", lambda *of: bend(draw(*of)))
     assert "half of them are expected" in motion(judged(JITTER))
