@@ -19,9 +19,10 @@ from agent.belief.posts import Posts
 from agent.bodies import BODIES
 from agent.bodies.setup import BodySetup
 from agent.mind import Facts, MakeMind, Mind
+from agent.policies.charging import Charging
 from agent.policies.found import PolicyKind, policy_of
 from agent.policies.surround.surround import Surround
-from agent.ports import PolicyFailed, PolicySetup
+from agent.ports import Policy, PolicyFailed, PolicySetup
 from agent.psi import Psi, psi_of
 from agent.routes.ground import Ground
 from agent.routes.routes import Routes
@@ -184,6 +185,8 @@ def build_mind(
             round=lambda: round_of(prepared, number),
             followers=lambda: followers_of(prepared, number),
             fleet_chance=lambda question: draw(scenario.seed, Purpose.PERIOD, question),
+            docks=scenario.docks,
+            charged=tuple(robot.number for robot in scenario.roster if robot.battery is not None),
         ),
     )
     body = BODIES[spec.model](
@@ -222,19 +225,20 @@ def _rounds(scenario: Scenario, terrain: Terrain, lengths: BodyLengths, kind: Po
     return min(round(lengths.dilatation / scenario.point), terrain.height + terrain.width)
 
 
-def _policy_of(kind: PolicyKind, setup: PolicySetup) -> Surround:
-    """Make a policy of a kind, beside the one that surrounds intruders.
+def _policy_of(kind: PolicyKind, setup: PolicySetup) -> Policy:
+    """Make a policy of a kind, beside the one that surrounds intruders and, where there are docks, the watch.
 
     Raises:
         PolicyFailed: It is not a built-in one, and cannot be made.
     """
     try:
-        return Surround(setup, kind.make(setup))
+        policy = Surround(setup, kind.make(setup))
     except (Exception, SystemExit) as error:
         if kind.ours:
             raise
         why = f"{type(error).__name__}: {error}{raised_at(error)}"
         raise PolicyFailed(f"policy {kind.name}: cannot be made for {setup.spec.name}: {why}") from error
+    return Charging(setup, policy) if setup.docks else policy
 
 
 def _sending(scenario: Scenario, terrain: Terrain) -> Sending:

@@ -160,6 +160,7 @@ class Mind:
             ground=self._ground,
             routes=self._routes,
             chance=self._chance,
+            charge=sensed.charge,
         )
 
     def _silent(self, k: int, pose: Pose) -> list[Disc]:

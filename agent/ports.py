@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from patrol.pose import Pose
     from patrol.radio.peers import Peer
     from patrol.regions.split import RegionSplit
-    from patrol.scenario import BodyLengths, PatrolSpec, RobotSpec, SensorSpec
+    from patrol.scenario import BodyLengths, DockSpec, PatrolSpec, RobotSpec, SensorSpec
 
 Figures = Mapping[str, float]
 """Numbers that a policy wants to have shown, by name."""
@@ -47,6 +47,8 @@ class State(StrEnum):
     DEAD_END = "dead-end"
     HOLDING = "holding"
     SURROUNDING = "surrounding"
+    DOCKING = "docking"
+    CHARGING = "charging"
 
 
 # --- what a policy wants ---------------------------------------------------------------------------------------------
@@ -148,6 +150,8 @@ class PolicySetup:
         round: Gives the tour that shows the robot all of its own ground, likewise; None where there is none.
         followers: Gives the numbers of all robots on rounds in the same part of the terrain, this one among them.
         fleet_chance: A random number in [0, 1) for a question 0, 1, ..., the same for all robots of the fleet.
+        docks: The scenario's section `docks`.
+        charged: Numbers of the robots that have a battery, ascending.
     """
 
     spec: RobotSpec
@@ -168,6 +172,8 @@ class PolicySetup:
     round: Callable[[], Round | None]
     followers: Callable[[], frozenset[int]]
     fleet_chance: Callable[[int], float]
+    docks: tuple[DockSpec, ...] = ()
+    charged: tuple[int, ...] = ()
 
 
 class Policy(Protocol):

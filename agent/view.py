@@ -104,6 +104,7 @@ class View:
         ground: Where its centre may be, and what is in the way now.
         routes: Lengths of ways, from here and from elsewhere.
         chance: What `draw` asks.
+        charge: Share of the robot's battery that is left; None for a robot without a battery.
     """
 
     tick: int
@@ -120,6 +121,7 @@ class View:
     ground: Ground
     routes: Routes
     chance: Draw
+    charge: float | None = None
 
     def draw(self, index: int = 0, purpose: Purpose = Purpose.POLICY) -> float:
         """Draw a random number in [0, 1); within a tick, the same question has the same answer.

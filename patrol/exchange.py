@@ -23,6 +23,7 @@ class Sensed:
         bumped: Whether its last move was cancelled by a collision.
         contacts: The intruders in its view, x and y in m.
         clock_s: What its own clock shows, s.
+        charge: Share of its battery's capacity that is left; None for a robot without a battery.
     """
 
     k: int
@@ -30,6 +31,7 @@ class Sensed:
     bumped: bool = False
     contacts: tuple[tuple[float, float], ...] = ()
     clock_s: float = 0.0
+    charge: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,7 @@ The launcher prepares once and saves; its children load the same arrays memory-m
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -165,7 +166,7 @@ def prepare(scenario: Scenario, terrain: Terrain | None = None) -> Prepared:
         terrain: The ground, if the caller has it.
 
     Raises:
-        BadInput: For an unusable map, for intruders and critical areas that are not on passable ground, for starts that
+        BadInput: For an unusable map, for intruders and critical areas that are not on passable ground, for docks that no robot gets to, for starts that
             do not fit, for a graph that is not all on the terrain, for vertices that are to be patrolled and that no
             robot sees, for bodies too wide for the terrain and for regions that do not make a split.
     """
@@ -187,6 +188,7 @@ def prepare(scenario: Scenario, terrain: Terrain | None = None) -> Prepared:
     if scenario.terrain.patrolled == VERTICES:
         by_radius = _watching_vertices(scenario, terrain, by_radius)
     fields = {spec.number: by_radius[spec.radius] for spec in scenario.roster}
+    _check_docks(scenario, terrain, fields)
     regions = None
     if scenario.patrol.paths == "regions":
         splits = _split(scenario, terrain, by_radius)
@@ -249,6 +251,26 @@ def check_intruder(intruder: IntruderSpec, terrain: Terrain, field: str) -> None
         raise BadInput(f"{where}: not on {terrain.name}, which {span}; move it there")
     if not terrain.passable[terrain.point_at(x, y)]:
         raise BadInput(f"{where}: in an obstacle of {terrain.name}; move it to passable ground")
+
+
+def _check_docks(scenario: Scenario, terrain: Terrain, fields: Mapping[int, StaticFields]) -> None:
+    charged = [spec for spec in scenario.roster if spec.battery is not None]
+    served: set[int] = set()
+    for number, dock in enumerate(scenario.docks):
+        where = f"docks.{number}.place = [{dock.place[0]:g}, {dock.place[1]:g}]"
+        row, col = terrain.point_at(*dock.place)
+        serves = {spec.number for spec in charged if terrain.inside(row, col) and fields[spec.number].reach[row, col]}
+        if not serves:
+            raise BadInput(f"{where}: no robot with a battery gets there on {terrain.name}; move it to open ground")
+        if (away := math.dist(dock.place, terrain.centre(row, col))) > dock.radius:
+            raise BadInput(
+                f"docks.{number}.radius = {dock.radius:g}: robots stand at centres of points, and the nearest is "
+                f"{away:.2f} m away; give more, or move the dock to a centre"
+            )
+        served |= serves
+    for spec in charged:
+        if scenario.docks and spec.number not in served:
+            raise BadInput(f"docks: {spec.name} gets to none of them; add one in its part of {terrain.name}")
 
 
 def _check_critical_areas(scenario: Scenario, terrain: Terrain) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from patrol.energy import GONE, Batteries
 from patrol.errors import BadInput
 from patrol.exchange import FIRST_INCARNATION, Reply, Sensed
 from patrol.journal import Event, RobotTick, Status, TickRecord
@@ -49,6 +50,7 @@ class World:
         tick: The current tick.
         timeline: The scenario's faults and events by tick.
         bodies: By robot number.
+        batteries: The charge of the robots that have one.
         truth: The true fog.
         senses: What robots sense, with the faults of their sensors.
         noise: What bodies do of their commands, with the faults of their motion.
@@ -79,6 +81,7 @@ class World:
         for number in self.timeline.starts_absent:
             body = self.bodies[number]
             body.status, body.away, body.incarnation = Status.ABSENT, True, FIRST_INCARNATION - 1
+        self.batteries = Batteries(scenario)
         self.truth = Truth(footprint or sensor_footprint(scenario, self.terrain), prepared.patrolled)
         self._intruders = Intruders(scenario, self.truth.footprint)
         self.senses = Senses(scenario, self.timeline, self.terrain)
@@ -106,9 +109,16 @@ class World:
         living = {number: self.bodies[number] for number in self.living}
         self._to_observe = [(number, body.pose) for number, body in living.items()]
         contacts = {number: self._intruders.seen_by(self.tick, body.pose) for number, body in living.items()}
-        k, senses = self.tick, self.senses
+        k, senses, batteries = self.tick, self.senses, self.batteries
         return {
-            number: Sensed(k, senses.pose(number, k, body.pose), body.bumped, contacts[number], senses.clock(number, k))
+            number: Sensed(
+                k,
+                senses.pose(number, k, body.pose),
+                body.bumped,
+                contacts[number],
+                senses.clock(number, k),
+                batteries.share(number),
+            )
             for number, body in living.items()
         }
 
@@ -151,10 +161,13 @@ class World:
         self.observe()
         for number in self.living:
             self._obey(self.bodies[number], replies.get(number))
+            if self.batteries.is_empty(number):
+                self.bodies[number].command = standstill(self.bodies[number].spec)
         before = {number: body.pose for number, body in self.bodies.items()}
         driven = self.noise.driven(self.tick, {number: self.bodies[number].command for number in self.living})
         move(list(self.bodies.values()), self.terrain, self.step, driven)
         robots = tuple(_robot_tick(body, before[number], replies.get(number)) for number, body in self.bodies.items())
+        self.batteries.tick(robots)
         fog = self.truth.fog
         record = TickRecord(
             k=self.tick,
@@ -221,6 +234,8 @@ class World:
             The event for the journal.
         """
         body = self.bodies[number]
+        if body.status in GONE:
+            self.batteries.renew(number)
         body.halt(Status.ALIVE)
         if body.away:
             body.pose = self._starts[number]

@@ -46,6 +46,9 @@ DEAD_END = "dead-end"
 SURROUNDING = "surrounding"
 """The state of a mind whose robot stands around an intruder, or is on its way there."""
 
+DOCKING, CHARGING = "docking", "charging"
+"""The states of a mind whose robot is on its way to a dock or waits for one, and stands at one."""
+
 
 def frame_sequence(k: int, place: int) -> int:
     """Return the number that distinguishes a frame from all others of its sender; 32 bits for frames that robots send.

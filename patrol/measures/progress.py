@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.ground.terrain import BoolGrid, Terrain
-from patrol.journal.records import SURROUNDING, Status, TickRecord
+from patrol.journal.records import CHARGING, DOCKING, SURROUNDING, Status, TickRecord
 from patrol.measures.own_ground import OwnGround, own_grounds
 from patrol.measures.stays import TRAPPED_S, Place, Stay, Stays, roaming_radius, ticks_of
 
@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 
 LOOK_S = 5.0
 """Simulated time between two looks at the fog for a robot that stays, s."""
+
+_BUSY = (SURROUNDING, DOCKING, CHARGING)
+"""States in which a robot has a reason to stay."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +164,7 @@ def judged_places(record: TickRecord) -> tuple[dict[int, Place], list[int]]:
     """Give the places of the robots in a tick, and the robots that are free to stay there.
 
     A robot that does not take part is free (paused, dead, lost, absent, left), and so is one that surrounds an
-    intruder. A robot that no other hears, or whose senses are wrong, is not: it patrols, and it should get on.
+    intruder, charges or waits for a dock. A robot that no other hears, or whose senses are wrong, is not: it patrols, and it should get on.
 
     Args:
         record: Of the tick.
@@ -170,7 +173,7 @@ def judged_places(record: TickRecord) -> tuple[dict[int, Place], list[int]]:
         x and y in m by robot number, and the numbers of the robots that are free.
     """
     places = {row.number: (row.x, row.y) for row in record.robots}
-    free = [row.number for row in record.robots if row.status is not Status.ALIVE or row.state == SURROUNDING]
+    free = [row.number for row in record.robots if row.status is not Status.ALIVE or row.state in _BUSY]
     return places, free
 
 

@@ -23,6 +23,8 @@ from patrol.scenario.policies import (
 from patrol.scenario.radio_spec import RadioSpec
 from patrol.scenario.robots import RobotSpec
 from patrol.scenario.sections import (
+    BatterySpec,
+    DockSpec,
     IntruderSpec,
     RobotEntry,
     RobotGroup,
@@ -34,8 +36,10 @@ from patrol.values.types import BUILTINS, MAX_ROBOTS
 __all__ = [
     "BUILTINS",
     "MAX_ROBOTS",
+    "BatterySpec",
     "BodyLengths",
     "CommittedOptions",
+    "DockSpec",
     "IntruderSpec",
     "PatrolOptions",
     "PatrolSpec",

@@ -24,7 +24,7 @@ from patrol.scenario.lengths import BodyLengths, check_refinement, resolve_lengt
 from patrol.scenario.policies import CommittedPatrol, PaperPatrol, Patrol, check_letter
 from patrol.scenario.radio_spec import IdealRadio, Radio, check_radio_spec
 from patrol.scenario.robots import RobotSpec, roster_of
-from patrol.scenario.sections import IntruderSpec, RobotGroup, Robots, SensorSpec, TerrainSpec
+from patrol.scenario.sections import DockSpec, IntruderSpec, RobotGroup, Robots, SensorSpec, TerrainSpec
 from patrol.values.section import Section, wrong
 from patrol.values.types import AUTO, BUILTINS, Name, Pace, Positive, Seed
 
@@ -43,6 +43,7 @@ class Scenario(Section):
     robots: Robots = Field(
         default_factory=RobotGroup, description="a group of equal robots, or a list with one entry per robot"
     )
+    docks: tuple[DockSpec, ...] = Field((), description="{place: [x, y] m, radius: m}, one robot at a time")
     sensor: SensorSpec = Field(default_factory=SensorSpec, description="what a robot sees")
     patrol: Patrol = Field(default_factory=CommittedPatrol, description="how a robot decides where to go")
     radio: Radio = Field(default_factory=IdealRadio, description="what robots send")
@@ -136,6 +137,8 @@ class Scenario(Section):
     def _check_roster(self) -> None:
         if all(spec.spare for spec in self.roster):
             raise wrong("robots", "all robots are spare, so none patrols; leave spare out for one")
+        if self.docks and all(spec.battery is None for spec in self.roster):
+            raise wrong("docks", "no robot has a battery, so none ever charges; give robots.battery, or drop docks")
         names: dict[str, int] = {}
         for spec in self.roster:
             if names.setdefault(spec.name, spec.number) != spec.number:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from patrol.pose import Limits, Pose, wrap
-from patrol.scenario.sections import Body, RobotEntry, RobotGroup
+from patrol.scenario.sections import BatterySpec, Body, RobotEntry, RobotGroup
 from patrol.values.types import Kind
 
 
@@ -22,6 +22,7 @@ class RobotSpec:
         turning_radius: m.
         start: None for a random one.
         spare: It is absent until it joins.
+        battery: None for one that never gets empty.
         section: Dotted field of the scenario that describes it: ``robots`` of a group, ``robots.0`` of a list.
     """
 
@@ -33,6 +34,7 @@ class RobotSpec:
     turning_radius: float
     start: Pose | None
     spare: bool = False
+    battery: BatterySpec | None = None
     section: str = field(default="robots", compare=False)
 
     @property
@@ -68,7 +70,8 @@ def _spec(
     number: int, body: Body, start: Pose | None, spare: bool, name: str | None = None, section: str = "robots"
 ) -> RobotSpec:
     name = name or f"r{number}"
-    return RobotSpec(number, name, body.model, body.speed, body.radius, body.turning_radius, start, spare, section)
+    shape = body.model, body.speed, body.radius, body.turning_radius
+    return RobotSpec(number, name, *shape, start, spare, body.battery, section)
 
 
 def _pose(place: tuple[float, ...]) -> Pose:

@@ -1,4 +1,4 @@
-"""The scenario's sections terrain, robots, sensor and intruders, with units and defaults."""
+"""The scenario's sections terrain, robots, docks, sensor and intruders, with units and defaults."""
 
 from __future__ import annotations
 
@@ -31,9 +31,11 @@ from patrol.values.types import (
     Quality,
     RobotName,
     SensorText,
+    Share,
     Spares,
     Start,
     Starts,
+    Tolerance,
     at_least,
     by_shape,
 )
@@ -41,6 +43,9 @@ from patrol.values.types import (
 GROUND: Final = "ground"
 VERTICES: Final = "vertices"
 """Values of `terrain.patrolled`: all ground that robots can see, or the vertices of the terrain's graph."""
+
+JOULES = 3600.0
+"""J in a Wh."""
 
 DEFAULT_RADIUS = 1.0
 """Radius of the paper's body, m."""
@@ -108,6 +113,41 @@ class TerrainSpec(Section):
         return self
 
 
+class BatterySpec(Section):
+    """A robot's battery, and when the robot charges it."""
+
+    capacity: Positive = Field(description="Wh, of the full battery")
+    idle: NotNegative = Field(0.0, description="W, used at all times, driving or not")
+    drive: NotNegative = Field(0.0, description="J per m driven, used besides")
+    charge: Positive = Field(description="W, that a dock gives a robot that stands at it")
+    start: Share = Field(1.0, description="share of the capacity in it at first")
+    full: Share = Field(0.95, description="share up to which a robot charges before it goes on")
+    reserve: Tolerance = Field(0.1, description="share with which a robot wants to arrive at a dock")
+
+    @property
+    def capacity_j(self) -> float:
+        """The capacity, J."""
+        return JOULES * self.capacity
+
+    @model_validator(mode="after")
+    def _can_be_used_and_charged(self) -> Self:
+        if self.idle == 0.0 == self.drive:
+            raise wrong("", "idle and drive are both 0, so nothing is ever used; give one of them, or drop battery")
+        if self.charge <= self.idle:
+            limit = f"no more than the {self.idle:g} W that the robot uses at rest, so it never charges; give more"
+            raise wrong("charge", limit, self.charge)
+        if self.reserve >= self.full:
+            raise wrong("reserve", f"not below full ({self.full:g}), so a robot never leaves; give less", self.reserve)
+        return self
+
+
+class DockSpec(Section):
+    """A place where one robot at a time charges its battery."""
+
+    place: Corner = Field(description="m, [x, y]")
+    radius: Positive = Field(1.0, description="m, within which a robot's centre has to stand")
+
+
 class Body(Section):
     """The body of a robot."""
 
@@ -115,6 +155,9 @@ class Body(Section):
     speed: Positive = Field(4.4, description="m/s, top speed")
     radius: Positive = Field(DEFAULT_RADIUS, description="m, of the round body")
     turning_radius: Positive = Field(3.5, description="m, tightest turn of a car (unused by other models)")
+    battery: BatterySpec | None = Field(
+        None, description="{capacity: Wh, idle: W, drive: J per m, charge: W, start, full, reserve}; null: never empty"
+    )
 
 
 class RobotGroup(Body):

@@ -21,6 +21,7 @@ from worldsim.verdict.frames.recomputed import FatesAsRecomputed, WithinBandwidt
 from worldsim.verdict.frames.sent import FramesAreTrue, LinksAddUp
 from worldsim.verdict.frames.shares import DelaysAsAsked, LossesAsAsked
 from worldsim.verdict.frames.timing import OnTime
+from worldsim.verdict.robots.battery_checks import BatteriesLast
 from worldsim.verdict.robots.body_checks import BodiesApart, MovesAreTrue
 from worldsim.verdict.robots.motion_checks import MotionAsAsked
 from worldsim.verdict.robots.sense_checks import SensesAsAsked
@@ -60,6 +61,7 @@ CHECKS: tuple[type[Check], ...] = (
     BodiesApart,
     MovesAreTrue,
     MotionAsAsked,
+    BatteriesLast,
     FramesAreTrue,
     FatesAsRecomputed,
     DropsExplained,

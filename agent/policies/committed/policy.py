@@ -121,9 +121,14 @@ class Committed:
         self._least_age = 0
         self._progress_at = 0
         self._on_round = False
+        self._may_be_away = bool(setup.docks)
+        self._decided_at = 0
 
     def decide(self, view: View) -> Intent:
         """Return the way to the target, or to a new one; now and then a random step."""
+        if self._may_be_away and view.tick > self._decided_at + 1:
+            self._forget()
+        self._decided_at = view.tick
         self._separation.keep_apart(view)
         self._on_round = self._is_on_round(view)
         start, wander = view.start, None if self._on_round else self._random_steps.draw(view)
@@ -166,6 +171,14 @@ class Committed:
             self.given_up.add(view.tick, target.stand)
             return None
         return way
+
+    def _forget(self) -> None:
+        """Begin anew, as after a restart: the robot was away to charge, and the others have closed up."""
+        self.target = None
+        if self.ahead is not None and self.spacing is not None:
+            self.ahead.cursor = None
+            self.spacing.robots.clear()
+            self.spacing.heard.clear()
 
     def _is_on_round(self, view: View) -> bool:
         """Return True in a period in which the robots follow the round; take note of where they are on it."""

@@ -30,7 +30,7 @@ from patrol.pose import Pose, pack_command, unpack_command
 from patrol.radio.message import MAX_CONTACTS, MAX_FRAME, MAX_FRAMES
 from patrol.wire import FAIL_FAST, PRINTABLE, Bytes, Finite, Flag, Real, Row, Text, check, unpack
 
-PROTOCOL = 5
+PROTOCOL = 6
 ANYONE = 0
 """The instance in a hello, which is for all processes of a robot."""
 
@@ -111,13 +111,14 @@ class PhaseA(Head):
     @classmethod
     def columns(cls) -> Mapping[str, Any]:  # noqa: D102 - of `Row`
         pose = {"x": Finite, "y": Finite, "heading": Finite}
-        senses = {"bumped": Flag, "contacts": _Contacts, "clock_s": Finite}
+        senses = {"bumped": Flag, "contacts": _Contacts, "clock_s": Finite, "charge": Finite | None}
         return {**Head.columns(), **pose, **senses, "proof": _Proof, "digest": bytes}
 
     @classmethod
     def from_values(cls, *values: Any) -> Self:  # noqa: D102
-        incarnation, instance, k, run, x, y, heading, bumped, contacts, clock_s, *rest = values
-        return cls(incarnation, instance, k, run, Sensed(k, Pose(x, y, heading), bumped, contacts, clock_s), *rest)
+        incarnation, instance, k, run, x, y, heading, bumped, contacts, clock_s, charge, *rest = values
+        sensed = Sensed(k, Pose(x, y, heading), bumped, contacts, clock_s, charge)
+        return cls(incarnation, instance, k, run, sensed, *rest)
 
     def to_values(self) -> tuple[Any, ...]:  # noqa: D102
         sensed, pose = self.sensed, self.sensed.pose
@@ -125,7 +126,8 @@ class PhaseA(Head):
             raise ValueError(f"a phase A of tick {self.k} cannot say what was sensed at tick {sensed.k}")
         pose_values = float(pose.x), float(pose.y), float(pose.heading)
         contacts = [float(value) for contact in sensed.contacts for value in contact]
-        senses = bool(sensed.bumped), contacts, float(sensed.clock_s)
+        charge = None if sensed.charge is None else float(sensed.charge)
+        senses = bool(sensed.bumped), contacts, float(sensed.clock_s), charge
         return self.incarnation, self.instance, self.k, self.run, *pose_values, *senses, self.proof, self.digest
 
 

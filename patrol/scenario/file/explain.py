@@ -18,6 +18,7 @@ from patrol.scenario.model import Scenario
 from patrol.scenario.policies import COMMITTED, PAPER, CommittedOptions, PatrolSpec, PotentialFieldOptions
 from patrol.scenario.radio_spec import MODEL_OPTIONS, AdaptiveSpec, BudgetSpec, RadioSpec
 from patrol.scenario.sections import (
+    DockSpec,
     GraphSpec,
     IntruderSpec,
     RobotEntry,
@@ -32,6 +33,7 @@ _SECTIONS: dict[str, type[Section]] = {
     "sensor": SensorSpec,
     "patrol": PatrolSpec,
     "radio": RadioSpec,
+    "docks": DockSpec,
     "intruders": IntruderSpec,
     "faults": Fault,
     "nemesis": NemesisSpec,

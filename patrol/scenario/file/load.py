@@ -45,6 +45,7 @@ Overrides = Mapping[str, object]
 
 _HASH_FORMAT = "fogwatch-scenario/2"
 _ENTRIES = {
+    "docks": "{place: [10, 10]}",
     "faults": "{kind: kill, at: 60, who: one}",
     "intruders": "{place: [10, 10], at: 60}",
 }
@@ -261,6 +262,8 @@ def _meaning(scenario: Scenario) -> dict[str, Any]:
     if scenario.radio.model == IDEAL:  # as before there were others, so that hashes stay
         for field in ("model", "model_sha256", "options"):
             del meaning["radio"][field]
+    if not scenario.docks:  # as before there were docks, so that hashes stay
+        del meaning["docks"]
     meaning["robots"] = [_robot_meaning(spec) for spec in scenario.roster]
     return meaning
 
@@ -440,7 +443,11 @@ def _robot_meaning(spec: RobotSpec) -> list[Any]:
     start = None if spec.start is None else [spec.start.x, spec.start.y, spec.start.heading]
     turning = spec.turning_radius if spec.model in TURNS_IN_ARCS else None
     meaning = [spec.name, spec.model, spec.speed, spec.radius, turning, start]
-    return [*meaning, "spare"] if spec.spare else meaning
+    if spec.spare:
+        meaning.append("spare")
+    if spec.battery is not None:
+        meaning.append(spec.battery.model_dump(mode="json"))
+    return meaning
 
 
 def _digest(meaning: Mapping[str, Any]) -> str:

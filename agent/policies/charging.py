@@ -1,0 +1,345 @@
+"""Charging: a watch over the battery that sends a robot to a dock in time, whatever its policy.
+
+The watch stands between policy and body. It lets the policy decide until the charge only just suffices for the way to a
+dock; from then on the robot goes there and stays until it has charged. For example, with 45 J for each metre of driving
+and a dock 80 m away, a robot goes when 1.3 * 80 * 45 = 4.7 kJ are left above its reserve.
+
+Robots tell each other where they are and nothing else, so all is inferred from positions:
+
+- *Taken*: a dock is taken while another robot has stood at it for some seconds, or while something has closed it.
+- *Claimed*: of two robots that want one dock, the one with the shorter way goes, at equal lengths the lower number. A
+  robot seems to want a dock while its way there gets shorter at half of its speed or more.
+- *Waiting*: a robot for which no dock is free stands a few lengths away from one, clear of those that leave.
+- *Hand-over*: a robot that charges makes room before it is full where others stand waiting.
+- *Turns*: robots that start together would all want to charge together. So the first time each goes early, by its place
+  among the numbers of the robots with a battery: of six robots the first goes when a sixth of its charge is used.
+- *Not on the round*: a robot that stands at a dock is hidden from the policies of the others, which close up.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.ports import Place, State, Stay
+from agent.routes.ground import Ground
+from agent.routes.routes import Routes
+
+if TYPE_CHECKING:
+    from agent.ports import Intent, Policy, PolicySetup
+    from agent.routes.ground import Spot
+    from agent.view import View
+    from patrol.radio.peers import Peer
+
+DETOUR = 1.3
+"""Charge that is kept for the way to a dock, in what the shortest way needs: others are in the way, and bodies turn."""
+
+STOOD_S = 2.0
+"""A robot that has been at a dock for so long stands there, s; one that drives past does not."""
+
+COURSE_S = 5.0
+"""Time over which a robot's way to a dock is compared, s."""
+
+TOWARDS = 0.5
+"""A robot that wants a dock comes nearer at this share of its speed at least."""
+
+KEEP = 0.8
+"""Weight of the way to the dock that a robot already goes to, so that it does not change its mind at once."""
+
+CLEAR_RADII = 8.0
+"""Distance that waiting robots keep from a dock, in radii of the body, beyond the dock's own radius."""
+
+ENOUGH = 0.5
+"""Share of the capacity from which on a robot makes room for one that waits."""
+
+WAITED_S = 20.0
+"""A robot that has stood near the docks for so long waits for one, s."""
+
+ROUNDED_M = 0.01
+"""Error of a position that was heard, m."""
+
+
+class _Seen(NamedTuple):
+    """A place at which a robot was heard.
+
+    Attributes:
+        tick: At which it was heard.
+        spot: x and y in m.
+    """
+
+    tick: int
+    spot: Spot
+
+
+@dataclass(slots=True)
+class _Dock:
+    """A dock as one robot knows it.
+
+    Attributes:
+        place: x and y in m.
+        radius: m.
+        ways: float32 (h, w), lengths of the ways to it, m; infinity where none leads.
+        point: Row and column of its place.
+        exit: Where a robot goes that leaves it without another aim, x and y in m.
+        used_since: Tick since which something has been at it; None while nothing is.
+    """
+
+    place: Spot
+    radius: float
+    ways: NDArray[np.float32]
+    point: tuple[int, int]
+    exit: Spot
+    used_since: int | None = None
+
+    def holds(self, spot: Spot) -> bool:
+        """Return True if a robot whose centre is heard there is at the dock."""
+        return math.dist(self.place, spot) <= self.radius + ROUNDED_M
+
+
+@dataclass(slots=True)
+class _Other:
+    """Another robot as it was heard.
+
+    Attributes:
+        course: Where it was over the last seconds, oldest first.
+        at: Index of the dock at which it is, or None.
+        since: Tick since which it is there.
+        still_since: Tick since which it has not moved.
+    """
+
+    course: deque[_Seen] = field(default_factory=deque)
+    at: int | None = None
+    since: int = 0
+    still_since: int = 0
+
+
+class Charging:
+    """A policy that charges the robot's battery, and otherwise leaves the decision to another policy.
+
+    Attributes:
+        otherwise: The other policy.
+        goes: Whether the robot is on its way to a dock, waits for one or charges.
+    """
+
+    def __init__(self, setup: PolicySetup, otherwise: Policy) -> None:
+        """Watch a robot of a fleet that has docks.
+
+        Args:
+            setup: As for every policy.
+            otherwise: Decides while there is charge enough.
+        """
+        spec, terrain = setup.spec, setup.terrain
+        self.otherwise = otherwise
+        self.goes = False
+        self._number = spec.number
+        self._battery = spec.battery
+        self._speed = spec.speed
+        self._step = setup.step
+        self._clear_m = CLEAR_RADII * spec.radius
+        self._turn = 1.0
+        if spec.number in setup.charged:
+            self._turn = (setup.charged.index(spec.number) + 1) / len(setup.charged)
+        routes = Routes(Ground(terrain, setup.fields.reach))
+        self._docks: list[_Dock] = []
+        for dock in setup.docks:
+            ways = routes.lengths(dock.place).astype(np.float32)
+            if np.isfinite(ways).any():
+                self._docks.append(_Dock(dock.place, dock.radius, ways, terrain.point_at(*dock.place), dock.place))
+        for dock in self._docks:
+            dock.exit = self._exit_of(dock, terrain.centre)
+        self._others: dict[int, _Other] = {}
+        self._first: float | None = None
+        self._is_first = True
+        self._dock: int | None = None
+
+    def decide(self, view: View) -> Intent:
+        """Let the other policy decide, or go to a dock."""
+        self._listen(view)
+        if self._battery is not None and view.charge is not None and self._docks:
+            charge = view.charge
+            if self._first is None:
+                self._first = charge - self._turn * (charge - self._battery.reserve)
+            if self.goes and self._is_done(view, charge):
+                self.goes, self._dock, self._is_first = False, None, False
+            elif not self.goes and self._is_due(view, charge):
+                self.goes = True
+            if self.goes:
+                return self._to_dock(view, charge)
+        return self._patrol(view)
+
+    # --- what is heard -----------------------------------------------------------------------------------------------
+
+    def _listen(self, view: View) -> None:
+        """Take note of where the others are, and of the docks that something is at."""
+        for number in [number for number in self._others if number not in view.peers]:
+            del self._others[number]
+        for number, peer in view.peers.items():
+            self._note(number, (peer.pose.x, peer.pose.y), peer.tick)
+        is_open = view.ground.open_now
+        used = {other.at for other in self._others.values()}
+        for index, dock in enumerate(self._docks):
+            if index not in used and is_open[dock.point]:
+                dock.used_since = None
+            elif dock.used_since is None:
+                dock.used_since = view.tick
+
+    def _note(self, number: int, spot: Spot, tick: int) -> None:
+        other = self._others.setdefault(number, _Other(still_since=tick))
+        course = other.course
+        if course and course[-1].tick >= tick:
+            return
+        if course and math.dist(course[-1].spot, spot) > 2.0 * ROUNDED_M:
+            other.still_since = tick
+        course.append(_Seen(tick, spot))
+        while course[0].tick < tick - COURSE_S / self._step:
+            course.popleft()
+        at = next((index for index, dock in enumerate(self._docks) if dock.holds(spot)), None)
+        if at != other.at:
+            other.at, other.since = at, tick
+
+    def _lasts(self, since: int | None, tick: int, seconds: float) -> bool:
+        return since is not None and (tick - since) * self._step >= seconds
+
+    def _standing(self, tick: int) -> set[int]:
+        """Return the robots that stand at docks."""
+        found = self._others.items()
+        return {n for n, other in found if other.at is not None and self._lasts(other.since, tick, STOOD_S)}
+
+    def _patrol(self, view: View) -> Intent:
+        """Let the policy decide, without the robots that charge; it does not stand still at a dock."""
+        standing = self._standing(view.tick)
+        if standing:
+            peers: Mapping[int, Peer] = {n: peer for n, peer in view.peers.items() if n not in standing}
+            view = replace(view, peers=peers)
+        intent = self.otherwise.decide(view)
+        if isinstance(intent, Stay):
+            for dock in self._docks:
+                if math.dist(dock.place, (view.pose.x, view.pose.y)) <= dock.radius + view.spec.radius:
+                    return Place(*dock.exit)
+        return intent
+
+    # --- when to go --------------------------------------------------------------------------------------------------
+
+    def _is_due(self, view: View, charge: float) -> bool:
+        """Return True if it is time to charge: the charge just suffices for the way, or it is the robot's turn."""
+        assert self._battery is not None and self._first is not None
+        best = self._choose(view)
+        nearest = best if best is not None else self._nearest(view)
+        if nearest is None:
+            return False
+        way_m = DETOUR * self._way(view, nearest) + 2.0 * view.stride
+        left_j = (charge - self._battery.reserve) * self._battery.capacity_j
+        if left_j <= way_m * (self._battery.drive + self._battery.idle / self._speed):
+            return True
+        return self._is_first and best is not None and charge <= self._first
+
+    def _is_done(self, view: View, charge: float) -> bool:
+        """Return True if the robot has charged, or has enough and makes room for one that waits."""
+        assert self._battery is not None
+        if charge >= self._battery.full:
+            return True
+        if self._dock is None or not self._docks[self._dock].holds((view.pose.x, view.pose.y)):
+            return False
+        if charge < max(ENOUGH, 2.0 * self._battery.reserve):
+            return False
+        taken = [index for index in range(len(self._docks)) if index != self._dock and self._is_taken(index, view.tick)]
+        waiting = [
+            other
+            for other in self._others.values()
+            if other.at is None and self._lasts(other.still_since, view.tick, WAITED_S) and self._is_near(other)
+        ]
+        return len(taken) == len(self._docks) - 1 and bool(waiting)
+
+    def _is_near(self, other: _Other) -> bool:
+        """Return True if a robot is where robots wait."""
+        spot = other.course[-1].spot
+        return any(math.dist(dock.place, spot) <= dock.radius + 2.0 * self._clear_m for dock in self._docks)
+
+    # --- where to ----------------------------------------------------------------------------------------------------
+
+    def _to_dock(self, view: View, charge: float) -> Intent:
+        del charge
+        pose = view.pose.x, view.pose.y
+        self._dock = self._choose(view)
+        if self._dock is not None:
+            dock = self._docks[self._dock]
+            centre = view.place_of(dock.point)
+            if math.dist(dock.place, pose) <= max(0.5 * dock.radius, math.dist(dock.place, centre) + ROUNDED_M):
+                return Stay(State.CHARGING)
+            state = State.CHARGING if dock.holds(pose) else State.DOCKING
+            return self._place(view, centre, state)
+        nearest = self._nearest(view)
+        if nearest is None:
+            return Stay(State.DOCKING)
+        dock = self._docks[nearest]
+        clear_m = dock.radius + self._clear_m
+        if self._way(view, nearest) > 1.5 * clear_m:
+            return self._place(view, view.place_of(dock.point), State.DOCKING)
+        if self._way(view, nearest) < clear_m and any(other.holds(pose) for other in self._docks):
+            return self._place(view, dock.exit, State.DOCKING)
+        return Stay(State.DOCKING)
+
+    def _place(self, view: View, spot: Spot, state: str) -> Intent:
+        way = view.way(spot)
+        if way is None:
+            return Place(*spot, state=state)
+        return Place(*way.place, bend=way.bend, exact=True, state=state)
+
+    def _way(self, view: View, index: int) -> float:
+        return self._length(index, (view.pose.x, view.pose.y), view)
+
+    def _length(self, index: int, spot: Spot, view: View) -> float:
+        """Return the length of the way from x and y in m to a dock, m; as the crow flies where no way is known."""
+        dock = self._docks[index]
+        length = float(dock.ways[view.point_of(spot)])
+        return length if math.isfinite(length) else math.dist(dock.place, spot)
+
+    def _is_taken(self, index: int, tick: int) -> bool:
+        return self._lasts(self._docks[index].used_since, tick, STOOD_S)
+
+    def _nearest(self, view: View) -> int | None:
+        """Return the index of the nearest dock, taken or not."""
+        return min(range(len(self._docks)), key=lambda index: (self._way(view, index), index), default=None)
+
+    def _choose(self, view: View) -> int | None:
+        """Return the index of the dock to go to: the nearest that is not taken, best one that none claims; or None."""
+        pose = view.pose.x, view.pose.y
+        best: tuple[bool, float, int] | None = None
+        for index, dock in enumerate(self._docks):
+            if index == self._dock and dock.holds(pose):
+                return index
+            if self._is_taken(index, view.tick):
+                continue
+            way_m = self._way(view, index)
+            claimed = any(self._claims(number, index, way_m, view) for number in self._others)
+            key = claimed, way_m * (KEEP if index == self._dock else 1.0), index
+            best = key if best is None else min(best, key)
+        return None if best is None else best[2]
+
+    def _claims(self, number: int, index: int, own_m: float, view: View) -> bool:
+        """Return True if another robot goes to a dock, and has the shorter way."""
+        other = self._others[number]
+        first, last = other.course[0], other.course[-1]
+        passed_s = (last.tick - first.tick) * self._step
+        if passed_s <= 0.0 or other.at is not None:
+            return False
+        way_m = self._length(index, last.spot, view)
+        if (way_m, number) > (own_m, self._number):
+            return False
+        return self._length(index, first.spot, view) - way_m >= TOWARDS * self._speed * passed_s
+
+    def _exit_of(self, dock: _Dock, centre: Callable[[int, int], Spot]) -> Spot:
+        """Return the nearest place that is clear of all docks, x and y in m; the dock's own where there is none."""
+        clear = np.isfinite(dock.ways)
+        for other in self._docks:
+            clear &= other.ways > other.radius + 0.5 * self._clear_m
+        if not clear.any():
+            return dock.place
+        row, col = np.unravel_index(int(np.where(clear, dock.ways, np.inf).argmin()), dock.ways.shape)
+        return centre(int(row), int(col))
