@@ -105,6 +105,7 @@ class View:
         routes: Lengths of ways, from here and from elsewhere.
         chance: What `draw` asks.
         charge: Share of the robot's battery that is left; None for a robot without a battery.
+        charging: Numbers of the robots that stand at docks; they are not among `peers`.
     """
 
     tick: int
@@ -122,6 +123,7 @@ class View:
     routes: Routes
     chance: Draw
     charge: float | None = None
+    charging: frozenset[int] = frozenset()
 
     def draw(self, index: int = 0, purpose: Purpose = Purpose.POLICY) -> float:
         """Draw a random number in [0, 1); within a tick, the same question has the same answer.

@@ -11,6 +11,7 @@ Robots tell each other where they are and nothing else, so all is inferred from 
   robot seems to want a dock while its way there gets shorter at half of its speed or more.
 - *Waiting*: a robot for which no dock is free stands a few lengths away from one, clear of those that leave.
 - *Hand-over*: a robot that charges makes room before it is full where others stand waiting.
+- *Passing*: a robot that will have to charge soon does so when its patrol leads it past a free dock.
 - *Turns*: robots that start together would all want to charge together. So the first time each goes early, by its place
   among the numbers of the robots with a battery: of six robots the first goes when a sixth of its charge is used.
 - *Not on the round*: a robot that stands at a dock is hidden from the policies of the others, which close up.
@@ -60,6 +61,12 @@ ENOUGH = 0.5
 
 WAITED_S = 20.0
 """A robot that has stood near the docks for so long waits for one, s."""
+
+PASSING_S = 8.0
+"""A robot that a free dock is so near to, in time at top speed, s, charges `EARLY` already: it need not go back."""
+
+EARLY = 0.2
+"""Share of the capacity by which it is early then: about what one time around uses."""
 
 ROUNDED_M = 0.01
 """Error of a position that was heard, m."""
@@ -154,8 +161,7 @@ class Charging:
         for dock in self._docks:
             dock.exit = self._exit_of(dock, terrain.centre)
         self._others: dict[int, _Other] = {}
-        self._first: float | None = None
-        self._is_first = True
+        self._first = True
         self._dock: int | None = None
 
     def decide(self, view: View) -> Intent:
@@ -163,10 +169,8 @@ class Charging:
         self._listen(view)
         if self._battery is not None and view.charge is not None and self._docks:
             charge = view.charge
-            if self._first is None:
-                self._first = charge - self._turn * (charge - self._battery.reserve)
             if self.goes and self._is_done(view, charge):
-                self.goes, self._dock, self._is_first = False, None, False
+                self.goes, self._dock, self._first = False, None, False
             elif not self.goes and self._is_due(view, charge):
                 self.goes = True
             if self.goes:
@@ -216,7 +220,7 @@ class Charging:
         standing = self._standing(view.tick)
         if standing:
             peers: Mapping[int, Peer] = {n: peer for n, peer in view.peers.items() if n not in standing}
-            view = replace(view, peers=peers)
+            view = replace(view, peers=peers, charging=frozenset(standing))
         intent = self.otherwise.decide(view)
         if isinstance(intent, Stay):
             for dock in self._docks:
@@ -228,16 +232,23 @@ class Charging:
 
     def _is_due(self, view: View, charge: float) -> bool:
         """Return True if it is time to charge: the charge just suffices for the way, or it is the robot's turn."""
-        assert self._battery is not None and self._first is not None
+        battery = self._battery
+        assert battery is not None
         best = self._choose(view)
         nearest = best if best is not None else self._nearest(view)
         if nearest is None:
             return False
-        way_m = DETOUR * self._way(view, nearest) + 2.0 * view.stride
-        left_j = (charge - self._battery.reserve) * self._battery.capacity_j
-        if left_j <= way_m * (self._battery.drive + self._battery.idle / self._speed):
+        direct_m = self._way(view, nearest)
+        way_m = DETOUR * direct_m + 2.0 * view.stride
+        left_j = (charge - battery.reserve) * battery.capacity_j
+        if left_j <= way_m * (battery.drive + battery.idle / self._speed):
             return True
-        return self._is_first and best is not None and charge <= self._first
+        turn = battery.reserve
+        if self._first:
+            turn += (1.0 - self._turn) * (battery.full - battery.reserve)
+        passes = direct_m <= PASSING_S * self._speed
+        early = min(EARLY, 0.5 * (battery.full - turn)) if passes else 0.0
+        return best is not None and charge <= turn + early
 
     def _is_done(self, view: View, charge: float) -> bool:
         """Return True if the robot has charged, or has enough and makes room for one that waits."""
@@ -328,7 +339,7 @@ class Charging:
         first, last = other.course[0], other.course[-1]
         passed_s = (last.tick - first.tick) * self._step
         if passed_s <= 0.0 or other.at is not None:
-            return False
+            return other.at == index
         way_m = self._length(index, last.spot, view)
         if (way_m, number) > (own_m, self._number):
             return False

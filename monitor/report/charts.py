@@ -12,7 +12,7 @@ from monitor.observation.fault_bands import INTRUDER, Band, lanes
 from monitor.replay.belief_errors import BeliefErrors
 from monitor.replay.run import Run
 from monitor.report.style import ACCENT, ALERT, GRID, INK, MUTED, colour, figure, plain
-from patrol.journal.records import DEAD_END, Status
+from patrol.journal.records import CHARGING, DEAD_END, DOCKING, Status
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,6 +41,8 @@ STATES: tuple[tuple[str, str], ...] = (
     ("dead end", "#e69f00"),
     ("surrounding", "#009e73"),
     ("holding", "#f0e442"),
+    ("docking", "#e8b7d0"),
+    ("charging", "#cc79a7"),
     ("other", "#0072b2"),
     ("no decision", "#b9a3c9"),
     ("paused", "#9aa3ad"),
@@ -49,7 +51,8 @@ STATES: tuple[tuple[str, str], ...] = (
 )
 """The states of a robot in the chart, with their colours."""
 
-_PATROLLING, _DEAD_END, _SURROUNDING, _HOLDING, _OTHER, _SILENT, _PAUSED, _GONE, _AWAY = range(len(STATES))
+_PATROLLING, _DEAD_END, _SURROUNDING, _HOLDING, _DOCKING, _CHARGING = range(6)
+_OTHER, _SILENT, _PAUSED, _GONE, _AWAY = range(6, len(STATES))
 
 
 def mfow_chart(run: Run, bands: Sequence[Band], tour_s: float | None = None) -> Figure:
@@ -156,6 +159,7 @@ def state_codes(run: Run) -> NDArray[np.uint8]:
     """uint8 (ticks, n), index in `STATES` of each robot's state."""
     status, labels = run.status, run.labels
     kinds = {"": _SILENT, DEAD_END: _DEAD_END}
+    kinds |= {DOCKING: _DOCKING, CHARGING: _CHARGING}
     kinds |= {"patrolling": _PATROLLING, "surrounding": _SURROUNDING, "holding": _HOLDING}
     doing = np.array([kinds.get(label, _OTHER) for label in labels], dtype=np.uint8)[run.states]
     doing[status == Status.PAUSED] = _PAUSED

@@ -142,6 +142,7 @@ def report_html(analysis: Analysis, figures: Sequence[Drawing], going: bool = Fa
         html.section("fog", "Fog", html.figure(of.get("mfow")), _stalest(run), _pair(of, "fog-mean", "fog-worst")),
         html.section("visits", "Time between visits", html.figure(of.get("gaps"))),
         html.section("robots", "Robots", html.figure(of.get("states")), _robots(run), html.figure(of.get("troubles"))),
+        html.section("batteries", "Batteries", _batteries(run)),
         html.section("paths", "Paths", html.figure(of.get("paths"))),
         html.section("links", "Radio", html.figure(of.get("links")), html.figure(of.get("radio")), links_section(run)),
         html.section("belief", "Belief error", _belief(analysis), html.figure(of.get("belief"))),
@@ -318,6 +319,25 @@ def _intruders(analysis: Analysis) -> str:
     heads = ("intruder", "place (m)", "from (s)", "to (s)", "first reported at (s)", "reported for (s)")
     more = ("surrounded for (s)", "robots around it at most")
     return html.table((*heads, *more), rows, numbers=range(2, 8)) if rows else ""
+
+
+def _batteries(run: Run) -> str:
+    """Describe the charge of each robot that has a battery, from the summary."""
+    rows = [
+        (
+            name,
+            f"{100.0 * battery.least_share:.0f}",
+            f"{100.0 * battery.end_share:.0f}",
+            f"{battery.charges}",
+            f"{battery.docked_s:.0f}",
+            f"{100.0 * battery.patrol_share:.0f}",
+            "never" if battery.empty_s is None else f"{battery.empty_s:g}",
+        )
+        for name, robot in run.stated.robots.items()
+        if (battery := robot.battery) is not None
+    ]
+    heads = ("robot", "least charge (%)", "at the end (%)", "times charged", "charged for (s)", "on patrol (%)")
+    return html.table((*heads, "empty at (s)"), rows, numbers=range(1, 7)) if rows else ""
 
 
 def _fault_counts(kind: str, facts: FaultFacts) -> str:

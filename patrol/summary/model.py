@@ -145,6 +145,26 @@ class Messages(_Part):
     forged: Annotated[int, Metric("forged frames, which no other number here counts")] = 0
 
 
+class BatteryFigures(_Part):
+    """The charge of one robot over a run.
+
+    Attributes:
+        least_share: Least share of the capacity that was in the battery.
+        end_share: The same at the end.
+        charges: Number of times that it began to charge.
+        docked_s: Time for which it charged, s.
+        patrol_share: Share of its living time in which it was neither on its way to a dock, nor waiting, nor charging.
+        empty_s: When the battery first was empty, s; None for never.
+    """
+
+    least_share: float
+    end_share: float
+    charges: int = 0
+    docked_s: float = 0.0
+    patrol_share: float = 1.0
+    empty_s: float | None = None
+
+
 class RobotFigures(_Part):
     """The metrics of one robot."""
 
@@ -191,6 +211,9 @@ class RobotFigures(_Part):
     ] = None
     decision_ms_p99: Annotated[
         float | None, Metric("99th percentile of the wall time of a decision", "ms", "p99", better="lower")
+    ] = None
+    battery: Annotated[
+        BatteryFigures | None, Metric("with a battery only: [its charge over the run](energy.md#figures)")
     ] = None
     bytes: Annotated[int, Metric("size of its own frames, each counted once")] = 0
     sent: Annotated[int, Metric("its own frames, counted for each receiver")] = 0

@@ -11,6 +11,7 @@ from patrol.measures.best_tour import best_tour
 from patrol.measures.nodes import node_totals
 from patrol.summary.model import Summary
 from patrol.summary.totals import RunTotals
+from worldsim.output.battery_facts import BatteryTotals
 from worldsim.output.direct_radio import as_measured
 from worldsim.output.intruder_facts import IntruderTotals
 from worldsim.output.traffic import Traffic
@@ -38,12 +39,14 @@ class Totals:
         self._traffic = Traffic(header, events)
         self._intruders = IntruderTotals(header, events)
         self._nodes = node_totals(header)
+        self._batteries = BatteryTotals(header)
 
     def tick(self, record: TickRecord) -> None:
         """Add the next tick."""
         self._run.tick(record)
         self._traffic.tick(record)
         self._intruders.tick(record)
+        self._batteries.tick(record)
         if self._nodes is not None:
             self._nodes.tick(record)
 
@@ -87,6 +90,8 @@ class Totals:
                 "longest_stay_s": None if stay is None else stay.seconds,
                 "longest_stay": None if stay is None else asdict(stay),
             }
+        for name, figures in self._batteries.figures().items():
+            document["robots"][name]["battery"] = figures
         if header.scenario["radio"].get("via") == "direct":
             document = as_measured(document, journal)
         return Summary.model_validate(document)

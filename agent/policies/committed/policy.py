@@ -184,7 +184,8 @@ class Committed:
         """Return True in a period in which the robots follow the round; take note of where they are on it."""
         if self.ahead is None or self.spacing is None or self.periods is None:
             return False
-        certain = self.spacing.listen(view)
+        # A robot that charges learns nothing meanwhile, and all robots have to choose the same.
+        certain = self.spacing.listen(view) and not self._may_be_away
         team = self.spacing.team
         if not self.periods.update(view.tick, view.mfow, team, self.ahead.interval(team), certain=certain):
             self.ahead.cursor = None

@@ -157,7 +157,11 @@ class Spacing:
             True if each of them was heard in this tick, where it can be: this robot has missed nothing.
         """
         before, memory = self.heard, MEMORY * self.round.length_m / view.stride / self.whole
-        self.heard = {number: heard for number, heard in before.items() if view.tick - heard.tick <= memory}
+        self.heard = {
+            number: heard
+            for number, heard in before.items()
+            if view.tick - heard.tick <= memory and number not in view.charging
+        }
         for number in self.followers & view.peers.keys():
             peer = view.peers[number]
             self.heard[number] = Heard((peer.pose.x, peer.pose.y), peer.tick)

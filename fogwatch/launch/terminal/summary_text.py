@@ -94,6 +94,7 @@ def measures(summary: Summary) -> list[str]:
     lines += _radio(summary)
     if summary.intruders:
         lines.append(f"intruders   {_intruders(summary.intruders)}")
+    lines += _batteries(summary.robots)
     if deadlines := summary.deadlines:
         frames, commands = sum(deadlines.late_frames.values()), sum(deadlines.late_commands.values())
         late = sum(deadlines.too_late.values())
@@ -138,6 +139,20 @@ def _intruders(intruders: Sequence[IntruderFacts]) -> str:
         return f"{text}; never surrounded"
     robots = max(facts.most_robots for _, facts in reported)
     return f"{text}; surrounded for {surrounded_s:g} s, by at most {robots} robots"
+
+
+def _batteries(robots: Mapping[str, RobotFigures]) -> list[str]:
+    """Describe how far batteries ran down, how often robots charged, and which got empty; nothing without batteries."""
+    batteries = {name: robot.battery for name, robot in robots.items() if robot.battery is not None}
+    if not batteries:
+        return []
+    name, least = min(batteries.items(), key=lambda item: item[1].least_share)
+    charges = sum(battery.charges for battery in batteries.values())
+    patrol = sum(battery.patrol_share for battery in batteries.values()) / len(batteries)
+    line = f"batteries   least charge {100.0 * least.least_share:.0f} % ({name}), charged {charges} times"
+    empty = [name for name, battery in batteries.items() if battery.empty_s is not None]
+    line += f", {100.0 * patrol:.0f} % of the time on patrol"
+    return [f"{line}; empty: {', '.join(empty[:MOST_ROBOTS])}" if empty else line]
 
 
 def _bounds(summary: Summary, tour: str) -> str:

@@ -1,0 +1,164 @@
+"""The watch over the battery: robots charge in time, one at each dock, and the others do without them meanwhile."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from agent.build import build_mind
+from agent.policies.charging import Charging
+from agent.policies.surround.surround import Surround
+from agent.ports import Intent, Place, State, Stay
+from experiments.inprocess import run_in_process
+from patrol.exchange import Sensed
+from patrol.journal import TickRecord
+from patrol.pose import Pose
+from patrol.prepare import prepare
+from patrol.radio.message import Position, encode
+from patrol.scenario import Scenario, load_scenario
+
+if TYPE_CHECKING:
+    from agent.mind import Mind
+    from agent.view import View
+
+BATTERY = {"capacity": 3.0, "idle": 10.0, "drive": 30.0, "charge": 200.0}
+"""10.8 kJ; enough for 196 s of driving at 1.5 m/s."""
+DOCKS = [{"place": [10.5, 10.5]}, {"place": [90.5, 10.5]}]
+
+
+def scenario(count: int = 3, duration: float = 1200.0, docks: Any = DOCKS, **more: Any) -> Scenario:
+    robots = {"count": count, "model": "holonomic", "radius": 0.4, "speed": 1.5, "battery": BATTERY}
+    raw = {"terrain": {"builtin": "open"}, "point": 1.0, "duration": duration, "robots": robots, "docks": docks}
+    return load_scenario({**raw, **more})
+
+
+class Told:
+    """A policy that always wants the same, and keeps what it was shown."""
+
+    def __init__(self, intent: Intent) -> None:
+        self.intent = intent
+        self.views: list[View] = []
+
+    def decide(self, view: View) -> Intent:
+        self.views.append(view)
+        return self.intent
+
+
+class Fleet:
+    """One mind that hears others where a test puts them."""
+
+    def __init__(self, setting: Scenario, intent: Intent = Stay()) -> None:
+        self.mind: Mind = build_mind(prepare(setting), 1)
+        assert isinstance(self.mind.policy, Charging)
+        self.watch = self.mind.policy
+        self.watch.otherwise = self.told = Told(intent)
+        self.k = 0
+
+    def step(self, charge: float | None, own: tuple[float, float], others: Mapping[int, tuple[float, float]]) -> str:
+        """Decide once; the state that the mind reports."""
+        frames = [encode(Position.of(n, self.k, 0.5 * self.k, Pose(*spot, 0.0)), None) for n, spot in others.items()]
+        decision = self.mind.step(Sensed(self.k, Pose(*own, 0.0), clock_s=0.5 * self.k, charge=charge), frames)
+        self.goal = decision.goal
+        self.k += 1
+        return decision.state
+
+
+def test_without_docks_there_is_no_watch() -> None:
+    plain = load_scenario({"terrain": {"builtin": "open"}, "point": 1.0})
+    assert isinstance(build_mind(prepare(plain), 1).policy, Surround)
+
+
+def test_a_robot_goes_when_the_charge_just_suffices_for_the_way() -> None:
+    fleet = Fleet(scenario(count=1))
+    # 40 m away, at 30 + 10 / 1.5 J per m and 1.3 times the way: about 2 kJ of 10.8, above the reserve of 0.1.
+    for charge, state in ((0.9, State.HOLDING), (0.4, State.HOLDING), (0.25, State.DOCKING), (0.9, State.DOCKING)):
+        assert fleet.step(charge, (50.5, 10.5), {}) == state, charge
+    assert fleet.step(0.96, (50.5, 10.5), {}) == State.HOLDING
+
+
+def test_a_robot_that_does_not_know_its_charge_is_left_alone() -> None:
+    fleet = Fleet(scenario(count=1))
+    assert fleet.step(None, (50.5, 10.5), {}) == State.HOLDING
+
+
+def test_it_takes_the_nearest_dock_at_which_nobody_stands() -> None:
+    fleet = Fleet(scenario(count=2))
+    for _ in range(6):
+        fleet.step(0.95, (30.5, 10.5), {2: (10.5, 10.5)})
+    assert fleet.step(0.1, (30.5, 10.5), {2: (10.5, 10.5)}) == State.DOCKING
+    assert fleet.goal == (90.5, 10.5)
+
+
+def test_of_two_that_want_one_dock_the_nearer_goes() -> None:
+    for ahead, goal in ((25.5, (90.5, 10.5)), (60.5, (10.5, 10.5))):
+        fleet = Fleet(scenario(count=2))
+        for k in range(12):
+            fleet.step(1.0, (45.5, 10.5), {2: (ahead - 0.75 * k, 10.5)})
+        fleet.step(0.1, (45.5, 10.5), {2: (ahead - 0.75 * 12, 10.5)})
+        assert fleet.goal == goal, ahead
+
+
+def test_without_a_free_dock_it_waits_clear_of_them() -> None:
+    fleet = Fleet(scenario(count=2, docks=DOCKS[:1]))
+    for _ in range(6):
+        fleet.step(1.0, (40.5, 10.5), {2: (10.5, 10.5)})
+    assert fleet.step(0.1, (40.5, 10.5), {2: (10.5, 10.5)}) == State.DOCKING
+    assert fleet.goal is not None
+    assert fleet.step(0.1, (15.5, 10.5), {2: (10.5, 10.5)}) == State.DOCKING
+    assert fleet.goal is None
+
+
+def test_one_that_stands_at_a_dock_is_hidden_from_the_policy_and_one_that_passes_is_not() -> None:
+    fleet = Fleet(scenario(count=3))
+    for k in range(8):
+        fleet.step(1.0, (50.5, 50.5), {2: (10.5, 10.5), 3: (5.0 + 1.5 * k, 10.5)})
+    assert [set(view.peers) for view in fleet.told.views][0] == {2, 3}
+    assert [set(view.peers) for view in fleet.told.views][-1] == {3}
+    assert fleet.told.views[-1].charging == {2}
+
+
+def test_a_policy_that_stands_still_does_not_block_a_dock() -> None:
+    fleet = Fleet(scenario(count=1))
+    assert fleet.step(0.99, (10.5, 10.5), {}) != State.HOLDING
+    assert fleet.goal is not None
+    assert math.dist(fleet.goal, (10.5, 10.5)) > 1.5
+    assert fleet.step(0.99, (50.5, 50.5), {}) == State.HOLDING
+
+
+def test_one_that_charges_makes_room_for_one_that_waits() -> None:
+    fleet = Fleet(scenario(count=2, docks=DOCKS[:1]), Place(50.0, 50.0))
+    for _ in range(50):
+        assert fleet.step(0.3, (10.5, 10.5), {2: (15.5, 10.5)}) == State.CHARGING
+    assert fleet.step(0.7, (10.5, 10.5), {2: (15.5, 10.5)}) == State.PATROLLING
+
+
+def test_a_robot_that_has_to_charge_soon_does_so_in_passing() -> None:
+    for charge, far, near in ((0.5, State.HOLDING, State.HOLDING), (0.29, State.HOLDING, State.DOCKING)):
+        fleet = Fleet(scenario(count=1))
+        assert [fleet.step(charge, (x, 10.5), {}) for x in (40.5, 18.5)] == [far, near]
+
+
+@pytest.mark.parametrize("policy", ["committed", "potential-field", "cr"])
+def test_nobody_strands_whatever_the_policy(policy: str) -> None:
+    setting = scenario(duration=480.0, patrol={"policy": policy})
+    longest = dict.fromkeys(range(1, 4), 0)
+    together = 0
+
+    def look(record: TickRecord) -> None:
+        nonlocal together
+        at = [[r.number for r in record.robots if math.dist(d.place, (r.x, r.y)) <= d.radius] for d in setting.docks]
+        together = max(together, *map(len, at))
+        for row in record.robots:
+            idles = any(row.number in numbers for numbers in at) and row.state != State.CHARGING
+            longest[row.number] = longest[row.number] + 1 if idles else 0
+            assert longest[row.number] * setting.step < 120.0
+
+    outcome = run_in_process(setting, keep=False, verify_fog=False, progress=look)
+    assert outcome.verdict.valid, outcome.verdict.failed
+    assert not [line for line in outcome.verdict.warnings if "battery" in line]
+    batteries = [robot.battery for robot in outcome.summary.robots.values()]
+    assert all(battery is not None and battery.charges >= 1 and battery.least_share > 0.02 for battery in batteries)
+    assert together == 1
