@@ -166,9 +166,10 @@ def prepare(scenario: Scenario, terrain: Terrain | None = None) -> Prepared:
         terrain: The ground, if the caller has it.
 
     Raises:
-        BadInput: For an unusable map, for intruders and critical areas that are not on passable ground, for docks that no robot gets to, for starts that
-            do not fit, for a graph that is not all on the terrain, for vertices that are to be patrolled and that no
-            robot sees, for bodies too wide for the terrain and for regions that do not make a split.
+        BadInput: For an unusable map, for intruders and critical areas that are not on passable ground, for docks that
+            no robot gets to, for starts that do not fit, for a graph that is not all on the terrain, for vertices that
+            are to be patrolled and that no robot sees, for bodies too wide for the terrain and for regions that do not
+            make a split.
     """
     from patrol.ground.maps import load_terrain  # here: loading a prepared scenario needs neither
     from patrol.starts import place_starts

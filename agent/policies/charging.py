@@ -10,8 +10,9 @@ Robots tell each other where they are and nothing else, so all is inferred from 
 - *Claimed*: of two robots that want one dock, the one with the shorter way goes, at equal lengths the lower number. A
   robot seems to want a dock while its way there gets shorter at half of its speed or more.
 - *Waiting*: a robot for which no dock is free stands a few lengths away from one, clear of those that leave.
-- *Hand-over*: a robot that charges makes room before it is full where others stand waiting.
 - *Passing*: a robot that will have to charge soon does so when its patrol leads it past a free dock.
+- *Hand-over*: it also stops beside a dock where another has charged for long. A robot that charges and has enough makes
+  room for one that stands beside its dock. So one joins the patrol where and when one leaves it.
 - *Turns*: robots that start together would all want to charge together. So the first time each goes early, by its place
   among the numbers of the robots with a battery: of six robots the first goes when a sixth of its charge is used.
 - *Not on the round*: a robot that stands at a dock is hidden from the policies of the others, which close up.
@@ -56,11 +57,20 @@ KEEP = 0.8
 CLEAR_RADII = 8.0
 """Distance that waiting robots keep from a dock, in radii of the body, beyond the dock's own radius."""
 
-ENOUGH = 0.5
+ENOUGH = 0.65
 """Share of the capacity from which on a robot makes room for one that waits."""
 
-WAITED_S = 20.0
-"""A robot that has stood near the docks for so long waits for one, s."""
+WAITED_S = 4.0
+"""A robot that has stood beside a dock for so long waits for it, s."""
+
+RELIEF = 0.35
+"""Share of the capacity by which a robot is early that passes a dock where another has charged for long."""
+
+ANSWER_S = 15.0
+"""Time for which it waits beside that dock for the other to make room, s."""
+
+PAUSE_S = 120.0
+"""Time after which it asks again, s."""
 
 PASSING_S = 8.0
 """A robot that a free dock is so near to, in time at top speed, s, charges `EARLY` already: it need not go back."""
@@ -147,6 +157,7 @@ class Charging:
         self._number = spec.number
         self._battery = spec.battery
         self._speed = spec.speed
+        self._use_per_m = 0.0 if spec.battery is None else spec.battery.drive + spec.battery.idle / spec.speed
         self._step = setup.step
         self._clear_m = CLEAR_RADII * spec.radius
         self._turn = 1.0
@@ -163,6 +174,8 @@ class Charging:
         self._others: dict[int, _Other] = {}
         self._first = True
         self._dock: int | None = None
+        self._asks: int | None = None
+        self._asked_at = -(2**30)
 
     def decide(self, view: View) -> Intent:
         """Let the other policy decide, or go to a dock."""
@@ -174,7 +187,9 @@ class Charging:
             elif not self.goes and self._is_due(view, charge):
                 self.goes = True
             if self.goes:
-                return self._to_dock(view, charge)
+                return self._to_dock(view)
+            if self._asks_for_room(view, charge):
+                return Stay(State.DOCKING)
         return self._patrol(view)
 
     # --- what is heard -----------------------------------------------------------------------------------------------
@@ -241,7 +256,7 @@ class Charging:
         direct_m = self._way(view, nearest)
         way_m = DETOUR * direct_m + 2.0 * view.stride
         left_j = (charge - battery.reserve) * battery.capacity_j
-        if left_j <= way_m * (battery.drive + battery.idle / self._speed):
+        if left_j <= way_m * self._use_per_m:
             return True
         turn = battery.reserve
         if self._first:
@@ -249,6 +264,30 @@ class Charging:
         passes = direct_m <= PASSING_S * self._speed
         early = min(EARLY, 0.5 * (battery.full - turn)) if passes else 0.0
         return best is not None and charge <= turn + early
+
+    def _asks_for_room(self, view: View, charge: float) -> bool:
+        """Return True while the robot stands beside a dock for another to make room; it goes there when that does."""
+        battery, tick = self._battery, view.tick
+        assert battery is not None
+        if self._asks is not None:
+            if not self._is_taken(self._asks, tick):
+                self.goes, self._dock, self._asks = True, self._asks, None
+                return True
+            if not self._lasts(self._asked_at, tick, ANSWER_S):
+                return True
+            self._asks = None
+        nearest = self._nearest(view)
+        if nearest is None or charge > battery.reserve + RELIEF or not self._lasts(self._asked_at, tick, PAUSE_S):
+            return False
+        dock, way_m = self._docks[nearest], self._way(view, nearest)
+        if not dock.radius + 0.5 * self._clear_m <= way_m <= dock.radius + 2.0 * self._clear_m:
+            return False
+        charged = [tick - other.since for other in self._others.values() if other.at == nearest]
+        gained_j = max(charged, default=0) * self._step * (battery.charge - battery.idle)
+        if gained_j < (ENOUGH - battery.reserve) * battery.capacity_j:
+            return False
+        self._asks, self._asked_at = nearest, tick
+        return True
 
     def _is_done(self, view: View, charge: float) -> bool:
         """Return True if the robot has charged, or has enough and makes room for one that waits."""
@@ -259,23 +298,17 @@ class Charging:
             return False
         if charge < max(ENOUGH, 2.0 * self._battery.reserve):
             return False
-        taken = [index for index in range(len(self._docks)) if index != self._dock and self._is_taken(index, view.tick)]
-        waiting = [
-            other
+        reach_m = self._docks[self._dock].radius + 2.0 * self._clear_m + view.stride
+        return any(
+            other.at is None
+            and self._lasts(other.still_since, view.tick, WAITED_S)
+            and self._length(self._dock, other.course[-1].spot, view) <= reach_m
             for other in self._others.values()
-            if other.at is None and self._lasts(other.still_since, view.tick, WAITED_S) and self._is_near(other)
-        ]
-        return len(taken) == len(self._docks) - 1 and bool(waiting)
-
-    def _is_near(self, other: _Other) -> bool:
-        """Return True if a robot is where robots wait."""
-        spot = other.course[-1].spot
-        return any(math.dist(dock.place, spot) <= dock.radius + 2.0 * self._clear_m for dock in self._docks)
+        )
 
     # --- where to ----------------------------------------------------------------------------------------------------
 
-    def _to_dock(self, view: View, charge: float) -> Intent:
-        del charge
+    def _to_dock(self, view: View) -> Intent:
         pose = view.pose.x, view.pose.y
         self._dock = self._choose(view)
         if self._dock is not None:
@@ -320,7 +353,7 @@ class Charging:
 
     def _choose(self, view: View) -> int | None:
         """Return the index of the dock to go to: the nearest that is not taken, best one that none claims; or None."""
-        pose = view.pose.x, view.pose.y
+        pose, nearest = (view.pose.x, view.pose.y), self._nearest(view)
         best: tuple[bool, float, int] | None = None
         for index, dock in enumerate(self._docks):
             if index == self._dock and dock.holds(pose):
@@ -328,6 +361,10 @@ class Charging:
             if self._is_taken(index, view.tick):
                 continue
             way_m = self._way(view, index)
+            if self._battery is not None and view.charge is not None:
+                left_j = view.charge * self._battery.capacity_j
+                if self.goes and DETOUR * way_m * self._use_per_m > left_j and index != nearest:
+                    continue
             claimed = any(self._claims(number, index, way_m, view) for number in self._others)
             key = claimed, way_m * (KEEP if index == self._dock else 1.0), index
             best = key if best is None else min(best, key)

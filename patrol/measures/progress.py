@@ -164,7 +164,8 @@ def judged_places(record: TickRecord) -> tuple[dict[int, Place], list[int]]:
     """Give the places of the robots in a tick, and the robots that are free to stay there.
 
     A robot that does not take part is free (paused, dead, lost, absent, left), and so is one that surrounds an
-    intruder, charges or waits for a dock. A robot that no other hears, or whose senses are wrong, is not: it patrols, and it should get on.
+    intruder, charges or waits for a dock. A robot that no other hears, or whose senses are wrong, is not: it patrols,
+    and it should get on.
 
     Args:
         record: Of the tick.

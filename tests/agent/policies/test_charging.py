@@ -50,11 +50,11 @@ class Told:
 class Fleet:
     """One mind that hears others where a test puts them."""
 
-    def __init__(self, setting: Scenario, intent: Intent = Stay()) -> None:
+    def __init__(self, setting: Scenario, intent: Intent | None = None) -> None:
         self.mind: Mind = build_mind(prepare(setting), 1)
         assert isinstance(self.mind.policy, Charging)
         self.watch = self.mind.policy
-        self.watch.otherwise = self.told = Told(intent)
+        self.watch.otherwise = self.told = Told(intent or Stay())
         self.k = 0
 
     def step(self, charge: float | None, own: tuple[float, float], others: Mapping[int, tuple[float, float]]) -> str:
@@ -88,8 +88,16 @@ def test_it_takes_the_nearest_dock_at_which_nobody_stands() -> None:
     fleet = Fleet(scenario(count=2))
     for _ in range(6):
         fleet.step(0.95, (30.5, 10.5), {2: (10.5, 10.5)})
-    assert fleet.step(0.1, (30.5, 10.5), {2: (10.5, 10.5)}) == State.DOCKING
+    assert fleet.step(0.3, (30.5, 10.5), {2: (10.5, 10.5)}) == State.DOCKING
     assert fleet.goal == (90.5, 10.5)
+
+
+def test_it_goes_to_no_dock_that_the_charge_does_not_suffice_for() -> None:
+    fleet = Fleet(scenario(count=2))
+    for _ in range(6):
+        fleet.step(0.95, (30.5, 10.5), {2: (10.5, 10.5)})
+    fleet.step(0.2, (30.5, 10.5), {2: (10.5, 10.5)})
+    assert fleet.goal == (10.5, 10.5)
 
 
 def test_of_two_that_want_one_dock_the_nearer_goes() -> None:
@@ -97,7 +105,7 @@ def test_of_two_that_want_one_dock_the_nearer_goes() -> None:
         fleet = Fleet(scenario(count=2))
         for k in range(12):
             fleet.step(1.0, (45.5, 10.5), {2: (ahead - 0.75 * k, 10.5)})
-        fleet.step(0.1, (45.5, 10.5), {2: (ahead - 0.75 * 12, 10.5)})
+        fleet.step(0.25, (45.5, 10.5), {2: (ahead - 0.75 * 12, 10.5)})
         assert fleet.goal == goal, ahead
 
 
@@ -115,8 +123,8 @@ def test_one_that_stands_at_a_dock_is_hidden_from_the_policy_and_one_that_passes
     fleet = Fleet(scenario(count=3))
     for k in range(8):
         fleet.step(1.0, (50.5, 50.5), {2: (10.5, 10.5), 3: (5.0 + 1.5 * k, 10.5)})
-    assert [set(view.peers) for view in fleet.told.views][0] == {2, 3}
-    assert [set(view.peers) for view in fleet.told.views][-1] == {3}
+    assert set(fleet.told.views[0].peers) == {2, 3}
+    assert set(fleet.told.views[-1].peers) == {3}
     assert fleet.told.views[-1].charging == {2}
 
 
@@ -133,6 +141,31 @@ def test_one_that_charges_makes_room_for_one_that_waits() -> None:
     for _ in range(50):
         assert fleet.step(0.3, (10.5, 10.5), {2: (15.5, 10.5)}) == State.CHARGING
     assert fleet.step(0.7, (10.5, 10.5), {2: (15.5, 10.5)}) == State.PATROLLING
+
+
+def beside_one_that_charges() -> Fleet:
+    """A robot whose turn comes last, and another that has stood at a dock for 40 s: 0.7 of the capacity at 190 W."""
+    disc = {"model": "holonomic", "radius": 0.4, "speed": 1.5}
+    fleet = Fleet(scenario(robots=[{**disc, "battery": BATTERY}, disc]))
+    for _ in range(80):
+        assert fleet.step(0.4, (50.5, 50.5), {2: (10.5, 10.5)}) == State.HOLDING
+    return fleet
+
+
+def test_a_robot_that_passes_one_that_has_charged_for_long_takes_over() -> None:
+    fleet = beside_one_that_charges()
+    assert fleet.step(0.4, (15.5, 10.5), {2: (10.5, 10.5)}) == State.DOCKING
+    assert fleet.goal is None
+    for x in (12.5, 14.5):
+        fleet.step(0.4, (15.5, 10.5), {2: (x, 12.5)})
+    assert fleet.goal == (10.5, 10.5)
+
+
+def test_it_does_not_wait_long_for_one_that_makes_no_room() -> None:
+    fleet = beside_one_that_charges()
+    states = [fleet.step(0.4, (15.5, 10.5), {2: (10.5, 10.5)}) for _ in range(60)]
+    assert states.count(State.DOCKING) == 31
+    assert states[-1] == State.HOLDING
 
 
 def test_a_robot_that_has_to_charge_soon_does_so_in_passing() -> None:

@@ -1,4 +1,4 @@
-"""Batteries in a fleet of processes: what robots sense of their charge goes over the wire, and the trace is the same."""
+"""Batteries in a fleet of processes: the charge that robots sense goes over the wire, and the trace is the same."""
 
 from __future__ import annotations
 
