@@ -146,7 +146,8 @@ def test_one_that_charges_makes_room_for_one_that_waits() -> None:
 def beside_one_that_charges() -> Fleet:
     """A robot whose turn comes last, and another that has stood at a dock for 40 s: 0.7 of the capacity at 190 W."""
     disc = {"model": "holonomic", "radius": 0.4, "speed": 1.5}
-    fleet = Fleet(scenario(robots=[{**disc, "battery": BATTERY}, disc]))
+    docks = [DOCKS[0], {"place": [50.5, 10.5]}]
+    fleet = Fleet(scenario(robots=[{**disc, "battery": BATTERY}, disc], docks=docks))
     for _ in range(80):
         assert fleet.step(0.4, (50.5, 50.5), {2: (10.5, 10.5)}) == State.HOLDING
     return fleet
