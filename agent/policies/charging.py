@@ -165,10 +165,11 @@ class Charging:
             self._turn = (setup.charged.index(spec.number) + 1) / len(setup.charged)
         routes = Routes(Ground(terrain, setup.fields.reach))
         self._docks: list[_Dock] = []
-        for dock in setup.docks:
-            ways = routes.lengths(dock.place).astype(np.float32)
+        for given in setup.docks:
+            ways = routes.lengths(given.place).astype(np.float32)
             if np.isfinite(ways).any():
-                self._docks.append(_Dock(dock.place, dock.radius, ways, terrain.point_at(*dock.place), dock.place))
+                point = terrain.point_at(*given.place)
+                self._docks.append(_Dock(given.place, given.radius, ways, point, given.place))
         for dock in self._docks:
             dock.exit = self._exit_of(dock, terrain.centre)
         self._others: dict[int, _Other] = {}

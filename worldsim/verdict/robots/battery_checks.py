@@ -69,16 +69,16 @@ class BatteriesLast(Check):
             self._left[returned] = self._first[returned]
         self._was_on = is_on
         ways = np.array([self._way_of(row) for row in rows])
-        for at in np.flatnonzero((ways > 0.0) & is_on & (self._left < NOTHING_J)):
-            self._fail(f"{self._names[self._numbers[at]]} drives at tick {record.k} although its battery is empty")
+        for wrong in np.flatnonzero((ways > 0.0) & is_on & (self._left < NOTHING_J)):
+            self._fail(f"{self._names[self._numbers[wrong]]} drives at tick {record.k} although its battery is empty")
         change = np.where(is_on, -self._per_s * self._step - self._per_m * ways, 0.0)
         for at in self._charging(rows, is_on & (ways == 0.0)):
             change[at] += self._gained_per_s[at] * self._step
         before, self._left = self._left, np.minimum(self._left + change, self._capacity)
         self._left[self._left < NOTHING_J] = 0.0
         self._least = np.minimum(self._least, self._left / self._capacity)
-        for at in np.flatnonzero((self._left == 0.0) & (before > 0.0)):
-            self._empty.setdefault(self._numbers[at], record.k)
+        for emptied in np.flatnonzero((self._left == 0.0) & (before > 0.0)):
+            self._empty.setdefault(self._numbers[emptied], record.k)
 
     def result(self) -> CheckResult:
         """Return the result, once all ticks are in."""
