@@ -171,7 +171,7 @@ def _check_map(options: argparse.Namespace, name: str, scenario: Scenario | None
     if scenario is None and options.map is not None:
         scenario = _scenario(options, name, options.map, Pose(0.0, 0.0, 0.0), overrides)
     if scenario is not None:
-        load_terrain(scenario.terrain, scenario.point, Path())
+        load_terrain(scenario.terrain, scenario.point, Path(), zones=scenario.zones)
 
 
 def _link(process: ProcessContext) -> ZenohRos2Link:

@@ -175,7 +175,7 @@ def prepare(scenario: Scenario, terrain: Terrain | None = None) -> Prepared:
     from patrol.starts import place_starts
 
     if terrain is None:
-        terrain = load_terrain(scenario.terrain, scenario.point, scenario.base)
+        terrain = load_terrain(scenario.terrain, scenario.point, scenario.base, zones=scenario.zones)
     for number, intruder in enumerate(scenario.intruders):
         check_intruder(intruder, terrain, f"intruders.{number}.place")
     _check_critical_areas(scenario, terrain)

@@ -230,7 +230,8 @@ def prepared_in(folder: Path, journal: Journal) -> Prepared:
         raise BadInput(
             f"{folder}: the journal has other robots than {SCENARIO}; they belong to different runs: restore its own"
         )
-    facts, terrain = journal.header.terrain, load_terrain(scenario.terrain, scenario.point, scenario.base, folder)
+    terrain = load_terrain(scenario.terrain, scenario.point, scenario.base, folder, scenario.zones)
+    facts = journal.header.terrain
     if (facts.width, facts.height) != (terrain.width, terrain.height):
         raise BadInput(
             f"{folder}: the journal's terrain has {facts.width} x {facts.height} points and that of {SCENARIO} "

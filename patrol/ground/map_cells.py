@@ -22,6 +22,9 @@ from patrol.ground.terrain import BoolGrid
 FORMATS = ("PPM", "PNG", "BMP", "JPEG")
 MAX_CELLS = 100_000_000
 
+TOLERANCE = 1e-6
+"""Overlaps thinner than this (in cells) are rounding and do not count."""
+
 QUANTA = 65535
 """The scale on which the map server adds a pixel's channels."""
 
@@ -63,6 +66,70 @@ def free_cells(says: MapFile) -> BoolGrid:
         known, occupancy = _occupancy(says, block, pixels.has_alpha)
         free[first : first + BLOCK] = known & (occupancy < says.free_thresh)
     return free[::-1]
+
+
+def marked_cells(says: MapFile) -> BoolGrid:
+    """Return the cells of a mask that are marked: those whose value is above 0 as nav2 reads it.
+
+    In mode trinary that is what is occupied. In mode scale the value rises from 0 at free_thresh to 100 at
+    occupied_thresh, and in mode raw it is the pixel itself; a cell is marked from a value of 1 on. Unknown is not marked.
+
+    Args:
+        says: The mask's YAML file.
+
+    Returns:
+        bool (rows, columns), the lowest y first.
+
+    Raises:
+        BadInput: When the image cannot be read.
+    """
+    pixels = _pixels(says)
+    marked = np.empty(pixels.levels.shape[:2], dtype=np.bool_)
+    span = says.occupied_thresh - says.free_thresh
+    for first, block in pixels.blocks():
+        known, occupancy = _occupancy(says, block, pixels.has_alpha)
+        if says.mode == "trinary":
+            counts = occupancy > says.occupied_thresh
+        elif says.mode == "scale":
+            counts = np.rint(100.0 * (occupancy - says.free_thresh) / span) >= 1.0
+        else:
+            counts = occupancy >= 0.01
+        marked[first : first + BLOCK] = known & counts
+    return marked[::-1]
+
+
+def touched_points(
+    cells: BoolGrid, resolution: float, point: float, shape: tuple[int, int], start: tuple[float, float] = (0.0, 0.0)
+) -> BoolGrid:
+    """Return the points that share some area with a marked cell.
+
+    Args:
+        cells: bool (rows, columns), the marked cells.
+        resolution: Side of one cell, m.
+        point: Side of one point, m; it may be smaller or larger than a cell.
+        shape: (height, width) in points.
+        start: x and y of the corner of point (0, 0) from the corner of cell (0, 0), m.
+
+    Returns:
+        bool (height, width).
+    """
+    # count[r, c] counts the marked cells below row r and left of column c.
+    count = np.zeros((cells.shape[0] + 1, cells.shape[1] + 1), dtype=np.int32)
+    np.cumsum(cells, axis=0, dtype=np.int32, out=count[1:, 1:])
+    np.cumsum(count[1:, 1:], axis=1, out=count[1:, 1:])
+    low_row, high_row = _overlaps(shape[0], cells.shape[0], point / resolution, start[1] / resolution)
+    low_col, high_col = _overlaps(shape[1], cells.shape[1], point / resolution, start[0] / resolution)
+    touched = count[np.ix_(high_row, high_col)] - count[np.ix_(low_row, high_col)]
+    touched += count[np.ix_(low_row, low_col)] - count[np.ix_(high_row, low_col)]
+    return np.asarray(touched > 0)
+
+
+def _overlaps(count: int, cells: int, point: float, start: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """First cell, and the one after the last, that each point along one side shares some area with; both in cells."""
+    index = np.arange(count, dtype=np.float64)
+    first = np.floor(index * point + start + TOLERANCE).astype(np.int64)
+    after = np.ceil((index + 1.0) * point + start - TOLERANCE).astype(np.int64)
+    return np.clip(first, 0, cells), np.clip(after, 0, cells)
 
 
 def image_size(says: MapFile) -> tuple[int, int]:

@@ -6,23 +6,20 @@ row at the highest y.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from patrol.errors import BadInput
 from patrol.ground.builtins import builtin_terrain
-from patrol.ground.map_cells import free_cells, image_size, suspicious
+from patrol.ground.map_cells import free_cells, image_size, suspicious, touched_points
 from patrol.ground.map_file import read_map_file
 from patrol.ground.shapes import cover
 from patrol.ground.terrain import MAX_POINTS, BoolGrid, Terrain, whole_points
+from patrol.ground.zones import Zone, with_keep_outs
 from patrol.printable import printable
-
-TOLERANCE = 1e-6
-"""Overlaps thinner than this (in cells) are rounding and do not count."""
 
 
 class TerrainSource(Protocol):
@@ -44,7 +41,9 @@ class TerrainSource(Protocol):
         ...
 
 
-def load_terrain(spec: TerrainSource, point: float, base: Path, within: Path | None = None) -> Terrain:
+def load_terrain(
+    spec: TerrainSource, point: float, base: Path, within: Path | None = None, zones: Iterable[Zone] = ()
+) -> Terrain:
     """Return the terrain that a scenario asks for.
 
     Args:
@@ -52,23 +51,24 @@ def load_terrain(spec: TerrainSource, point: float, base: Path, within: Path | N
         point: Side of one point, m.
         base: The folder that the map's path is relative to.
         within: The folder that the map's files must lie in; None for anywhere.
+        zones: The scenario's zones.
 
     Raises:
-        BadInput: When there is no such map, it cannot be used, or no free space is left.
+        BadInput: When there is no such map, a zone lies outside of it, it cannot be used, or no free space is left.
     """
     if spec.builtin is not None:
         terrain = builtin_terrain(spec.builtin, point)
     else:
         terrain = read_terrain(base / str(spec.map), point, within)
     if not spec.keep_out:
-        return terrain
+        return with_keep_outs(terrain, zones)
     keep_out = np.zeros(terrain.shape, dtype=np.bool_)
     for polygon in spec.keep_out:
         keep_out |= cover(polygon, terrain.shape, point, terrain.origin)
     kept = Terrain(terrain.name, terrain.passable, point, terrain.origin, keep_out, terrain.source)
     if not kept.free.any():
         raise BadInput(f"terrain.keep_out: covers all free space of {terrain.name}; leave some for the robots")
-    return kept
+    return with_keep_outs(kept, zones)
 
 
 def read_terrain(path: Path, point: float, within: Path | None = None) -> Terrain:
@@ -134,22 +134,5 @@ def resample(cells: BoolGrid, resolution: float, point: float) -> BoolGrid:
     Returns:
         bool (height, width), from the same corner as the cells.
     """
-    # blocked[r, c] counts the blocked cells below row r and left of column c.
-    blocked = np.zeros((cells.shape[0] + 1, cells.shape[1] + 1), dtype=np.int32)
-    np.cumsum(~cells, axis=0, dtype=np.int32, out=blocked[1:, 1:])
-    np.cumsum(blocked[1:, 1:], axis=1, out=blocked[1:, 1:])
-    low_row, high_row = _overlaps(cells.shape[0], resolution, point)
-    low_col, high_col = _overlaps(cells.shape[1], resolution, point)
-    count = blocked[np.ix_(high_row, high_col)] - blocked[np.ix_(low_row, high_col)]
-    count += blocked[np.ix_(low_row, low_col)] - blocked[np.ix_(high_row, low_col)]
-    passable: BoolGrid = count == 0
-    return passable
-
-
-def _overlaps(cells: int, resolution: float, point: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """First cell, and the one after the last, that each whole point along one side shares some area with."""
-    count = whole_points(cells * resolution, point)
-    index = np.arange(count, dtype=np.float64)
-    first = np.floor(index * point / resolution + TOLERANCE).astype(np.int64)
-    after = np.ceil((index + 1.0) * point / resolution - TOLERANCE).astype(np.int64)
-    return first, np.minimum(after, cells)
+    shape = whole_points(cells.shape[0] * resolution, point), whole_points(cells.shape[1] * resolution, point)
+    return ~touched_points(~cells, resolution, point, shape)

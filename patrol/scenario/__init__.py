@@ -31,6 +31,7 @@ from patrol.scenario.sections import (
     SensorSpec,
     TerrainSpec,
 )
+from patrol.scenario.zones import ZoneSpec
 from patrol.values.types import BUILTINS, MAX_ROBOTS
 
 __all__ = [
@@ -51,6 +52,7 @@ __all__ = [
     "Scenario",
     "SensorSpec",
     "TerrainSpec",
+    "ZoneSpec",
     "as_mapping",
     "dump_scenario",
     "load_scenario",

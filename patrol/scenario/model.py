@@ -11,7 +11,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
 
-from pydantic import BaseModel, Field, model_validator
+from pydantic import BaseModel, Field, ValidationInfo, field_validator, model_validator
 
 from patrol.journal.records import MAX_TICKS
 from patrol.radio.allowance import Share
@@ -25,6 +25,7 @@ from patrol.scenario.policies import CommittedPatrol, PaperPatrol, Patrol, check
 from patrol.scenario.radio_spec import IdealRadio, Radio, check_radio_spec
 from patrol.scenario.robots import RobotSpec, roster_of
 from patrol.scenario.sections import DockSpec, IntruderSpec, RobotGroup, Robots, SensorSpec, TerrainSpec
+from patrol.scenario.zones import Zones, zones_in_file
 from patrol.values.section import Section, wrong
 from patrol.values.types import AUTO, BUILTINS, Name, Pace, Positive, Seed
 
@@ -47,11 +48,17 @@ class Scenario(Section):
     sensor: SensorSpec = Field(default_factory=SensorSpec, description="what a robot sees")
     patrol: Patrol = Field(default_factory=CommittedPatrol, description="how a robot decides where to go")
     radio: Radio = Field(default_factory=IdealRadio, description="what robots send")
+    zones: Zones = Field((), description="what matters more, or is closed: a list, or FILE.yaml that holds one")
     intruders: tuple[IntruderSpec, ...] = Field(
         (), description="{place: [x, y] m, at: s, for: s or null}, standing still"
     )
     faults: Faults = Field((), description="what goes wrong, and when")
     nemesis: NemesisSpec | None = Field(None, description="random faults, written out when this file is loaded")
+
+    @field_validator("zones", mode="before")
+    @classmethod
+    def _zones_from_a_file(cls, value: Any, info: ValidationInfo) -> Any:
+        return zones_in_file(value, info)
 
     @cached_property
     def roster(self) -> tuple[RobotSpec, ...]:
@@ -119,6 +126,10 @@ class Scenario(Section):
         check_refinement(self.patrol, self.roster, self.lengths)
         if isinstance(self.patrol, PaperPatrol):
             check_letter(self.patrol, (spec.model for spec in self.roster), bool(self.intruders))
+        zones = [zone.name for zone in self.zones]
+        for number, name in enumerate(zones):
+            if name in zones[:number]:
+                raise wrong(f"zones.{number}.name", f"{name} is the name of another zone too; rename one")
         names = [spec.name for spec in self.roster]
         check_faults(self.faults, names, self.spares, self.step, self.ticks, self.seed)
         if self.nemesis is not None:

@@ -64,7 +64,7 @@ def regions(
     from patrol.ground.maps import load_terrain
     from patrol.regions.split import regions_by_hand, split_regions
 
-    terrain = load_terrain(scenario.terrain, scenario.point, scenario.base)
+    terrain = load_terrain(scenario.terrain, scenario.point, scenario.base, zones=scenario.zones)
     body = cspace_of(terrain, widest)
     given = scenario.patrol.regions
     begun = time.perf_counter()

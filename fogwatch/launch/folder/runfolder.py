@@ -199,7 +199,7 @@ def make_folder(scenario: Scenario, out: Path | None, now: datetime) -> RunFolde
     """
     if scenario.terrain.map is not None:
         # Loaded here so that an error names the map itself, not its copy, and leaves no folder behind.
-        load_terrain(scenario.terrain, scenario.point, scenario.base)
+        load_terrain(scenario.terrain, scenario.point, scenario.base, zones=scenario.zones)
     while True:
         path = (out or untaken(RUNS / f"{scenario.name}-{now:%Y%m%d-%H%M%S}")).absolute()
         try:

@@ -26,6 +26,7 @@ from patrol.scenario.sections import (
     SensorSpec,
     TerrainSpec,
 )
+from patrol.scenario.zones import ZoneSpec
 from patrol.values.section import Section
 
 _SECTIONS: dict[str, type[Section]] = {
@@ -37,6 +38,7 @@ _SECTIONS: dict[str, type[Section]] = {
     "intruders": IntruderSpec,
     "faults": Fault,
     "nemesis": NemesisSpec,
+    "zones": ZoneSpec,
 }
 _OPTIONS: dict[str, type[Section]] = {
     f"={COMMITTED}": CommittedOptions,

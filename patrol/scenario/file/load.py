@@ -48,6 +48,7 @@ _ENTRIES = {
     "docks": "{place: [10, 10]}",
     "faults": "{kind: kill, at: 60, who: one}",
     "intruders": "{place: [10, 10], at: 60}",
+    "zones": "{name: vault, polygon: [[2, 2], [8, 2], [8, 6]], weight: 10}",
 }
 """The lists that are empty unless given, and what an entry looks like."""
 _OWN_CLASSES = (("patrol", "policy"), ("sensor", "kind"), ("radio", "model"))
@@ -255,6 +256,8 @@ def _meaning(scenario: Scenario) -> dict[str, Any]:
         del meaning["terrain"]["graph"]["visit"]
     if scenario.terrain.patrolled == GROUND:  # as before it could be set
         del meaning["terrain"]["patrolled"]
+    if not scenario.zones:  # as before there were zones, so that hashes stay
+        del meaning["zones"]
     if isinstance(scenario.patrol, PaperPatrol) and scenario.patrol.options.letter is False:
         del meaning["patrol"]["options"]["letter"]  # as before there was one, so that hashes stay
     if isinstance(scenario.patrol, CommittedPatrol) and scenario.patrol.options.unpredictability == 1.0:

@@ -1,0 +1,171 @@
+"""The scenario's zones: ground that matters more or less than the rest, or that no body may enter.
+
+    zones:
+      - {name: vault, polygon: [[2, 2], [8, 2], [8, 6], [2, 6]], weight: 10}
+      - {name: lobby, polygon: [[20, 2], [30, 2], [30, 9]], age: 60}
+      - {name: stairs, mask: keepout.yaml, keep_out: true}
+
+A zone is a polygon in metres, or the marked cells of a mask in the format of Nav2's costmap filters. A mask is read
+when the scenario is loaded, and the loaded scenario holds its cells. So a loaded scenario needs no mask's file.
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import zlib
+from pathlib import Path
+from typing import Annotated, Any, Self
+
+import numpy as np
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+
+from patrol.errors import BadInput
+from patrol.files.yaml_text import parse_yaml, read_text
+from patrol.ground.map_cells import marked_cells
+from patrol.ground.map_file import read_map_file
+from patrol.ground.terrain import BoolGrid
+from patrol.values.section import Section, absolute, wrong
+from patrol.values.types import Corner, Flag, Name, Polygon, Positive, at_most, expecting
+
+MOST_ZONES = 64
+
+LEAST_WEIGHT, MOST_WEIGHT = 0.001, 1000.0
+
+MOST_CELLS = 25_000_000
+"""Cells of the largest mask."""
+
+MOST_TEXT = 400_000
+"""Characters of the longest text of a mask's cells."""
+
+ELSEWHERE = "elsewhere"
+"""What figures call the ground in no zone."""
+
+Cells = Annotated[str, Field(max_length=MOST_TEXT), expecting("the cells of a mask, as fogwatch writes them")]
+Side = Annotated[int, Field(ge=1, le=MOST_CELLS, strict=True), expecting("a number of cells above 0")]
+
+
+class MaskSpec(Section):
+    """The marked cells of a mask, the lowest row first."""
+
+    resolution: Positive = Field(description="m, side of a cell")
+    origin: Corner = Field(description="m, [x, y] of the lower left corner")
+    rows: Side = Field(description="number of rows")
+    columns: Side = Field(description="number of columns")
+    cells: Cells = Field(description="one bit per cell, compressed with zlib and written in base64")
+
+    @model_validator(mode="after")
+    def _holds_all_cells(self) -> Self:
+        if self.rows * self.columns > MOST_CELLS:
+            raise wrong(
+                "", f"has {self.rows} x {self.columns} cells, and at most {MOST_CELLS} are read; make it coarser"
+            )
+        if self._bits() is None:
+            raise wrong("cells", f"are not {self.rows} x {self.columns} cells; name the mask's YAML file again")
+        return self
+
+    @classmethod
+    def of(cls, file: Path) -> Self:
+        """Read a mask in the format of Nav2's costmap filters.
+
+        Args:
+            file: Its YAML file.
+
+        Raises:
+            BadInput: It cannot be read, or is too large.
+        """
+        says = read_map_file(file)
+        marked = marked_cells(says)
+        if not marked.any():
+            raise BadInput(f"{file}: marks no cell; correct the image, mode, negate or the thresholds")
+        rows, columns = marked.shape
+        cells = base64.b64encode(zlib.compress(np.packbits(marked).tobytes(), 9)).decode()
+        if len(cells) > MOST_TEXT or marked.size > MOST_CELLS:
+            raise BadInput(f"{file}: has too many cells or too fine a pattern for a zone; make the mask coarser")
+        return cls(resolution=says.resolution, origin=says.origin, rows=rows, columns=columns, cells=cells)
+
+    def marked(self) -> BoolGrid:
+        """Return the marked cells, bool (rows, columns), the lowest row first."""
+        bits = self._bits()
+        assert bits is not None
+        count = self.rows * self.columns
+        packed = np.frombuffer(bits, dtype=np.uint8)
+        return np.unpackbits(packed, count=count).view(np.bool_).reshape(self.rows, self.columns)
+
+    def _bits(self) -> bytes | None:
+        """Return the packed cells; None where the text does not hold as many."""
+        size = (self.rows * self.columns + 7) // 8
+        try:
+            bits = zlib.decompressobj().decompress(base64.b64decode(self.cells, validate=True), size + 1)
+        except (binascii.Error, ValueError, zlib.error):
+            return None
+        return bits if len(bits) == size else None
+
+
+class ZoneSpec(Section):
+    """A zone: where it is, and what holds there."""
+
+    name: Name = Field(description="of the zone")
+    polygon: Polygon | None = Field(None, description="m, [[x, y], ...]")
+    mask: MaskSpec | None = Field(None, description="FILE.yaml in the format of Nav2's costmap filters, instead")
+    keep_out: Flag | None = Field(None, description="true: no body may enter")
+    weight: Positive | None = Field(None, description="a point's age counts so many times; 1 elsewhere")
+    age: Positive | None = Field(None, description="s, that no point of it should exceed")
+
+    @field_validator("mask", mode="before")
+    @classmethod
+    def _from_a_file(cls, value: Any, info: ValidationInfo) -> Any:
+        if not isinstance(value, str):
+            return value
+        try:
+            return MaskSpec.of(Path(str(absolute(value, info))))
+        except BadInput as error:
+            raise wrong("", str(error)) from None
+
+    @model_validator(mode="after")
+    def _says_one_thing(self) -> Self:
+        if self.name == ELSEWHERE:
+            raise wrong("name", f"{ELSEWHERE} is what figures call the ground in no zone; choose another name")
+        if (self.polygon is None) == (self.mask is None):
+            raise wrong("", f"{self.name}: exactly one is needed: a polygon or a mask")
+        if self.keep_out is False:
+            raise wrong("keep_out", f"{self.name}: is true or left out; drop it")
+        rules = [rule for rule in (self.keep_out, self.weight, self.age) if rule is not None]
+        if len(rules) != 1:
+            raise wrong("", f"{self.name}: exactly one is needed: keep_out: true, a weight or an age")
+        if self.weight is not None and not LEAST_WEIGHT <= self.weight <= MOST_WEIGHT:
+            raise wrong("weight", f"give a number from {LEAST_WEIGHT:g} to {MOST_WEIGHT:g}", self.weight)
+        return self
+
+
+Zones = Annotated[tuple[ZoneSpec, ...], Field(json_schema_extra={"maxItems": MOST_ZONES}), at_most(MOST_ZONES, "zones")]
+
+
+def zones_in_file(value: Any, info: ValidationInfo) -> Any:
+    """Read the list of zones that a field names by its file; leave any other value as it is.
+
+    The file holds a list, or a mapping with a list ``zones``, such as a scenario. Masks lie relative to it.
+
+    Args:
+        value: The field's value.
+        info: Of the validation.
+    """
+    if not isinstance(value, str):
+        return value
+    path = Path(str(absolute(value, info)))
+    try:
+        says = parse_yaml(read_text(path), str(path))
+    except BadInput as error:
+        raise wrong("", str(error)) from None
+    listed = says.get("zones") if isinstance(says, dict) else says
+    if not isinstance(listed, list):
+        raise wrong(
+            "", f"{path}: holds no list of zones; write for example '- {{name: vault, polygon: ..., weight: 10}}'"
+        )
+    return [_beside(entry, path.parent) for entry in listed]
+
+
+def _beside(entry: Any, folder: Path) -> Any:
+    if isinstance(entry, dict) and isinstance(entry.get("mask"), str):
+        return {**entry, "mask": str((folder / entry["mask"]).absolute())}
+    return entry

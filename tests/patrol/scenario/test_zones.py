@@ -1,0 +1,119 @@
+"""The scenario's zones: what they may say, masks read from files, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from PIL import Image
+
+from patrol.errors import BadInput
+from patrol.scenario import dump_scenario, load_scenario, scenario_hash
+
+SQUARE = [[10, 10], [20, 10], [20, 20], [10, 20]]
+YARDS: dict[str, Any] = {"terrain": {"builtin": "yards"}, "point": 1.0}
+
+
+def zone(**fields: Any) -> dict[str, Any]:
+    return {"name": "vault", "polygon": SQUARE} | fields
+
+
+def write_mask(folder: Path, shades: list[list[int]], **says: Any) -> Path:
+    """Write a mask whose pixels have the given shades, the upper row first."""
+    Image.fromarray(np.array(shades, dtype=np.uint8)).save(folder / "mask.pgm")
+    facts = {"image": "mask.pgm", "resolution": 0.5, "origin": [10.0, 10.0, 0.0], "negate": 0}
+    facts |= {"occupied_thresh": 0.65, "free_thresh": 0.25} | says
+    (folder / "mask.yaml").write_text(yaml.safe_dump(facts), encoding="utf-8")
+    return folder / "mask.yaml"
+
+
+def test_a_loaded_scenario_needs_no_mask_any_more(tmp_path: Path) -> None:
+    file = write_mask(tmp_path, [[0, 255], [255, 255]])
+    loaded = load_scenario(YARDS | {"zones": [zone(polygon=None, mask=str(file), weight=3)]})
+    file.unlink()
+    again = load_scenario(yaml.safe_load(dump_scenario(loaded)))
+    assert again == loaded
+    mask = again.zones[0].mask
+    assert mask is not None
+    assert mask.marked().tolist() == [[False, False], [True, False]]  # the lowest row first
+
+
+@pytest.mark.parametrize(
+    ("mode", "thresholds", "marked"),
+    [
+        ("trinary", {}, [True, False, False, False]),
+        ("scale", {"occupied_thresh": 1.0, "free_thresh": 0.0}, [True, True, True, False]),
+        ("raw", {}, [False, True, False, False]),
+    ],
+)
+def test_modes_of_a_mask(tmp_path: Path, mode: str, thresholds: dict[str, float], marked: list[bool]) -> None:
+    file = write_mask(tmp_path, [[0, 100, 250, 255]], mode=mode, **thresholds)
+    loaded = load_scenario(YARDS | {"zones": [zone(polygon=None, mask=str(file), weight=3)]})
+    mask = loaded.zones[0].mask
+    assert mask is not None
+    assert mask.marked().tolist() == [marked]
+
+
+@pytest.mark.parametrize("wrapped", [False, True])
+def test_a_file_of_zones_and_masks_beside_it(tmp_path: Path, wrapped: bool) -> None:
+    folder = tmp_path / "site"
+    folder.mkdir()
+    write_mask(folder, [[0, 0]])
+    zones = [zone(weight=10), {"name": "stairs", "mask": "mask.yaml", "keep_out": True}]
+    (folder / "zones.yaml").write_text(yaml.safe_dump({"zones": zones} if wrapped else zones), encoding="utf-8")
+    loaded = load_scenario(YARDS | {"zones": "site/zones.yaml"}, base=tmp_path)
+    assert [each.name for each in loaded.zones] == ["vault", "stairs"]
+    assert loaded == load_scenario(
+        YARDS | {"zones": [zone(weight=10), zones[1] | {"mask": "site/mask.yaml"}]}, base=tmp_path
+    )
+
+
+def test_hashes() -> None:
+    plain = scenario_hash(load_scenario(YARDS))
+    assert scenario_hash(load_scenario(YARDS | {"zones": []})) == plain
+    hashes = {scenario_hash(load_scenario(YARDS | {"zones": [zone(weight=weight)]})) for weight in (2, 3)}
+    assert len(hashes | {plain}) == 3
+
+
+@pytest.mark.parametrize(
+    ("zones", "message"),
+    [
+        ([zone(weight=0)], r"zones\.0\.weight = 0: expected a number above 0"),
+        ([zone(weight=1e6)], r"zones\.0\.weight = 1e\+06: give a number from 0\.001 to 1000"),
+        ([zone(polygon=SQUARE[:2], weight=2)], r"zones\.0\.polygon = .*: expected 3 or more corners"),
+        ([zone(one_way=True, weight=2)], r"zones\.0\.one_way: unknown key"),
+        ([zone(weight=2, age=60)], r"zones\.0: vault: exactly one is needed: keep_out: true, a weight or an age"),
+        ([zone()], r"zones\.0: vault: exactly one is needed: keep_out: true, a weight or an age"),
+        ([zone(keep_out=False)], r"zones\.0\.keep_out: vault: is true or left out; drop it"),
+        ([{"name": "vault", "weight": 2}], r"zones\.0: vault: exactly one is needed: a polygon or a mask"),
+        ([zone(weight=2), zone(weight=3)], r"zones\.1\.name: vault is the name of another zone too; rename one"),
+        ([zone(name="elsewhere", weight=2)], r"zones\.0\.name: elsewhere is what figures call"),
+        ("none.yaml", r"zones: .*none\.yaml: no such file"),
+        ([{"name": "stairs", "mask": "none.yaml", "keep_out": True}], r"zones\.0\.mask: .*none\.yaml: no such file"),
+    ],
+)
+def test_what_is_refused_in_one_line(zones: Any, message: str) -> None:
+    with pytest.raises(BadInput, match=message) as caught:
+        load_scenario(YARDS | {"zones": zones})
+    assert "\n" not in str(caught.value)
+
+
+def test_a_mask_without_a_mark_is_refused(tmp_path: Path) -> None:
+    file = write_mask(tmp_path, [[255, 255]])
+    with pytest.raises(BadInput, match=r"zones\.0\.mask: .*mask\.yaml: marks no cell; correct the image"):
+        load_scenario(YARDS | {"zones": [zone(polygon=None, mask=str(file), weight=2)]})
+
+
+def test_cells_of_another_number_are_refused(tmp_path: Path) -> None:
+    file = write_mask(tmp_path, [[0] * 40] * 40)
+    raw = yaml.safe_load(
+        dump_scenario(load_scenario(YARDS | {"zones": [zone(polygon=None, mask=str(file), weight=2)]}))
+    )
+    raw["zones"][0]["mask"]["rows"] = 41
+    with pytest.raises(
+        BadInput, match=r"zones\.0\.mask\.cells: are not 41 x 40 cells; name the mask's YAML file again"
+    ):
+        load_scenario(raw)
