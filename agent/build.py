@@ -30,6 +30,7 @@ from agent.sender import Sending
 from agent.view import FogView
 from patrol.ground.footprint import Footprint
 from patrol.measures.best_tour import followers_of, round_of
+from patrol.measures.zoned import zoned_ground
 from patrol.prepare import inboxes_of, sensor_footprint
 from patrol.radio.prediction import Predictor
 from patrol.random import Purpose, draw
@@ -184,6 +185,7 @@ def build_mind(
             graph=lambda: prepared.graph,
             round=lambda: round_of(prepared, number),
             followers=lambda: followers_of(prepared, number),
+            zoned=lambda: zoned_ground(prepared),
             fleet_chance=lambda question: draw(scenario.seed, Purpose.PERIOD, question),
             docks=scenario.docks,
             charged=tuple(robot.number for robot in scenario.roster if robot.battery is not None),

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from patrol.ground.footprint import Footprint
     from patrol.ground.terrain import Terrain
     from patrol.ground.tour.round import Round
+    from patrol.ground.tour.zoned import ZonedGround
     from patrol.pose import Pose
     from patrol.radio.peers import Peer
     from patrol.regions.split import RegionSplit
@@ -149,6 +150,7 @@ class PolicySetup:
         graph: Gives the terrain's graph, which is made when somebody first asks for it.
         round: Gives the tour that shows the robot all of its own ground, likewise; None where there is none.
         followers: Gives the numbers of all robots on rounds in the same part of the terrain, this one among them.
+        zoned: Gives the ground by the scenario's zones, likewise; None where all points count the same.
         fleet_chance: A random number in [0, 1) for a question 0, 1, ..., the same for all robots of the fleet.
         docks: The scenario's section `docks`.
         charged: Numbers of the robots that have a battery, ascending.
@@ -171,6 +173,7 @@ class PolicySetup:
     graph: Callable[[], Graph]
     round: Callable[[], Round | None]
     followers: Callable[[], frozenset[int]]
+    zoned: Callable[[], ZonedGround | None]
     fleet_chance: Callable[[int], float]
     docks: tuple[DockSpec, ...] = ()
     charged: tuple[int, ...] = ()

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from patrol.summary.metric import metrics_of
-from patrol.summary.model import Messages, NodeFigures, RobotFigures, Summary
+from patrol.summary.model import Messages, NodeFigures, RobotFigures, Summary, ZoneFigures
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -17,6 +17,7 @@ DOCUMENT = Path(__file__).parent / "run-folder.md"
 MODELS: Mapping[str, type[BaseModel]] = {
     "summary": Summary,
     "nodes": NodeFigures,
+    "zones": ZoneFigures,
     "messages": Messages,
     "robots": RobotFigures,
 }

@@ -20,6 +20,8 @@ from patrol.ground.fields import StaticFields, compute_fields, load_grid
 from patrol.ground.footprint import REMEMBERED, Footprint
 from patrol.ground.terrain import BoolGrid, Terrain, frozen_grid
 from patrol.ground.tour.round import Round
+from patrol.ground.tour.zoned import ZonedGround
+from patrol.ground.zones import points_of
 from patrol.own_sensor import make_footprint
 from patrol.pose import Pose
 from patrol.radio.inbox import Inboxes, Rules
@@ -37,6 +39,7 @@ TICKS_APART = 4
 FACTS = "prepared.json"
 GROUND = ("passable", "keep_out", "free", "blocked")
 REGIONS = "regions"
+ZONED = "zoned"
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +55,7 @@ class Prepared:
         fields: By robot number.
         regions: By robot number, or None where paths do not lead through regions.
         rounds: By robot number, once somebody has asked for one (`patrol.measures.best_tour.round_of`).
+        zoned: The ground by its zones, likewise (`patrol.measures.zoned.zoned_ground`); at most one.
     """
 
     scenario: Scenario
@@ -60,6 +64,7 @@ class Prepared:
     fields: Mapping[int, StaticFields]
     regions: Mapping[int, RegionSplit] | None = None
     rounds: dict[int, Round | None] = field(default_factory=dict)
+    zoned: list[ZonedGround] = field(default_factory=list)
 
     def regions_of(self, number: int) -> RegionSplit | None:
         """Return the split for a robot's body, or None where paths do not lead through regions.
@@ -121,6 +126,8 @@ class Prepared:
             if laid_out is not None and id(laid_out) not in kept:
                 kept[id(laid_out)] = f"round-{len(kept) + 1}"
                 laid_out.save(folder / kept[id(laid_out)])
+        for zoned in self.zoned:
+            zoned.save(folder / ZONED)
         facts = {
             "name": self.terrain.name,
             "point": self.terrain.point,
@@ -155,6 +162,7 @@ class Prepared:
             fields={int(number): bodies[part] for number, part in facts["fields"].items()},
             regions=_load_regions(scenario, folder, {int(number): part for number, part in facts["fields"].items()}),
             rounds={int(number): part and kept[part] for number, part in facts["rounds"].items()},
+            zoned=[ZonedGround.load(folder / ZONED)] if (folder / ZONED).exists() else [],
         )
 
 
@@ -167,9 +175,9 @@ def prepare(scenario: Scenario, terrain: Terrain | None = None) -> Prepared:
 
     Raises:
         BadInput: For an unusable map, for intruders and critical areas that are not on passable ground, for docks that
-            no robot gets to, for starts that do not fit, for a graph that is not all on the terrain, for vertices that
-            are to be patrolled and that no robot sees, for bodies too wide for the terrain and for regions that do not
-            make a split.
+            no robot gets to, for starts that do not fit, for zones that no robot sees, for a graph that is not all on
+            the terrain, for vertices that are to be patrolled and that no robot sees, for bodies too wide for the
+            terrain and for regions that do not make a split.
     """
     from patrol.ground.maps import load_terrain  # here: loading a prepared scenario needs neither
     from patrol.starts import place_starts
@@ -190,6 +198,7 @@ def prepare(scenario: Scenario, terrain: Terrain | None = None) -> Prepared:
         by_radius = _watching_vertices(scenario, terrain, by_radius)
     fields = {spec.number: by_radius[spec.radius] for spec in scenario.roster}
     _check_docks(scenario, terrain, fields)
+    _check_zones(scenario, terrain, by_radius)
     regions = None
     if scenario.patrol.paths == "regions":
         splits = _split(scenario, terrain, by_radius)
@@ -281,6 +290,15 @@ def _check_critical_areas(scenario: Scenario, terrain: Terrain) -> None:
         if not (terrain.free & cover(polygon, terrain.shape, terrain.point, terrain.origin)).any():
             field = f"patrol.options.critical_areas.{number}"
             raise BadInput(f"{field}: holds no free point of {terrain.name}; correct or drop it")
+
+
+def _check_zones(scenario: Scenario, terrain: Terrain, by_radius: Mapping[float, StaticFields]) -> None:
+    for number, zone in enumerate(scenario.zones):
+        if zone.keep_out is None:
+            points = points_of(zone, terrain)
+            if not any((fields.patrolled & points).any() for fields in by_radius.values()):
+                why = "no robot sees any of it from ground that it can reach; correct or drop it"
+                raise BadInput(f"zones.{number}: {zone.name}: {why}")
 
 
 def _check_graph(scenario: Scenario, terrain: Terrain) -> None:

@@ -72,7 +72,7 @@ def marked_cells(says: MapFile) -> BoolGrid:
     """Return the cells of a mask that are marked: those whose value is above 0 as nav2 reads it.
 
     In mode trinary that is what is occupied. In mode scale the value rises from 0 at free_thresh to 100 at
-    occupied_thresh, and in mode raw it is the pixel itself; a cell is marked from a value of 1 on. Unknown is not marked.
+    occupied_thresh, and in mode raw it is the pixel itself; a cell is marked from 1 on. Unknown is not marked.
 
     Args:
         says: The mask's YAML file.

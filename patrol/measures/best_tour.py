@@ -11,7 +11,7 @@ import json
 import os
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -161,6 +161,41 @@ def round_of(prepared: Prepared, number: int) -> Round | None:
     return prepared.rounds[number]
 
 
+def tour_over(prepared: Prepared, ground: BoolGrid) -> Tour | None:
+    """Find a short closed tour on which a part of the ground is seen, for robots that all have one ground.
+
+    Args:
+        prepared: The scenario, its terrain and the bodies' static fields.
+        ground: bool (height, width), patrolled points; at least one.
+
+    Returns:
+        The tour; None where the fleet follows no rounds (`round_of`).
+    """
+    scenario, terrain = prepared.scenario, prepared.terrain
+    footprint, identity = sensor_footprint(scenario, terrain), _identity(scenario.sensor)
+    if not _follows_rounds(scenario) or not footprint.all_round or footprint.leaves_age or identity is None:
+        return None
+    number, own = next(iter(own_grounds(prepared).items()))
+    return _tour(terrain, own, ground, prepared.fields[number].proxy, footprint, identity)
+
+
+def round_over(prepared: Prepared, ground: BoolGrid, tour: Tour) -> Round:
+    """Lay a tour out over a part of the ground.
+
+    Args:
+        prepared: As for `tour_over`.
+        ground: As for `tour_over`.
+        tour: On which all of it is seen.
+
+    Returns:
+        The round, at least a point long.
+    """
+    terrain, footprint = prepared.terrain, sensor_footprint(prepared.scenario, prepared.terrain)
+    number, own = next(iter(own_grounds(prepared).items()))
+    laid_out = lay_out(terrain, own.reach, ground, prepared.fields[number].proxy, footprint, tour)
+    return replace(laid_out, length_m=max(laid_out.length_m, terrain.point))
+
+
 def followers_of(prepared: Prepared, number: int) -> frozenset[int]:
     """Find the robots that share a robot's round, and those of other radii in its part of the terrain.
 
@@ -183,8 +218,7 @@ def followers_of(prepared: Prepared, number: int) -> frozenset[int]:
 
 def _rounds_of(prepared: Prepared) -> dict[int, Round | None]:
     scenario, terrain = prepared.scenario, prepared.terrain
-    # Fast robots would wait for slow ones.
-    if len(scenario.roster) > MOST_ROBOTS or len({spec.speed for spec in scenario.roster}) > 1:
+    if not _follows_rounds(scenario):
         return dict.fromkeys((spec.number for spec in scenario.roster), None)
     footprint, identity = sensor_footprint(scenario, terrain), _identity(scenario.sensor)
     rounds: dict[int, Round | None] = {}
@@ -201,6 +235,11 @@ def _rounds_of(prepared: Prepared) -> dict[int, Round | None]:
                 of_ground[id(own)] = lay_out(terrain, own.reach, own.patrolled, proxy, footprint, tour)
         rounds[number] = of_ground[id(own)]
     return rounds
+
+
+def _follows_rounds(scenario: Scenario) -> bool:
+    """Return True for a fleet that is not too large, and of one speed: fast robots would wait for slow ones."""
+    return len(scenario.roster) <= MOST_ROBOTS and len({spec.speed for spec in scenario.roster}) == 1
 
 
 def _tour(

@@ -281,6 +281,21 @@ class NodeFigures(_Part):
     ] = None
 
 
+class ZoneFigures(_Part):
+    """The metrics of a zone that bodies may enter, or of the ground in no zone."""
+
+    weight: Annotated[float, Metric("how many times an age counts")] = 1.0
+    area_m2: Annotated[float, Metric("its patrolled ground")] = 0.0
+    fog_mean_s: Annotated[float, Metric("mean age of a point, over points and ticks", better="lower")] = 0.0
+    mfow_mean_s: Annotated[float, Metric("mean age of its stalest point, over all ticks", better="lower")] = 0.0
+    mfow_late_mean_s: Annotated[float, Metric("the same over the second half", better="lower")] = 0.0
+    mfow_max_s: Annotated[float, Metric("greatest age", better="lower")] = 0.0
+    wanted_s: Annotated[float | None, Metric("the wanted age; null without one")] = None
+    kept_share: Annotated[
+        float | None, Metric("share of the time in which no point was older than that", better="higher")
+    ] = None
+
+
 class Summary(_Part):
     """The summary of a run. Times are simulated seconds unless the meaning says wall."""
 
@@ -345,6 +360,24 @@ class Summary(_Part):
         ),
     ] = None
     best_tour_m: Annotated[float | None, Metric("length of that tour")] = None
+    mfow_weighted_mean_s: Annotated[
+        float | None,
+        Metric(
+            "with weighted [zones](zones.md) only: mean over all ticks of the greatest age times weight", better="lower"
+        ),
+    ] = None
+    mfow_weighted_late_mean_s: Annotated[float | None, Metric("the same over the second half", better="lower")] = None
+    mfow_weighted_max_s: Annotated[float | None, Metric("largest of these", better="lower")] = None
+    best_weighted_s: Annotated[
+        float | None,
+        Metric(
+            "the same of all robots that are not spare on the [best weighted tours](zones.md#what-robots-do); null "
+            "where there are none"
+        ),
+    ] = None
+    zones: Annotated[
+        dict[str, ZoneFigures], Metric("with weighted zones only: [metrics of each](#zones), by name")
+    ] = {}
     nodes: Annotated[NodeFigures | None, Metric("with `terrain.graph` only: [measures on its vertices](#nodes)")] = None
     trapped: Annotated[
         list[dict[str, Any]], Metric("every time for which a robot was trapped: which, where and when")

@@ -11,6 +11,7 @@ from patrol.exchange import Sensed
 from patrol.ground.fields import compute_fields
 from patrol.ground.terrain import Terrain
 from patrol.measures.best_tour import followers_of, round_of
+from patrol.measures.zoned import zoned_ground
 from patrol.pose import Pose
 from patrol.prepare import Prepared, sensor_footprint
 from patrol.random import Purpose, draw
@@ -53,5 +54,6 @@ def setup_of(prepared: Prepared, number: int = 1) -> PolicySetup:
         graph=lambda: prepared.graph,
         round=lambda: round_of(prepared, number),
         followers=lambda: followers_of(prepared, number),
+        zoned=lambda: zoned_ground(prepared),
         fleet_chance=lambda question: draw(scenario.seed, Purpose.PERIOD, question),
     )

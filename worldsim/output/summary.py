@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from typing import TYPE_CHECKING, Any
 
 from patrol.journal import Event, Header, TickRecord
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from worldsim.run_record import RunRecord
     from worldsim.verdict.judge import Verdict
     from worldsim.verdict.run.progress import RunProgress
+    from worldsim.verdict.run.zone_ages import ZoneFacts
 
 
 class Totals:
@@ -72,6 +73,7 @@ class Totals:
             **_tour(prepared),
             **({} if self._nodes is None else {"nodes": self._nodes.figures()}),
             **_progress(verdict.progress),
+            **_zones(verdict.zones),
             "links": self._traffic.links(),
             "faults": self._traffic.faults(),
             **self._intruders.facts(),
@@ -128,6 +130,14 @@ def _progress(progress: RunProgress | None) -> dict[str, Any]:
         "trapped": [{**asdict(robot), "stale": list(robot.stale)} for robot in progress.trapped],
         "stalest": {name: None if place is None else asdict(place) for name, place in places.items()},
     }
+
+
+def _zones(zones: ZoneFacts | None) -> dict[str, Any]:
+    """Return the figures of the zones; none without zones."""
+    if zones is None:
+        return {}
+    figures = {name: part.model_dump(exclude_unset=True) for name, part in zones.zones.items()}
+    return {field.name: getattr(zones, field.name) for field in fields(zones)} | {"zones": figures}
 
 
 def _of_processes(journal: RunRecord) -> dict[str, Any]:

@@ -24,6 +24,7 @@ from worldsim.verdict.frames.timing import OnTime
 from worldsim.verdict.robots.battery_checks import BatteriesLast
 from worldsim.verdict.robots.body_checks import BodiesApart, MovesAreTrue
 from worldsim.verdict.robots.motion_checks import MotionAsAsked
+from worldsim.verdict.robots.keep_outs import KeepOutsKept
 from worldsim.verdict.robots.sense_checks import SensesAsAsked
 from worldsim.verdict.robots.status_checks import DownAreSilent, NobodyLost, PausedStandStill, StatusesFollow
 from worldsim.verdict.run.exit_codes import ExitCodes
@@ -33,6 +34,7 @@ from worldsim.verdict.run.journal_checks import Complete, TraceAgrees
 from worldsim.verdict.run.progress import ProgressCheck, RunProgress
 from worldsim.verdict.run.recovery import Recovers
 from worldsim.verdict.run.transcripts import TranscriptsAgree
+from worldsim.verdict.run.zone_ages import ZoneAges, ZoneFacts
 
 if TYPE_CHECKING:
     from patrol.ground.fog import Fog
@@ -62,6 +64,7 @@ CHECKS: tuple[type[Check], ...] = (
     MovesAreTrue,
     MotionAsAsked,
     BatteriesLast,
+    KeepOutsKept,
     FramesAreTrue,
     FatesAsRecomputed,
     DropsExplained,
@@ -92,11 +95,13 @@ class Verdict:
         outcome: "valid", "invalid", or "unknown" when the journal does not reach its end, so that it cannot be judged.
         checks: The results.
         progress: How the patrol got on; None if the fog was not looked at.
+        zones: How old the ground of each zone got; None without zones, and where the fog was not looked at.
     """
 
     outcome: Outcome
     checks: tuple[CheckResult, ...]
     progress: RunProgress | None = None
+    zones: ZoneFacts | None = None
 
     @property
     def valid(self) -> bool:
@@ -151,6 +156,10 @@ class Judge:
         listed = [kind for kind in CHECKS if kind.applies(run)]
         for kind in listed:
             readings.add(kind, run)
+        zoned = ZoneAges.applies(run) and (verify_fog or fog is not None)
+        if zoned:
+            readings.add(ZoneAges, run)
+        self._zones = readings[ZoneAges] if zoned else None
         self._checks = [readings[kind] for kind in listed]
         self._readings = readings.in_order()
 
@@ -170,8 +179,9 @@ class Judge:
     def verdict(self) -> Verdict:
         """Return the verdict, once all ticks are in and the journal has ended."""
         checks = tuple(check.result() for check in self._checks)
+        zones = None if self._zones is None else self._zones.facts()
         progress = [check.facts() for check in self._checks if isinstance(check, ProgressCheck)]
-        return Verdict(_outcome(self._journal, checks), checks, progress[0] if progress else None)
+        return Verdict(_outcome(self._journal, checks), checks, progress[0] if progress else None, zones)
 
 
 def judge(

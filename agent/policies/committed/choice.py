@@ -2,7 +2,7 @@
 
 A point of age a (s) at the end of a way of length L (m) counts a^2 / (L + `NEAR_M`), and a tenth of that where another
 robot has the shorter way (`OTHERS`). So robots prefer stale points, finish the ones close by first, and rarely choose
-the same ones, although no robot says which target it has.
+the same ones, although no robot says which target it has. On ground with zones an age counts times the point's weight.
 
 The search lays one wave of path lengths from the robot and one from all others at once, over a box around the robot.
 Outside of the box a point counts at most its age squared per its distance as the crow flies. Where that is enough to
@@ -43,6 +43,9 @@ FIRST_REACH = 1.25
 BESIDE_POINTS = 2
 """Rows or columns, at most, between a robot and the point where its paths begin."""
 
+MOST_AGE = 1e5
+"""Greatest age times weight, ticks; where one is greater, all are made smaller by one factor."""
+
 ROUNDING = 1e-9
 """Share by which a bound is lowered, so that no rounding makes it too high."""
 
@@ -66,6 +69,24 @@ class Best(NamedTuple):
     length: int
 
 
+class Ages(NamedTuple):
+    """The ages of the points, as far as a choice is concerned; a point in view has none.
+
+    Attributes:
+        patrolled: bool (h, w), the points that have an age.
+        last_seen: int32 (h, w), when each point was last seen.
+        looked: int32 (h, w), when each point was last in view.
+        tick: Now.
+        oldest: The greatest age, ticks.
+    """
+
+    patrolled: NDArray[np.bool_]
+    last_seen: NDArray[np.int32]
+    looked: NDArray[np.int32]
+    tick: int
+    oldest: int
+
+
 class TargetChoice:
     """The search for a robot's targets.
 
@@ -84,6 +105,8 @@ class TargetChoice:
         self._near = 100.0 * NEAR_M / point
         self._least_reach = math.ceil(FIRST_REACH * setup.sight.range_m / point)
         self._reach = self._least_reach
+        zoned = setup.zoned()
+        self._weights = None if zoned is None else zoned.weights
 
     def best(
         self,
@@ -104,16 +127,33 @@ class TargetChoice:
             The point, or None where nothing is stale.
         """
         left_out = given_up.now(view.tick)
-        worth = np.arange(view.mfow + 1.0) ** 2
-        best = self._search(view, start, rivals, left_out, worth)
+        ages = self._ages(view)
+        worth = np.arange(ages.oldest + 1.0) ** 2
+        best = self._search(view, ages, start, rivals, left_out, worth)
         if best is None and left_out.size:
             given_up.clear()
-            best = self._search(view, start, rivals, given_up.now(view.tick), worth)
+            best = self._search(view, ages, start, rivals, given_up.now(view.tick), worth)
         return best
+
+    def _ages(self, view: View) -> Ages:
+        """Return the believed ages, times their weights on ground with zones."""
+        fog = view.fog
+        if self._weights is None:
+            return Ages(fog.patrolled, fog.last_seen, fog.looked, view.tick, view.mfow)
+        counts = fog.patrolled & (fog.looked != view.tick)
+        weighted = np.where(counts, self._weights * (view.tick - np.maximum(fog.last_seen, 0)), 0.0)
+        oldest = float(weighted.max())
+        if oldest > MOST_AGE:
+            weighted *= MOST_AGE / oldest
+        ages = np.rint(weighted).astype(np.int32)
+        most = int(ages.max())
+        last_seen = np.ascontiguousarray(np.int32(most) - ages)
+        return Ages(np.ascontiguousarray(counts), last_seen, last_seen, most, most)
 
     def _search(
         self,
         view: View,
+        ages: Ages,
         start: Element,
         rivals: NDArray[np.float64],
         left_out: NDArray[np.int64],
@@ -128,17 +168,17 @@ class TargetChoice:
             if 2 * (box[1] - box[0]) * (box[3] - box[2]) >= shape[0] * shape[1]:
                 box, limit = (0, shape[0], 0, shape[1]), LONGEST
             own, rival = paths_in(view.ground, [here], box, limit), NO_PATHS
-            score, place = self._best_in(view, own, rival, worth, left_out)
+            score, place = self._best_in(ages, own, rival, worth, left_out)
             if score > 0.0 and _may_be_nearer(view, rivals, place[2:], own.length_to(*place[2:])):
                 rival = _paths_of_rivals(view, rivals, box, limit)
-                score, place = self._best_in(view, own, rival, worth, left_out)
+                score, place = self._best_in(ages, own, rival, worth, left_out)
                 length = own.length_to(*place[2:])
                 if limit != LONGEST and 2 * length > limit and rival.length_to(*place[2:]) >= length:
                     reach = math.ceil(length / 50)
                     continue
             patch_ends = 2 * farthest_of_own(own.length, rival.length, limit) <= limit
             to_beat = score / OTHERS if patch_ends else score
-            enough = self._enough(view, here, worth, to_beat, 2 * reach) if score > 0.0 else 2 * reach
+            enough = self._enough(ages, here, worth, to_beat, 2 * reach) if score > 0.0 else 2 * reach
             if limit == LONGEST or reach >= enough:
                 break
             reach = min(enough, 2 * reach)
@@ -148,7 +188,7 @@ class TargetChoice:
         self._reach = min(max(self._least_reach, enough), max(shape))
         return Best(place[:2], place[2:], own.length_to(*place[2:]) + 200)
 
-    def _enough(self, view: View, here: Point, worth: NDArray[np.float64], score: float, most: int) -> int:
+    def _enough(self, ages: Ages, here: Point, worth: NDArray[np.float64], score: float, most: int) -> int:
         """Return the reach of a box that holds each way at the end of which a point could have a score, or more.
 
         Of a larger box than `most`, it returns no more than that it is as large.
@@ -158,26 +198,26 @@ class TargetChoice:
         def longest(age: int) -> int:
             return math.ceil((worth.item(age) / score - self._near) / 100.0)
 
-        fog, gap = view.fog, self.posts.gap
+        gap = self.posts.gap
         around = (*here, longest(-1) + gap, gap)
         too_old = int(np.searchsorted(worth, score * (100.0 * most + self._near)))
         oldest = oldest_that_may_win(
-            fog.patrolled, fog.last_seen, view.tick, *around, worth, self._near, score, too_old
+            ages.patrolled, ages.last_seen, ages.tick, *around, worth, self._near, score, too_old
         )
         return longest(int(oldest))
 
     def _best_in(
         self,
-        view: View,
+        ages: Ages,
         own: BoxPaths,
         rival: BoxPaths,
         worth: NDArray[np.float64],
         left_out: NDArray[np.int64],
     ) -> tuple[float, tuple[int, int, int, int]]:
         """Return the best score in a box, 0 without any, and row and column of the point and of where to stand."""
-        score, place, fog = np.zeros(1), np.zeros(4, dtype=np.int64), view.fog
+        score, place = np.zeros(1), np.zeros(4, dtype=np.int64)
         known = (own.length, own.row0, own.col0, own.limit, rival.length, rival.row0, rival.col0)
-        grids = (*known, fog.patrolled, fog.last_seen, fog.looked, view.tick)
+        grids = (*known, ages.patrolled, ages.last_seen, ages.looked, ages.tick)
         posts = self.posts.between(own.row0 + 1, own.row0 + own.length.shape[0] - 2)
         for points, listed in ((NO_POINTS, False), (posts, True)):
             best_of(points, listed, *grids, worth, self._near, OTHERS, left_out, score, place)

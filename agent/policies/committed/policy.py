@@ -16,6 +16,9 @@ The option `unpredictability` and the experience with the round decide how much 
 (`agent.policies.committed.periods`). Where there is no round, because the ground is too large for a tour or the sensor
 does not look all around, each choice is free.
 
+On ground with zones there are several rounds, and robots are divided between them
+(`agent.policies.committed.division`); free choices count the age times the weight.
+
 For example, for a free choice a point not seen for 60 s at the end of a way of 9 m counts 60^2 / (9 + 3) = 300; one not
 seen for 90 s, 27 m away, 270. The first one is the target.
 """
@@ -27,6 +30,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from agent.policies.committed.choice import TargetChoice
+from agent.policies.committed.division import Division
 from agent.policies.committed.given_up import GivenUp
 from agent.policies.committed.periods import INTERVALS, Periods
 from agent.policies.committed.rounds import RoundAhead
@@ -41,6 +45,7 @@ if TYPE_CHECKING:
     from agent.ports import PolicySetup
     from agent.routes.routes import Element, Way
     from agent.view import View
+    from patrol.ground.tour.round import Round
 
 NO_NEARER_S = 15.0
 """A robot that has come no nearer to its target for so long gives it up, s."""
@@ -59,6 +64,9 @@ NEARER = 0.1
 STILL_STALE = 0.5
 """A target counts as seen once its age is below this share of what it was when it was chosen."""
 
+
+SHORTEST_PERIOD_S = 60.0
+"""Shortest period on ground with zones, s: a small zone has a short round."""
 
 PROMPT_TICKS = 4
 """Ticks after the begin of a period in which a robot still begins the round together with the others."""
@@ -88,6 +96,7 @@ class Committed:
         ahead: The round ahead of it; None where each choice is free.
         spacing: The robots on the round; None likewise.
         periods: When the robots follow the round; None likewise.
+        division: Which robots follow which round; None where there is at most one.
     """
 
     Options = CommittedOptions
@@ -108,14 +117,16 @@ class Committed:
         self.ahead: RoundAhead | None = None
         self.spacing: Spacing | None = None
         self.periods: Periods | None = None
-        if options.unpredictability < 1.0 and (laid_out := setup.round()) is not None:
-            stride = max(spec.speed * setup.step, terrain.point)
-            self.ahead = RoundAhead(setup, laid_out)
+        self.division: Division | None = None
+        self._setup = setup
+        self._classes: tuple[int, int] | None = None
+        zoned = setup.zoned()
+        if zoned is not None:
+            if options.unpredictability < 1.0 and zoned.rounds:
+                self.division = Division(zoned, spec.number, frozenset(setup.radii), setup.step)
+        elif options.unpredictability < 1.0 and (laid_out := setup.round()) is not None:
             followers = setup.followers()
-            whole = len(followers) / len(setup.radii) * setup.team
-            self.spacing = Spacing.on(laid_out, spec.number, followers, max(1, round(whole)), stride, terrain)
-            length = max(1, round(INTERVALS * self.ahead.interval(whole)))
-            self.periods = Periods(length, options.unpredictability, setup.fleet_chance)
+            self._follow(laid_out, followers, len(followers) / len(setup.radii) * setup.team)
         self._expected = 0
         self._shortest = math.inf
         self._least_age = 0
@@ -123,6 +134,36 @@ class Committed:
         self._on_round = False
         self._may_be_away = bool(setup.docks)
         self._decided_at = 0
+
+    def _follow(self, laid_out: Round, followers: frozenset[int], team: float) -> None:
+        """Follow a round from now on, with other robots."""
+        setup = self._setup
+        stride = max(setup.spec.speed * setup.step, setup.terrain.point)
+        self.ahead = RoundAhead(setup, laid_out)
+        self.spacing = Spacing.on(
+            laid_out, setup.spec.number, followers, max(1, round(team)), stride, setup.terrain
+        )
+        self._begin_periods(team)
+
+    def _begin_periods(self, team: float) -> None:
+        setup = self._setup
+        assert self.ahead is not None
+        least = 1 if self.division is None else round(SHORTEST_PERIOD_S / setup.step)
+        length = max(1, least, round(INTERVALS * self.ahead.interval(team)))
+        self.periods = Periods(length, setup.options.unpredictability, setup.fleet_chance)
+
+    def _join_crew(self, view: View, division: Division) -> None:
+        """Follow the round that the robots which are heard leave to this one, together with those that share it."""
+        classes, robots = division.crew(view)
+        if classes != self._classes:
+            is_first = self._classes is None
+            self._classes, self.target = classes, None
+            self._follow(division.zoned.rounds[classes], robots, len(robots))
+            if not is_first and self.ahead is not None and self.spacing is not None:
+                self.ahead.go_to(self.spacing.along_m(self.spacing.nearest((view.reported.x, view.reported.y))))
+        elif self.spacing is not None and robots != self.spacing.followers:
+            self.spacing.follow_with(robots)
+            self._begin_periods(len(robots))
 
     def decide(self, view: View) -> Intent:
         """Return the way to the target, or to a new one; now and then a random step."""
@@ -182,12 +223,15 @@ class Committed:
 
     def _is_on_round(self, view: View) -> bool:
         """Return True in a period in which the robots follow the round; take note of where they are on it."""
+        if self.division is not None:
+            self._join_crew(view, self.division)
         if self.ahead is None or self.spacing is None or self.periods is None:
             return False
         # A robot that charges learns nothing meanwhile, and all robots have to choose the same.
         certain = self.spacing.listen(view) and not self._may_be_away
         team = self.spacing.team
-        if not self.periods.update(view.tick, view.mfow, team, self.ahead.interval(team), certain=certain):
+        mfow = view.mfow if self.division is None else self.ahead.mfow(view)
+        if not self.periods.update(view.tick, mfow, team, self.ahead.interval(team), certain=certain):
             self.ahead.cursor = None
             self.spacing.robots.clear()
             return False
@@ -228,7 +272,8 @@ class Committed:
                 ahead.come_to(spacing.along_m(spacing.own_place))
             self._commit(view, Target(stop.point, stop.stand, stop.age))
             return way
-        return None
+        # Robots on a short round may stand in each other's way for good, with nothing stale on it.
+        return None if self.division is None else self._free_choice(view, start)
 
     def _free_choice(self, view: View, start: Element) -> Way | None:
         """Commit to the best point of all, and return the way there."""

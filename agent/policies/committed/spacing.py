@@ -137,6 +137,11 @@ class Spacing:
         tour = np.ascontiguousarray(np.hstack([spots, course / np.maximum(length, 1e-9)]))
         return cls(laid_out, number, followers, whole, stride, tour, _scratch=np.zeros(count))
 
+    def follow_with(self, followers: frozenset[int]) -> None:
+        """Follow the round with other robots than before; those of them that are known stay known."""
+        self.followers = followers
+        self.heard = {number: heard for number, heard in self.heard.items() if number in followers}
+
     @property
     def count(self) -> int:
         """Number of places."""

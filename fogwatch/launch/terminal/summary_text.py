@@ -87,6 +87,7 @@ def measures(summary: Summary) -> list[str]:
     text = {key: metric.text(getattr(summary, key)) for key, metric in metrics_of(Summary) if metric.title}
     lines.append(f"MFoW        mean {text.pop('mfow_mean_s')}, maximum {text.pop('mfow_max_s')}")
     lines.append(_bounds(summary, text.pop("best_tour_s")))
+    lines += _zones(summary)
     lines += _stalest(summary)
     coverage = f"coverage    {text.pop('seen_share')} of {summary.patrolled_area_m2:.0f} m² to patrol"
     lines += [f"{metric.title:<11} {text[key]}" for key, metric in metrics_of(Summary) if key in text]
@@ -167,6 +168,23 @@ def _bounds(summary: Summary, tour: str) -> str:
     lower = f"lower bound {bound:.1f} s{ratio(bound)}" if bound else f"lower bound 0: {NO_BOUND}"
     best = "" if tour_s is None else f"best tour found {tour}{ratio(tour_s)}; "
     return f"bounds      {best}{lower}"
+
+
+def _zones(summary: Summary) -> list[str]:
+    """Describe the weighted MFoW, and how old the ground of each zone got."""
+    mean_s = summary.mfow_weighted_mean_s
+    if mean_s is None:
+        return []
+    best_s = summary.best_weighted_s
+    tours = "" if best_s is None else f"; best weighted tours {best_s:.1f} s"
+    lines = [f"weighted    MFoW mean {mean_s:.1f} s, maximum {summary.mfow_weighted_max_s:.1f} s{tours}"]
+    for name, zone in summary.zones.items():
+        wish = ""
+        if zone.wanted_s is not None and zone.kept_share is not None:
+            wish = f"; wanted {zone.wanted_s:g} s, kept {100.0 * zone.kept_share:.1f} % of the time"
+        ages = f"oldest {zone.mfow_mean_s:.1f} s in the mean, {zone.mfow_max_s:.1f} s at most"
+        lines.append(f"            {name} (weight {zone.weight:g}): mean {zone.fog_mean_s:.1f} s, {ages}{wish}")
+    return lines
 
 
 def _stalest(summary: Summary) -> list[str]:

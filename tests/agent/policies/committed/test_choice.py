@@ -155,3 +155,24 @@ def test_the_longest_own_way_is_that_of_plain_numpy(seed: int) -> None:
     limit = int(dice.integers(1, 900))
     assert farthest_of_own(own, rival, limit) == own[(own <= limit) & (own <= rival)].max(initial=0)
     assert farthest_of_own(own, NO_BENDS, limit) == own[own <= limit].max(initial=0)
+
+
+def test_an_age_counts_as_many_times_as_its_weight() -> None:
+    """Of two points equally old and far, the one in the zone is the best, and so is an unweighted one twice as near."""
+    terrain = cluttered(1, (40, 120), 0)
+    zone = {"name": "east", "polygon": [[40, 0], [60, 0], [60, 20], [40, 20]], "weight": 3}
+    body = {"radius": 0.3, "speed": 1.5, "model": "holonomic"}
+    patrol = {"options": {"unpredictability": 1}}
+    best = []
+    for zones in ([], [zone], [zone | {"weight": 0.1}]):
+        robots = Robots(
+            prepared_in(terrain, [Pose(30.0, 10.0, 0.0)], body, patrol=patrol, sensor={"range": 3.0}, zones=zones)
+        )
+        for _ in range(3):
+            robots.tick()
+        mind = robots.minds[1]
+        best.append(mind.policy.otherwise.target.point[1] * terrain.point)
+    plain, heavy, light = best
+    assert heavy >= 40.0
+    assert light < 40.0
+    assert abs(plain - 30.0) < 10.0

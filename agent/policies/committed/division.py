@@ -1,0 +1,86 @@
+"""Which robots follow which round on ground whose points count differently, as one of them believes.
+
+Every robot divides the robots that it has heard lately, itself among them, between the rounds of the best division
+(`patrol.ground.tour.zoned`): by number, the lowest numbers to the ground with the greatest weight. All that hear
+each other find the same. After a death, a newcomer or a long silence the division is made anew, and few robots change
+rounds.
+
+For example, robots 1 to 6, three for each of two rounds: 1, 2 and 3 follow that of the zone. When 2 dies, and five
+robots are best divided 2 to 3, then 1 and 3 stay in the zone, and 4, 5 and 6 outside.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from agent.view import View
+    from patrol.ground.tour.zoned import Classes, ZonedGround
+
+MEMORY = 0.5
+"""Time for which a robot that is not heard is counted on, as a share of the time between two robots on a round of all
+ground."""
+
+LEAST_MEMORY_S = 30.0
+"""Lower bound of the same, s."""
+
+
+class Crew(NamedTuple):
+    """The robots on one round.
+
+    Attributes:
+        classes: Of the round's ground.
+        robots: Their numbers.
+    """
+
+    classes: Classes
+    robots: frozenset[int]
+
+
+class Division:
+    """The division of the robots that one robot hears.
+
+    Attributes:
+        zoned: The ground and its rounds.
+    """
+
+    def __init__(self, zoned: ZonedGround, number: int, robots: frozenset[int], step: float) -> None:
+        """Begin with nobody heard.
+
+        Args:
+            zoned: The ground and its rounds, at least one.
+            number: Of the robot itself.
+            robots: Numbers of all robots.
+            step: s per tick.
+        """
+        self.zoned = zoned
+        self._number = number
+        self._robots = robots
+        whole = zoned.rounds[0, len(zoned.classes) - 1]
+        self._memory = max(MEMORY * whole.length_m / (len(robots) * zoned.speed), LEAST_MEMORY_S) / step
+        self._heard: dict[int, int] = {}
+        self._crews: dict[frozenset[int], Crew] = {}
+
+    def crew(self, view: View) -> Crew:
+        """Return the robots that follow the same round as this robot, and which round that is.
+
+        Args:
+            view: Of this tick.
+        """
+        self._heard = {number: at for number, at in self._heard.items() if view.tick - at <= self._memory}
+        for number in self._robots & view.peers.keys():
+            self._heard[number] = view.peers[number].tick
+        self._heard[self._number] = view.tick
+        team = frozenset(self._heard)
+        if team not in self._crews:
+            self._crews[team] = self._divided(sorted(team))
+        return self._crews[team]
+
+    def _divided(self, numbers: list[int]) -> Crew:
+        begin = 0
+        for group in reversed(self.zoned.divide(len(numbers))):
+            robots = frozenset(numbers[begin : begin + group.robots])
+            if self._number in robots:
+                return Crew(group.classes, robots)
+            begin += group.robots
+        raise AssertionError("a division has a group for each robot")

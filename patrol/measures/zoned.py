@@ -1,0 +1,130 @@
+"""The zones of a scenario as weights of the ground, and the rounds of its fleet over them.
+
+- A point's weight is the greatest of the zones that it lies in, and 1 where it lies in none.
+- A wanted age of S seconds is a weight of T / S. T is the MFoW of the fleet on the best tour found over all of the
+  ground, as if there were no zones. For example, where that keeps 120 s, a wish for 60 s is a weight of 2.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations_with_replacement
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.errors import BadInput
+from patrol.ground.tour.zoned import MOST_CLASSES, Classes, ZonedGround
+from patrol.ground.zones import points_of
+from patrol.measures.best_tour import best_tour, round_over, tour_over
+from patrol.measures.own_ground import own_grounds
+from patrol.scenario.zones import LEAST_WEIGHT, MOST_WEIGHT
+
+if TYPE_CHECKING:
+    from patrol.ground.terrain import BoolGrid
+    from patrol.ground.tour.round import Round
+    from patrol.ground.tour.tour import Tour
+    from patrol.prepare import Prepared
+
+
+def zoned_ground(prepared: Prepared) -> ZonedGround | None:
+    """Weigh the ground by a scenario's zones, and find the rounds over it; `Prepared.zoned` keeps the result.
+
+    Args:
+        prepared: The scenario, its terrain and the bodies' static fields.
+
+    Returns:
+        The zoned ground; None where no zone has a weight or a wanted age.
+
+    Raises:
+        BadInput: There is a wanted age, and no tour that says how it compares with the other ground.
+    """
+    if not any(zone.keep_out is None for zone in prepared.scenario.zones):
+        return None
+    if not prepared.zoned:
+        prepared.zoned.append(_zoned_ground(prepared))
+    return prepared.zoned[0]
+
+
+def zone_weights(prepared: Prepared) -> dict[str, float]:
+    """Return the weight of each zone that has one, by name.
+
+    Args:
+        prepared: The scenario, its terrain and the bodies' static fields.
+
+    Raises:
+        BadInput: As for `zoned_ground`.
+    """
+    weights, tour_s = {}, None
+    for number, zone in enumerate(prepared.scenario.zones):
+        if zone.weight is not None:
+            weights[zone.name] = zone.weight
+        elif zone.age is not None:
+            tour_s = tour_s or best_tour(prepared).bound_of_fleet_s(prepared.scenario)
+            if not tour_s:
+                raise BadInput(
+                    f"zones.{number}.age = {zone.age:g}: there is no tour of this ground with this sensor to compare "
+                    f"{zone.name} with; give it a weight"
+                )
+            weights[zone.name] = round(min(max(tour_s / zone.age, LEAST_WEIGHT), MOST_WEIGHT), 3)
+    return weights
+
+
+def best_weighted_s(prepared: Prepared) -> float | None:
+    """Return the weighted MFoW of all robots that are not spare on the rounds of the best division.
+
+    Args:
+        prepared: The scenario, its terrain and the bodies' static fields.
+
+    Returns:
+        The weighted MFoW, s; None without zones or rounds.
+    """
+    zoned = zoned_ground(prepared)
+    scenario = prepared.scenario
+    groups = () if zoned is None else zoned.divide(len(scenario.roster) - len(scenario.spares))
+    return None if zoned is None or not groups else zoned.cost_s(groups)
+
+
+def _zoned_ground(prepared: Prepared) -> ZonedGround:
+    terrain, patrolled = prepared.terrain, prepared.patrolled
+    grid: NDArray[np.float64] = np.zeros(terrain.shape)
+    by_name, wanted = zone_weights(prepared), {}
+    for zone in prepared.scenario.zones:
+        if zone.name in by_name:
+            points = points_of(zone, terrain)
+            grid[points] = np.maximum(grid[points], by_name[zone.name])
+    grid[grid == 0.0] = 1.0
+    grid.flags.writeable = False
+    for zone in prepared.scenario.zones:
+        if zone.age is not None:
+            weight = float(grid[points_of(zone, terrain) & patrolled].min())  # other zones may weigh parts of it more
+            wanted[weight] = min(zone.age, wanted.get(weight, zone.age))
+    classes = tuple(np.unique(grid[patrolled]).tolist())
+    rounds = _rounds(prepared, grid, classes)
+    speed = min(spec.speed for spec in prepared.scenario.roster)
+    return ZonedGround(grid, classes, tuple(wanted.get(weight) for weight in classes), rounds, speed)
+
+
+def _rounds(prepared: Prepared, grid: NDArray[np.float64], classes: tuple[float, ...]) -> dict[Classes, Round]:
+    """Find the rounds of all groups; none where the fleet follows no rounds, or has several grounds or many classes."""
+    grounds = list({id(own): own for own in own_grounds(prepared).values()}.values())
+    if len(grounds) > 1 or len(classes) > MOST_CLASSES:
+        return {}
+    count = len(classes)
+    tours: dict[Classes, Tour] = {}
+    grounds_of: dict[Classes, BoolGrid] = {}
+    for group in combinations_with_replacement(range(count), 2):
+        ground = grounds[0].patrolled & (grid >= classes[group[0]]) & (grid <= classes[group[1]])
+        tour = tour_over(prepared, ground) if ground.any() else None
+        if tour is None:
+            return {}
+        grounds_of[group], tours[group] = ground, tour
+    # The search may find a shorter tour for more ground, and that will do for less.
+    shortest = {
+        (first, last): min(
+            (tour for (low, high), tour in tours.items() if low <= first and last <= high),
+            key=lambda tour: tour.length_m,
+        )
+        for first, last in tours
+    }
+    return {group: round_over(prepared, grounds_of[group], shortest[group]) for group in tours}

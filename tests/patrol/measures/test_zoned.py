@@ -1,0 +1,89 @@
+"""Zones as weights of the ground, and the rounds over them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from patrol.errors import BadInput
+from patrol.measures.best_tour import best_tour
+from patrol.measures.zoned import best_weighted_s, zone_weights, zoned_ground
+from patrol.prepare import Prepared, prepare
+from patrol.scenario import load_scenario
+
+
+def box(left: float, low: float, right: float, high: float) -> list[list[float]]:
+    return [[left, low], [right, low], [right, high], [left, high]]
+
+
+VAULT = {"name": "vault", "polygon": box(0, 0, 30, 30)}
+CELLAR = {"name": "cellar", "polygon": box(20, 20, 60, 60)}
+
+
+def prepared(*zones: dict[str, Any], **more: Any) -> Prepared:
+    robots = {"count": 4, "model": "holonomic", "radius": 1.0, "speed": 2.0}
+    given = {"terrain": {"builtin": "yards"}, "point": 1.0, "robots": robots, "zones": list(zones), **more}
+    return prepare(load_scenario(given))
+
+
+def test_the_greatest_weight_holds_and_the_rest_counts_once() -> None:
+    ground = zoned_ground(prepared(VAULT | {"weight": 10}, CELLAR | {"weight": 0.5}))
+    assert ground is not None
+    weights = ground.weights
+    assert (weights[5, 5], weights[25, 25], weights[40, 40], weights[80, 80]) == (10.0, 10.0, 0.5, 1.0)
+    assert ground.classes == (0.5, 1.0, 10.0)
+
+
+def test_a_wanted_age_is_a_weight_against_the_best_tour() -> None:
+    made = prepared(VAULT | {"age": 20})
+    tour_s = best_tour(made).bound_of_fleet_s(made.scenario)
+    assert tour_s is not None
+    assert zone_weights(made) == {"vault": pytest.approx(tour_s / 20.0, abs=1e-3)}
+    ground = zoned_ground(made)
+    assert ground is not None
+    assert ground.wanted == tuple(20.0 if weight != 1.0 else None for weight in ground.classes)
+
+
+def test_rounds_show_the_ground_of_their_classes_and_none_is_longer_than_one_of_more() -> None:
+    made = prepared(VAULT | {"weight": 10}, CELLAR | {"weight": 3})
+    ground = zoned_ground(made)
+    assert ground is not None
+    for (first, last), laid_out in ground.rounds.items():
+        weights = ground.weights.reshape(-1)[laid_out.points]
+        assert set(np.unique(weights)) == set(ground.classes[first : last + 1])
+        wider = [ground.rounds[low, high] for low, high in ground.rounds if low <= first and last <= high]
+        assert laid_out.length_m == min(other.length_m for other in wider)
+    assert best_weighted_s(made) == ground.cost_s(ground.divide(4))
+
+
+@pytest.mark.parametrize("zones", [(), ({"name": "stairs", "polygon": box(10, 10, 20, 20), "keep_out": True},)])
+def test_without_weights_nothing_is_zoned(zones: tuple[dict[str, Any], ...]) -> None:
+    made = prepared(*zones)
+    assert zoned_ground(made) is None
+    assert best_weighted_s(made) is None
+
+
+def test_weights_without_rounds_where_the_sensor_looks_ahead_only() -> None:
+    made = prepared(VAULT | {"weight": 10}, sensor={"angle": 90})
+    ground = zoned_ground(made)
+    assert ground is not None
+    assert not ground.rounds
+    assert best_weighted_s(made) is None
+
+
+def test_a_wanted_age_needs_a_tour() -> None:
+    with pytest.raises(
+        BadInput, match=r"zones\.0\.age = 20: there is no tour .* to compare vault with; give it a weight"
+    ):
+        zoned_ground(prepared(VAULT | {"age": 20}, sensor={"angle": 90}))
+
+
+def test_a_zone_that_no_robot_sees_is_refused() -> None:
+    shut = {"name": "shut", "polygon": box(0, 0, 0.5, 0.5), "weight": 2}
+    walls = ~prepared().patrolled
+    row, col = np.argwhere(walls)[0]
+    shut["polygon"] = box(col + 0.2, row + 0.2, col + 0.8, row + 0.8)
+    with pytest.raises(BadInput, match=r"zones\.0: shut: no robot sees any of it from ground that it can reach"):
+        prepared(shut)

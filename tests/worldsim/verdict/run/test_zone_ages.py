@@ -1,0 +1,68 @@
+"""The figures of a run's zones, against ages recomputed point by point."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from patrol.journal import Status
+from patrol.pose import Pose
+from patrol.prepare import sensor_footprint
+from worldsim.output.summary import summarise
+from worldsim.truth import Truth
+from worldsim.verdict.judge import judge
+
+if TYPE_CHECKING:
+    from tests.worldsim.conftest import Lab
+
+DISC = {"model": "holonomic", "radius": 0.4, "speed": 1.0}
+VAULT = {"name": "vault", "polygon": [[12, 8], [20, 8], [20, 15], [12, 15]], "weight": 4}
+LOBBY = {"name": "lobby", "polygon": [[0, 0], [6, 0], [6, 6], [0, 6]], "weight": 0.5}
+
+
+def test_figures_are_those_of_the_points(lab: Lab) -> None:
+    sensor = {"range": 3.0}
+    world = lab.world(
+        [DISC] * 2, [(3.0, 3.0, 0.0), (14.0, 4.0, 0.0)], duration=30.0, zones=[VAULT, LOBBY], sensor=sensor
+    )
+    journal = lab.run(world)
+    summary = summarise(journal, judge(journal, {}, world.prepared))
+    patrolled, terrain = world.prepared.patrolled, world.prepared.terrain
+    ys, xs = np.indices(terrain.shape) * terrain.point + 0.5 * terrain.point
+    inside = {"vault": (xs > 12) & (ys > 8), "lobby": (xs < 6) & (ys < 6)}
+    inside["elsewhere"] = ~(inside["vault"] | inside["lobby"])
+    weights = {"vault": 4.0, "lobby": 0.5, "elsewhere": 1.0}
+    truth, ages = Truth(sensor_footprint(world.scenario, terrain), patrolled), []
+    for record in journal.ticks:
+        living = [(r.number, Pose(r.x, r.y, r.heading)) for r in record.robots if r.status is Status.ALIVE]
+        truth.observe(record.k, living)
+        ages.append(truth.fog.age(record.k) * world.scenario.step)
+    weighted = [max(weights[name] * age[inside[name] & patrolled].max() for name in weights) for age in ages]
+    assert summary.mfow_weighted_mean_s == pytest.approx(np.mean(weighted))
+    assert summary.mfow_weighted_max_s == pytest.approx(max(weighted))
+    for name, weight in weights.items():
+        found, ground = summary.zones[name], inside[name] & patrolled
+        assert found.weight == weight
+        assert found.area_m2 == pytest.approx(np.count_nonzero(ground) * 0.25)
+        assert found.mfow_mean_s == pytest.approx(np.mean([age[ground].max() for age in ages]))
+        assert found.fog_mean_s == pytest.approx(np.mean([age[ground].mean() for age in ages]))
+        assert found.kept_share is None
+
+
+def test_how_long_a_wish_was_kept(lab: Lab) -> None:
+    """Nothing of the far corner is seen, so its age is the time: half of 30 s it is at most 15 s."""
+    far = {"name": "far", "polygon": [[18, 13], [20, 13], [20, 15], [18, 15]], "age": 14.9}
+    world = lab.world([DISC], [(3.0, 3.0, 0.0)], duration=30.0, zones=[far], sensor={"range": 3.0})
+    journal = lab.run(world)
+    figures = summarise(journal, judge(journal, {}, world.prepared)).zones["far"]
+    assert figures.wanted_s == 14.9
+    assert figures.kept_share == pytest.approx(0.5)
+
+
+def test_without_zones_the_summary_has_none_of_it(lab: Lab) -> None:
+    world = lab.world([DISC], [(3.0, 3.0, 0.0)], duration=2.0)
+    journal = lab.run(world)
+    document = summarise(journal, judge(journal, {}, world.prepared)).document()
+    assert not {"zones", "mfow_weighted_mean_s", "best_weighted_s"} & document.keys()

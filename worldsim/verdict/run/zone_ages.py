@@ -1,0 +1,131 @@
+"""How old the ground of each zone got in a run, recomputed from the poses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.ground.zones import points_of
+from patrol.measures.zoned import best_weighted_s, zone_weights, zoned_ground
+from patrol.scenario.zones import ELSEWHERE
+from patrol.summary.model import ZoneFigures
+from worldsim.verdict.common.check import JournalReading
+from worldsim.verdict.common.robots_there import RobotsThere
+from worldsim.verdict.common.true_fog import TrueFog
+
+if TYPE_CHECKING:
+    from patrol.ground.terrain import BoolGrid
+    from patrol.journal import TickRecord
+    from worldsim.verdict.common.check import JudgedRun, Readings
+
+
+@dataclass(frozen=True, slots=True)
+class ZoneFacts:
+    """The figures of a run's zones.
+
+    Attributes:
+        mfow_weighted_mean_s: Mean over all ticks of the greatest age times weight, s.
+        mfow_weighted_late_mean_s: The same over the second half.
+        mfow_weighted_max_s: The greatest of them.
+        best_weighted_s: On the best weighted tours; None where there are none.
+        zones: Of each zone that bodies may enter, by name, and of the ground in no zone.
+    """
+
+    mfow_weighted_mean_s: float
+    mfow_weighted_late_mean_s: float
+    mfow_weighted_max_s: float
+    best_weighted_s: float | None
+    zones: dict[str, ZoneFigures]
+
+
+@dataclass(slots=True)
+class _Part:
+    """A part of the ground.
+
+    Attributes:
+        points: Flat indices of its points.
+        stalest: Age of its stalest point in each tick, ticks.
+        mean: Sum over ticks of the mean age, ticks.
+    """
+
+    points: NDArray[np.int64]
+    stalest: list[int] = field(default_factory=list)
+    mean: float = 0.0
+
+
+class ZoneAges(JournalReading):
+    """The ages of the ground of each zone, and the weighted MFoW, tick by tick."""
+
+    needs = (RobotsThere, TrueFog)
+
+    def __init__(self, run: JudgedRun, readings: Readings) -> None:
+        super().__init__(run, readings)
+        prepared = run.prepared
+        terrain, patrolled = prepared.terrain, prepared.patrolled
+        zoned = zoned_ground(prepared)
+        assert zoned is not None
+        self._fog = readings[TrueFog].fog
+        self._weights = zone_weights(prepared)
+        self._wanted = {zone.name: zone.age for zone in prepared.scenario.zones}
+        self._classes = [(weight, _points(patrolled & (zoned.weights == weight))) for weight in zoned.classes]
+        self._weighted: list[float] = []
+        elsewhere = patrolled.copy()
+        self._parts: dict[str, _Part] = {}
+        for zone in prepared.scenario.zones:
+            if zone.name in self._weights:
+                points = points_of(zone, terrain)
+                elsewhere &= ~points
+                self._parts[zone.name] = _Part(_points(patrolled & points))
+        if elsewhere.any():
+            self._parts[ELSEWHERE] = _Part(_points(elsewhere))
+
+    @classmethod
+    def applies(cls, run: JudgedRun) -> bool:
+        """Return True if some zone has a weight or a wanted age."""
+        return any(zone.keep_out is None for zone in run.prepared.scenario.zones)
+
+    def tick(self, record: TickRecord) -> None:
+        """Look at the fog after the tick's observations."""
+        last_seen = self._fog.last_seen.reshape(-1)
+        self._weighted.append(
+            max(weight * (record.k - max(int(last_seen[points].min()), 0)) for weight, points in self._classes)
+        )
+        for part in self._parts.values():
+            seen = np.maximum(last_seen[part.points], 0)
+            part.stalest.append(record.k - int(seen.min()))
+            part.mean += record.k - float(seen.mean())
+
+    def facts(self) -> ZoneFacts | None:
+        """Return the figures; None before the first tick."""
+        ticks = len(self._weighted)
+        if not ticks:
+            return None
+        step = self._run.step
+        return ZoneFacts(
+            mfow_weighted_mean_s=float(np.mean(self._weighted)) * step,
+            mfow_weighted_late_mean_s=float(np.mean(self._weighted[ticks // 2 :])) * step,
+            mfow_weighted_max_s=max(self._weighted) * step,
+            best_weighted_s=best_weighted_s(self._run.prepared),
+            zones={name: self._figures(name, part, step) for name, part in self._parts.items()},
+        )
+
+    def _figures(self, name: str, part: _Part, step: float) -> ZoneFigures:
+        wanted = self._wanted.get(name)
+        ages = np.array(part.stalest) * step
+        return ZoneFigures(
+            weight=self._weights.get(name, 1.0),
+            area_m2=len(part.points) * self._run.prepared.terrain.point_area,
+            fog_mean_s=part.mean / len(ages) * step,
+            mfow_mean_s=float(ages.mean()),
+            mfow_late_mean_s=float(ages[len(ages) // 2 :].mean()),
+            mfow_max_s=float(ages.max()),
+            wanted_s=wanted,
+            kept_share=None if wanted is None else float(np.mean(ages <= wanted)),
+        )
+
+
+def _points(ground: BoolGrid) -> NDArray[np.int64]:
+    return np.flatnonzero(ground)
