@@ -14,7 +14,10 @@ from monitor.observation.fault_bands import Band
 from monitor.observation.source import Answer, LinkCounts, Series, State, Static
 from monitor.page.survey import Survey
 from monitor.page.tiles import SIDE, layer_number
+from patrol.ground.terrain import Terrain
+from patrol.ground.zones import middle, outline, points_of
 from patrol.journal.records import Event
+from patrol.scenario import ZoneSpec
 
 
 def static_message(static: Static, may_control: bool) -> str:
@@ -49,6 +52,7 @@ def static_message(static: Static, may_control: bool) -> str:
             "note": static.note,
             "direct": static.direct,
             "late": static.late,
+            "zones": _zones(static),
             "robots": [
                 {
                     "number": robot.number,
@@ -193,6 +197,18 @@ def answer_message(number: object, answer: Answer) -> str:
         JSON.
     """
     return _json({"type": "answer", "id": number, "done": answer.done, "text": answer.text})
+
+
+def _zones(static: Static) -> list[dict[str, Any]]:
+    """Return the zones: what the map says of each, where, and its outline in m."""
+    terrain, shown = Terrain(static.name, static.passable, static.point, static.origin), []
+    for says in static.scenario.get("zones", ()):
+        zone = ZoneSpec.model_validate(says)
+        points = points_of(zone, terrain)
+        edges = [[_short(value) for value in edge] for edge in outline(points, terrain).tolist()]
+        at = [_short(value) for value in middle(points, terrain)]
+        shown.append({"label": zone.label, "at": at, "keepOut": zone.keep_out is not None, "edges": edges})
+    return shown
 
 
 def _stalest(survey: Survey, static: Static) -> list[float | bool | None]:

@@ -53,6 +53,7 @@ def drawings(analysis: Analysis) -> list[Drawing]:
     run, visits = analysis.run, analysis.visits
     bands = (*analysis.bands, *analysis.intruders)
     terrain, counted, step = run.prepared.terrain, run.prepared.patrolled, run.step
+    zones = run.prepared.scenario.zones
     red = (" Red: faults." if analysis.bands else "") + (" Blue: intruders." if analysis.intruders else "")
     tour_s = best_tour(run.prepared).bound_of_fleet_s(run.prepared.scenario)
     figures = [
@@ -72,14 +73,16 @@ def drawings(analysis: Analysis) -> list[Drawing]:
             "fog-mean",
             "Mean fog",
             "Mean age of each point over the run." + map_charts.never_seen_note(visits.never),
-            lambda: map_charts.fog_chart(terrain, visits.mean * step, counted, visits.never, "mean fog (s)"),
+            lambda: map_charts.fog_chart(
+                terrain, visits.mean * step, counted, visits.never, "mean fog (s)", zones=zones
+            ),
         ),
         draw(
             "fog-worst",
             "Worst fog",
             "Largest age of each point." + map_charts.never_seen_note(visits.never),
             lambda: map_charts.fog_chart(
-                terrain, visits.worst.astype(np.float64) * step, counted, visits.never, "worst fog (s)"
+                terrain, visits.worst.astype(np.float64) * step, counted, visits.never, "worst fog (s)", zones=zones
             ),
         ),
         draw(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -10,8 +11,10 @@ from numpy.typing import NDArray
 from monitor.replay.run import Run
 from monitor.report.style import INK, MUTED, UNCOUNTED, colour, figure, plain
 from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.ground.zones import middle, outline, points_of
 from patrol.journal.records import Status
 from patrol.palette import NEVER_SEEN, rgb, with_walls
+from patrol.scenario import ZoneSpec
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,6 +27,9 @@ MOST_PANELS = 12
 
 MOST_STEPS = 2500
 """Most points of a path."""
+
+ZONE, KEEP_OUT = "#6a1b9a", "#c1121f"
+"""Colours of the outlines of zones."""
 
 _LONGEST = 1600
 """Pixels along the longer side of a map; larger maps are thinned."""
@@ -39,6 +45,7 @@ def fog_chart(
     never: BoolGrid,
     label: str,
     most: float | None = None,
+    zones: Sequence[ZoneSpec] = (),
 ) -> Figure:
     """Return a map of the fog.
 
@@ -49,6 +56,7 @@ def fog_chart(
         never: bool (h, w), points never seen.
         label: Label of the colour scale.
         most: End of the scale, s; None for the largest value.
+        zones: Zones to outline.
     """
     chart, axes = _map(terrain)
     from matplotlib import colormaps
@@ -62,6 +70,7 @@ def fog_chart(
     image[~_thinned(counted, every)] = [round(255 * part) for part in UNCOUNTED]
     image[_thinned(counted & never, every)] = (*rgb(NEVER_SEEN), 255)
     _lay(axes, terrain, with_walls(image, _thinned(~terrain.passable, every), _LONGEST, MAP_EDGE))
+    _outline(axes, terrain, zones)
     chart.colorbar(scale, ax=axes, label=label, shrink=0.85, pad=0.02)
     return chart
 
@@ -96,6 +105,23 @@ def paths_chart(run: Run) -> Figure:
         _path(axes, run, place, 0.8)
         axes.set_title(f"{run.names[place]}: {run.robot_figures[place].distance_m:.0f} m", color=INK)
     return chart
+
+
+def _outline(axes: Axes, terrain: Terrain, zones: Sequence[ZoneSpec]) -> None:
+    """Draw the outlines of zones, and what holds there."""
+    if not zones:
+        return
+    from matplotlib.collections import LineCollection
+    from matplotlib.patheffects import withStroke
+
+    for zone in zones:
+        points = points_of(zone, terrain)
+        edges = outline(points, terrain).reshape(-1, 2, 2)
+        rim = [withStroke(linewidth=2.6, foreground="white")]
+        tone = KEEP_OUT if zone.keep_out else ZONE
+        axes.add_collection(LineCollection(list(edges), colors=tone, linewidths=1.3, path_effects=rim))
+        at = middle(points, terrain)
+        axes.text(*at, zone.label, color=tone, ha="center", va="center", fontsize=7, path_effects=rim, clip_on=True)
 
 
 def _map(terrain: Terrain) -> tuple[Figure, Axes]:

@@ -137,6 +137,13 @@ class ZoneSpec(Section):
             raise wrong("weight", f"give a number from {LEAST_WEIGHT:g} to {MOST_WEIGHT:g}", self.weight)
         return self
 
+    @property
+    def label(self) -> str:
+        """The name, and what holds there, as maps show it: ``vault x10``."""
+        if self.keep_out:
+            return f"{self.name}: keep out"
+        return f"{self.name} {self.age:g} s" if self.weight is None else f"{self.name} x{self.weight:g}"
+
 
 Zones = Annotated[tuple[ZoneSpec, ...], Field(json_schema_extra={"maxItems": MOST_ZONES}), at_most(MOST_ZONES, "zones")]
 

@@ -52,11 +52,14 @@ def prepared_in(
     *,
     patrol: Mapping[str, Any] | None = None,
     sensor: Mapping[str, Any] | None = None,
+    zones: Sequence[Mapping[str, Any]] = (),
 ) -> Prepared:
     """A scenario with equal robots that begin at these places, and reach what they reach from there."""
     roster = [{**robots, "start": [start.x, start.y, start.heading]} for start in starts]
     mapping = {"terrain": {"builtin": "open"}, "point": terrain.point, "robots": roster}
-    scenario = load_scenario({**mapping, "patrol": dict(patrol or {}), "sensor": dict(sensor or {})})
+    scenario = load_scenario(
+        {**mapping, "patrol": dict(patrol or {}), "sensor": dict(sensor or {}), "zones": list(zones)}
+    )
     fields = compute_fields(terrain, scenario.roster[0].radius, scenario.sensor.range, True, list(starts))
     return Prepared(scenario, terrain, tuple(starts), {robot.number: fields for robot in scenario.roster})
 

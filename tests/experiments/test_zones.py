@@ -14,20 +14,20 @@ VAULT = {"name": "vault", "polygon": [[0, 0], [40, 0], [40, 30], [0, 30]], "weig
 STAIRS = {"name": "stairs", "polygon": [[44, 30], [56, 30], [56, 50], [44, 50]], "keep_out": True}
 
 
-def ran(*zones: dict[str, Any], faults: tuple[dict[str, Any], ...] = (), duration: float = 600.0) -> Outcome:
-    robots = {"count": 6, "model": "holonomic", "radius": 1.0, "speed": 4.0}
-    given = {"terrain": {"builtin": "yards"}, "point": 1.0, "duration": duration, "robots": robots}
+def ran(*zones: dict[str, Any], faults: tuple[dict[str, Any], ...] = (), duration: float = 200.0) -> Outcome:
+    robots = {"count": 6, "model": "holonomic", "radius": 0.4, "speed": 4.0}
+    given = {"terrain": {"builtin": "yards"}, "point": 0.5, "duration": duration, "robots": robots}
     return run_in_process(prepare(load_scenario(given | {"zones": list(zones), "faults": list(faults)})), keep=False)
 
 
 def test_a_vault_is_seen_more_often_and_as_often_as_its_tours_allow() -> None:
-    plain, zoned = ran(VAULT | {"weight": 1.0}), ran(VAULT)
+    zoned = ran(VAULT)
     assert zoned.verdict.valid
     summary = zoned.summary
     assert summary.best_weighted_s is not None
     assert summary.mfow_weighted_late_mean_s is not None
     assert summary.mfow_weighted_late_mean_s <= 1.3 * summary.best_weighted_s
-    assert summary.zones["vault"].mfow_late_mean_s < 0.6 * plain.summary.zones["vault"].mfow_late_mean_s
+    assert summary.zones["vault"].mfow_late_mean_s < 0.3 * summary.zones["elsewhere"].mfow_late_mean_s
 
 
 @pytest.mark.parametrize(
@@ -44,7 +44,7 @@ def test_a_vault_is_seen_more_often_and_as_often_as_its_tours_allow() -> None:
     ids=["loss", "silence", "deaths"],
 )
 def test_nobody_enters_a_keep_out_and_nobody_is_trapped_under_faults(faults: tuple[dict[str, Any], ...]) -> None:
-    outcome = ran(VAULT, STAIRS, faults=faults, duration=300.0)
+    outcome = ran(VAULT, STAIRS, faults=faults)
     assert outcome.verdict.valid
     (kept,) = (check for check in outcome.verdict.checks if check.name == "keep-outs")
     assert kept.judged

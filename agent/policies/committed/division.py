@@ -5,8 +5,8 @@ Every robot divides the robots that it has heard lately, itself among them, betw
 each other find the same. After a death, a newcomer or a long silence the division is made anew, and few robots change
 rounds.
 
-For example, robots 1 to 6, three for each of two rounds: 1, 2 and 3 follow that of the zone. When 2 dies, and five
-robots are best divided 2 to 3, then 1 and 3 stay in the zone, and 4, 5 and 6 outside.
+For example, robots 1 to 6, three for each of two rounds: 1, 2 and 3 follow that of the zone. When 2 dies, and three
+of the other five are best in the zone, then 4 joins 1 and 3 there, and 5 and 6 stay outside.
 """
 
 from __future__ import annotations

@@ -24,6 +24,7 @@ from patrol.process.starting.warmup import warm
 if TYPE_CHECKING:
     from fogwatch.map_check import MapReport, SealedPart
     from patrol.ground.doors.rooms import Door
+    from patrol.prepare import Prepared
 
 app = typer.Typer(
     help="Check what a robot can reach and see on a map, or split the map into regions.", no_args_is_help=True
@@ -47,6 +48,11 @@ def check(
         typer.Option(metavar="X,Y", help="Where a robot starts, in m (default: chosen as for a run). Repeatable."),
     ] = None,
     picture: Annotated[Path | None, typer.Option(metavar="OUT.png", help="Draw the result into this PNG file.")] = None,
+    zones: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Zones to check: a zones.yaml, or a scenario that has some.")
+    ] = None,
+    robots: Annotated[int, typer.Option(metavar="N", help="Robots that are to keep wanted ages, with --zones.")] = 5,
+    speed: Annotated[float, typer.Option(metavar="M", help="Their speed in m/s, with --zones.")] = 1.0,
 ) -> None:
     """Report how much of a map a robot can reach and see, what is sealed off and why, and the narrowest doors."""
     for name, value in (("radius", radius), ("point", point), ("range", sensor_range)):
@@ -58,6 +64,13 @@ def check(
 
     terrain = _terrain(what, point)
     report = check_map(terrain, radius, sensor_range, line_of_sight, starts)
+    about_zones: list[str] = []
+    if zones is not None:
+        from fogwatch.zone_check import zone_lines  # here, as most checks have no zones
+
+        prepared = _fleet(what, zones, point, robots, speed, radius, sensor_range, line_of_sight, starts)
+        before, report = report, check_map(prepared.terrain, radius, sensor_range, line_of_sight, starts)
+        about_zones = list(zone_lines(prepared, before, report))
     if why := _suspicious(terrain):
         typer.echo(printable(f"{what}: is this what the map shows? {why}"), err=True)
     console = Console()
@@ -66,6 +79,8 @@ def check(
     else:
         for line in plain_lines(report):
             typer.echo(line)
+    for line in about_zones:
+        typer.echo(printable(line))
     if picture is not None:
         from fogwatch.pictures.run_end import map_picture  # here: its library is an extra
 
@@ -222,6 +237,35 @@ def _terrain(what: str, point: float) -> Terrain:
     from patrol.ground.maps import read_terrain
 
     return read_terrain(Path(what), point)
+
+
+def _fleet(
+    what: str,
+    zones: Path,
+    point: float,
+    robots: int,
+    speed: float,
+    radius: float,
+    sensor_range: float,
+    line_of_sight: bool,
+    starts: Sequence[Pose],
+) -> Prepared:
+    """A fleet on a map with zones."""
+    from patrol.prepare import prepare
+    from patrol.scenario import load_scenario
+
+    body = {"count": robots, "model": "holonomic", "radius": radius, "speed": speed}
+    if starts:
+        body["starts"] = [[start.x, start.y] for start in starts[:robots]]
+    says = {
+        "terrain": {"builtin": what} if what in LAYOUTS else {"map": str(Path(what).absolute())},
+        "point": point,
+        "robots": body,
+        "sensor": {"range": sensor_range, "line_of_sight": line_of_sight},
+        "zones": str(zones.absolute()),
+    }
+    options = {"robots.count": "--robots", "robots.speed": "--speed", "zones": f"--zones {zones}"}
+    return prepare(load_scenario(says, called="options", aliases=options))
 
 
 def _suspicious(terrain: Terrain) -> str:

@@ -2,7 +2,7 @@
 
 import { themed } from "./colours.js";
 import { FogImage } from "./fogimage.js";
-import { drawCross, drawRobots, drawScaleBar, drawStalest, PASSABLE } from "./marks.js";
+import { drawCross, drawRobots, drawScaleBar, drawStalest, drawZones, PASSABLE } from "./marks.js";
 import { NEVER, OUTSIDE, seconds, certainSince } from "./store.js";
 
 /** By how many pixels of the page a wall's edge surrounds it. */
@@ -96,6 +96,7 @@ export class MapView {
     const place = [left, top, width * pixel * this.scale, height * pixel * this.scale];
     context.drawImage(this.fog.canvas, ...place);
     this.#paintWalls(place, context.imageSmoothingEnabled);
+    drawZones(this);
     drawScaleBar(this);
     if (store.state) {
       drawRobots(this);

@@ -23,6 +23,25 @@ export function drawRobots(map) {
   for (const [x, y] of store.state.intruders) intruder(map, x, y);
 }
 
+/** Draw the outlines of the zones, and what holds there. */
+export function drawZones(map) {
+  const c = map.context, r = map.ratio;
+  c.lineCap = "butt";
+  for (const zone of map.store.facts.zones) {
+    for (const [colour, wide] of [["rgb(255 255 255 / 85%)", 4], [zone.keepOut ? "#c1121f" : "#6a1b9a", 2]]) {
+      c.strokeStyle = colour;
+      c.lineWidth = wide * r;
+      c.beginPath();
+      for (const [x0, y0, x1, y1] of zone.edges) {
+        c.moveTo(...map.toScreen(x0, y0));
+        c.lineTo(...map.toScreen(x1, y1));
+      }
+      c.stroke();
+    }
+    label(c, zone.label, ...map.toScreen(...zone.at), "center", r);
+  }
+}
+
 /** Mark the stalest point of the first fog, with its age. */
 export function drawStalest(map) {
   const { stalest } = map.store.state;

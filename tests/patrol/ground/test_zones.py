@@ -10,7 +10,7 @@ import pytest
 
 from patrol.errors import BadInput
 from patrol.ground.terrain import BoolGrid, Terrain
-from patrol.ground.zones import points_of, with_keep_outs
+from patrol.ground.zones import middle, outline, points_of, with_keep_outs
 
 Corners = tuple[tuple[float, float], ...]
 ROOM = Terrain("room", np.ones((6, 8), dtype=np.bool_), 0.5, (1.0, 2.0))
@@ -71,6 +71,27 @@ def test_keep_outs_join_those_of_the_terrain() -> None:
 
 def test_without_a_keep_out_the_terrain_stays_as_it_is() -> None:
     assert with_keep_outs(ROOM, [Given(polygon=box(1.0, 2.0, 2.0, 3.0))]) is ROOM
+
+
+def test_an_outline_is_where_a_zone_ends() -> None:
+    points = np.zeros(ROOM.shape, dtype=np.bool_)
+    points[0:2, 0] = points[0, 1] = True
+    edges = {tuple(edge) for edge in outline(points, ROOM).tolist()}
+    assert edges == {
+        (1.0, 2.0, 2.0, 2.0),
+        (1.5, 2.5, 2.0, 2.5),
+        (1.0, 3.0, 1.5, 3.0),
+        (1.0, 2.0, 1.0, 3.0),
+        (1.5, 2.5, 1.5, 3.0),
+        (2.0, 2.0, 2.0, 2.5),
+    }
+
+
+def test_the_middle_of_a_zone_lies_in_it() -> None:
+    points = np.ones(ROOM.shape, dtype=np.bool_)
+    points[1:5, 1:7] = False
+    row, col = ROOM.point_at(*middle(points, ROOM))
+    assert points[row, col]
 
 
 @pytest.mark.parametrize(

@@ -158,21 +158,21 @@ def test_the_longest_own_way_is_that_of_plain_numpy(seed: int) -> None:
 
 
 def test_an_age_counts_as_many_times_as_its_weight() -> None:
-    """Of two points equally old and far, the one in the zone is the best, and so is an unweighted one twice as near."""
+    """A weight draws a robot to a zone that it would not go to yet, and a low one keeps it away."""
     terrain = cluttered(1, (40, 120), 0)
-    zone = {"name": "east", "polygon": [[40, 0], [60, 0], [60, 20], [40, 20]], "weight": 3}
+    zone = {"name": "east", "polygon": [[20, 0], [30, 0], [30, 10], [20, 10]], "weight": 3}
     body = {"radius": 0.3, "speed": 1.5, "model": "holonomic"}
     patrol = {"options": {"unpredictability": 1}}
     best = []
     for zones in ([], [zone], [zone | {"weight": 0.1}]):
         robots = Robots(
-            prepared_in(terrain, [Pose(30.0, 10.0, 0.0)], body, patrol=patrol, sensor={"range": 3.0}, zones=zones)
+            prepared_in(terrain, [Pose(15.0, 5.0, 0.0)], body, patrol=patrol, sensor={"range": 3.0}, zones=zones)
         )
         for _ in range(3):
             robots.tick()
-        mind = robots.minds[1]
+        mind = robots.minds[0]
         best.append(mind.policy.otherwise.target.point[1] * terrain.point)
     plain, heavy, light = best
-    assert heavy >= 40.0
-    assert light < 40.0
-    assert abs(plain - 30.0) < 10.0
+    assert heavy >= 20.0
+    assert light < 20.0
+    assert abs(plain - 15.0) < 5.0

@@ -31,13 +31,12 @@ def mask_of_stairs(folder: Path) -> str:
     return str(folder / "mask.yaml")
 
 
-@pytest.mark.parametrize("kind", ["polygon", "mask", "terrain"])
+@pytest.mark.parametrize("kind", ["polygon", "mask"])
 @pytest.mark.parametrize(("x", "caught"), [(16.1, True), (17.9, True), (15.9, False), (18.1, False)])
 def test_a_centre_in_a_keep_out_is_caught(lab: Lab, kind: str, x: float, caught: bool, tmp_path: Path) -> None:
     zone: dict[str, Any] = {"name": "stairs", "keep_out": True}
     zone |= {"mask": mask_of_stairs(tmp_path)} if kind == "mask" else {"polygon": STAIRS}
-    more = {"terrain": {"builtin": "open", "keep_out": [STAIRS]}} if kind == "terrain" else {"zones": [zone]}
-    world = lab.world([DISC], [(3.0, 3.0, 0.0)], duration=4.0, **more)
+    world = lab.world([DISC], [(3.0, 3.0, 0.0)], duration=4.0, zones=[zone])
     journal = lab.run(world)
     assert "keep-outs" in {check.name for check in judge(journal, {}, world.prepared).checks}
     record = journal.records[3]
@@ -45,8 +44,7 @@ def test_a_centre_in_a_keep_out_is_caught(lab: Lab, kind: str, x: float, caught:
     failed = {check.name: check.detail for check in judge(journal, {}, world.prepared).failed}
     assert ("keep-outs" in failed) == caught
     if caught:
-        where = "terrain.keep_out.0" if kind == "terrain" else "stairs"
-        assert failed["keep-outs"].startswith(f"r1 is in {where} at tick 3, at ({x:.3f}, 11.500)")
+        assert failed["keep-outs"].startswith(f"r1 is in stairs at tick 3, at ({x:.3f}, 11.500)")
 
 
 def test_without_keep_outs_there_is_no_such_check(lab: Lab) -> None:

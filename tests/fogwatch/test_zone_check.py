@@ -1,0 +1,56 @@
+"""What ``fogwatch map check --zones`` says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+from fogwatch.cli.grounds.map_commands import app
+from patrol.errors import BadInput
+
+WALL = {"name": "tape", "polygon": [[0, 43], [100, 43], [100, 45], [0, 45]], "keep_out": True}
+VAULT: dict[str, Any] = {"name": "vault", "polygon": [[0, 0], [40, 0], [40, 30], [0, 30]]}
+
+
+def lines(folder: Path, *zones: dict[str, Any], robots: int = 4) -> list[str]:
+    (folder / "zones.yaml").write_text(yaml.safe_dump(list(zones)), encoding="utf-8")
+    arguments = ["check", "yards", "--radius", "0.4", "--point", "0.5", "--zones", str(folder / "zones.yaml")]
+    result = CliRunner().invoke(app, [*arguments, "--robots", str(robots)], catch_exceptions=False)
+    assert result.exit_code == 0
+    return result.output.splitlines()
+
+
+def test_what_a_keep_out_shuts_off(tmp_path: Path) -> None:
+    told = lines(tmp_path, WALL)
+    (tape,) = (line for line in told if line.startswith("  tape: keep-out, "))
+    assert float(tape.split()[2]) > 50.0
+    (behind,) = (line for line in told if line.startswith("  behind keep-outs: "))
+    assert float(behind.split()[2]) > 1000.0
+    assert any("walled off, no opening at all" in line for line in told)
+
+
+@pytest.mark.parametrize(
+    ("age", "told"),
+    [
+        (5000, "wanted age 5000 s: 4 robots can keep it"),
+        (60, "wanted age 60 s: cannot be kept by 4 robots; 5 robots could"),
+        (12, "wanted age 12 s: cannot be kept by 4 robots; "),
+        (1, "wanted age 1 s: cannot be kept by 4 robots; nor could 24"),
+    ],
+)
+def test_which_wishes_can_be_kept(tmp_path: Path, age: float, told: str) -> None:
+    (vault,) = (line for line in lines(tmp_path, VAULT | {"age": age}) if line.startswith("  vault: weight "))
+    assert told in vault
+    assert " m² to patrol" in vault
+
+
+def test_a_file_without_zones_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "zones.yaml").write_text("name: vault", encoding="utf-8")
+    with pytest.raises(BadInput, match=r"--zones .*zones\.yaml: holds no list of zones"):
+        CliRunner().invoke(
+            app, ["check", "yards", "--point", "1", "--zones", str(tmp_path / "zones.yaml")], catch_exceptions=False
+        )
