@@ -89,11 +89,11 @@ def outline(points: BoolGrid, terrain: Terrain) -> NDArray[np.float64]:
     edges = [(first, row, end, row) for row, first, end in lines]
     lines = [(col, *run) for col, runs in _runs((rims[:, 1:] != rims[:, :-1]).T) for run in runs]
     edges += [(col, first, col, end) for col, first, end in lines]
-    place = np.array(edges, dtype=np.float64).reshape(-1, 4)
+    place: NDArray[np.float64] = np.array(edges, dtype=np.float64).reshape(-1, 4)
     # Edge 0 lies along the border, but runs begin in the padding, one point before it.
     place[:, [0, 2]] -= np.where(place[:, [1]] == place[:, [3]], 1.0, 0.0)
     place[:, [1, 3]] -= np.where(place[:, [0]] == place[:, [2]], 1.0, 0.0)
-    return place * terrain.point + np.tile(terrain.origin, 2)
+    return np.asarray(place * terrain.point + np.tile(terrain.origin, 2))
 
 
 def _runs(marked: BoolGrid) -> Iterator[tuple[int, list[tuple[int, int]]]]:

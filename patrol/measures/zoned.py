@@ -88,7 +88,8 @@ def best_weighted_s(prepared: Prepared) -> float | None:
 def _zoned_ground(prepared: Prepared) -> ZonedGround:
     terrain, patrolled = prepared.terrain, prepared.patrolled
     grid: NDArray[np.float64] = np.zeros(terrain.shape)
-    by_name, wanted = zone_weights(prepared), {}
+    by_name = zone_weights(prepared)
+    wanted: dict[float, float] = {}
     for zone in prepared.scenario.zones:
         if zone.name in by_name:
             points = points_of(zone, terrain)

@@ -170,7 +170,7 @@ def test_an_age_counts_as_many_times_as_its_weight() -> None:
         )
         for _ in range(3):
             robots.tick()
-        mind = robots.minds[0]
+        mind: Any = robots.minds[0]
         best.append(mind.policy.otherwise.target.point[1] * terrain.point)
     plain, heavy, light = best
     assert heavy >= 20.0
