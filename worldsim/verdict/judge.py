@@ -23,8 +23,8 @@ from worldsim.verdict.frames.shares import DelaysAsAsked, LossesAsAsked
 from worldsim.verdict.frames.timing import OnTime
 from worldsim.verdict.robots.battery_checks import BatteriesLast
 from worldsim.verdict.robots.body_checks import BodiesApart, MovesAreTrue
-from worldsim.verdict.robots.motion_checks import MotionAsAsked
 from worldsim.verdict.robots.keep_outs import KeepOutsKept
+from worldsim.verdict.robots.motion_checks import MotionAsAsked
 from worldsim.verdict.robots.sense_checks import SensesAsAsked
 from worldsim.verdict.robots.status_checks import DownAreSilent, NobodyLost, PausedStandStill, StatusesFollow
 from worldsim.verdict.run.exit_codes import ExitCodes

@@ -140,9 +140,7 @@ class Committed:
         setup = self._setup
         stride = max(setup.spec.speed * setup.step, setup.terrain.point)
         self.ahead = RoundAhead(setup, laid_out)
-        self.spacing = Spacing.on(
-            laid_out, setup.spec.number, followers, max(1, round(team)), stride, setup.terrain
-        )
+        self.spacing = Spacing.on(laid_out, setup.spec.number, followers, max(1, round(team)), stride, setup.terrain)
         self._begin_periods(team)
 
     def _begin_periods(self, team: float) -> None:

@@ -139,7 +139,7 @@ class Spacing:
 
     def follow_with(self, followers: frozenset[int]) -> None:
         """Follow the round with other robots than before; those of them that are known stay known."""
-        self.followers = followers
+        self.followers, self.whole = followers, len(followers)
         self.heard = {number: heard for number, heard in self.heard.items() if number in followers}
 
     @property
