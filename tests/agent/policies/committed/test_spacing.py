@@ -40,6 +40,7 @@ class Seen:
     reported: Pose
     peers: Mapping[int, Heard]
     bumped: bool = False
+    charging: frozenset[int] = frozenset()
     spec: Spec = Spec()
     stride: float = STRIDE
 
