@@ -48,7 +48,8 @@ def zone_lines(prepared: Prepared, before: MapReport, after: MapReport) -> Itera
         cut = before.fields.reach & ~after.fields.reach & ~np.logical_or.reduce(inside)
         cut_m2 = np.count_nonzero(cut) * area
         lost_m2 = np.count_nonzero(before.fields.patrolled & ~after.fields.patrolled) * area
-        yield f"  behind keep-outs: {cut_m2:.1f} m² more cannot be reached, {lost_m2:.1f} m² is no longer seen"
+        lost = f"{lost_m2:.1f} m² is no longer seen"
+        yield f"  beside and behind keep-outs: {cut_m2:.1f} m² more cannot be reached, {lost}"
 
 
 def _wish(zone: ZoneSpec, zoned: ZonedGround, prepared: Prepared, robots: int) -> str:

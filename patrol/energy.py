@@ -1,7 +1,8 @@
 """Batteries: the charge of each robot, from what it did tick by tick.
 
 A robot uses `idle` watts all the time and `drive` joules for each metre. It charges while it stands within the radius
-of a dock; a dock charges one robot at a time, the one nearest to its place. For example, a battery of 30 Wh (108 kJ)
+of a dock; a dock charges one robot at a time, the one nearest to its place. Metres are those of the command, which
+wheels drive also while they slip. For example, a battery of 30 Wh (108 kJ)
 with 10 W at rest and 35 J per m at 1 m/s is empty after 108,000 / (10 + 35) = 2400 s of driving, 40 minutes.
 
 The world keeps the charge by this, and summaries and pages read it again from a journal's rows. The verdict has an
@@ -23,8 +24,15 @@ if TYPE_CHECKING:
 EMPTY_J = 1e-3
 """A battery with less than this in it is empty, J."""
 
+DIGITS = 6
+"""Decimals of a distance to a dock, m: which of two robots is nearer must not depend on the last bit."""
+
 GONE = frozenset({Status.ABSENT, Status.DEAD, Status.LOST, Status.LEFT})
-"""Statuses in which a robot neither uses nor charges; when it comes back, its battery is as at the start."""
+"""Statuses in which a robot neither uses nor charges.
+
+A robot that was in one of them for a tick comes back with the charge of the start. One whose process is restarted
+between two ticks keeps its charge.
+"""
 
 
 class Batteries:
@@ -63,8 +71,8 @@ class Batteries:
         return self._levels_j.get(number, math.inf) == 0.0
 
     def renew(self, number: int) -> None:
-        """Put a battery as at the start into a robot that comes back; nothing for one without a battery."""
-        if number in self._specs:
+        """Put a battery as at the start into a robot that comes back; nothing for one that was not away for a tick."""
+        if number in self._specs and self._before.get(number) in GONE:
             self._levels_j[number] = self._specs[number].start * self._specs[number].capacity_j
 
     def tick(self, rows: Iterable[RobotTick]) -> None:
@@ -80,8 +88,7 @@ class Batteries:
             if row.number not in self._specs:
                 continue
             if row.status not in GONE:
-                if self._before.get(row.number) in GONE:
-                    self.renew(row.number)
+                self.renew(row.number)
                 command = command_of(self._models[row.number], row.c0, row.c1)
                 powered[row.number] = row, 0.0 if row.bumped else command.speed_mps * self._step
             self._before[row.number] = row.status
@@ -98,7 +105,7 @@ class Batteries:
         rows = list(standing)
         found = set()
         for dock in self._docks:
-            near = [(math.dist(dock.place, (row.x, row.y)), row.number) for row in rows]
+            near = [(round(math.dist(dock.place, (row.x, row.y)), DIGITS), row.number) for row in rows]
             away, number = min(near, default=(math.inf, 0))
             if away <= dock.radius:
                 found.add(number)

@@ -25,7 +25,7 @@ from patrol.ground.zones import points_of
 from patrol.own_sensor import make_footprint
 from patrol.pose import Pose
 from patrol.radio.inbox import Inboxes, Rules
-from patrol.scenario.sections import VERTICES
+from patrol.scenario.sections import JOULES, VERTICES
 
 if TYPE_CHECKING:
     from patrol.graph.graph import Graph
@@ -197,7 +197,7 @@ def prepare(scenario: Scenario, terrain: Terrain | None = None) -> Prepared:
     if scenario.terrain.patrolled == VERTICES:
         by_radius = _watching_vertices(scenario, terrain, by_radius)
     fields = {spec.number: by_radius[spec.radius] for spec in scenario.roster}
-    _check_docks(scenario, terrain, fields)
+    _check_docks(scenario, terrain, fields, starts)
     _check_zones(scenario, terrain, by_radius)
     regions = None
     if scenario.patrol.paths == "regions":
@@ -263,7 +263,9 @@ def check_intruder(intruder: IntruderSpec, terrain: Terrain, field: str) -> None
         raise BadInput(f"{where}: in an obstacle of {terrain.name}; move it to passable ground")
 
 
-def _check_docks(scenario: Scenario, terrain: Terrain, fields: Mapping[int, StaticFields]) -> None:
+def _check_docks(
+    scenario: Scenario, terrain: Terrain, fields: Mapping[int, StaticFields], starts: Sequence[Pose]
+) -> None:
     charged = [spec for spec in scenario.roster if spec.battery is not None]
     served: set[int] = set()
     for number, dock in enumerate(scenario.docks):
@@ -277,10 +279,27 @@ def _check_docks(scenario: Scenario, terrain: Terrain, fields: Mapping[int, Stat
                 f"docks.{number}.radius = {dock.radius:g}: robots stand at centres of points, and the nearest is "
                 f"{away:.2f} m away; give more, or move the dock to a centre"
             )
+        for earlier, other in enumerate(scenario.docks[:number]):
+            if (apart := math.dist(dock.place, other.place)) < dock.radius + other.radius:
+                raise BadInput(
+                    f"{where}: {apart:g} m from docks.{earlier}, so one robot would stand at both; "
+                    "move it, or give both smaller radii"
+                )
         served |= serves
-    for spec in charged:
-        if scenario.docks and spec.number not in served:
+    for spec, start in zip(scenario.roster, starts, strict=True):
+        battery = spec.battery
+        if battery is None or not scenario.docks:
+            continue
+        if spec.number not in served:
             raise BadInput(f"docks: {spec.name} gets to none of them; add one in its part of {terrain.name}")
+        away_m = min(max(0.0, math.dist(dock.place, (start.x, start.y)) - dock.radius) for dock in scenario.docks)
+        needed_wh = away_m * (battery.drive + battery.idle / spec.speed) / JOULES
+        if needed_wh > battery.start * battery.capacity:
+            raise BadInput(
+                f"robots.battery.capacity = {battery.capacity:g}: {spec.name} starts with "
+                f"{battery.start * battery.capacity:g} Wh, and the nearest dock is {away_m:.1f} m away, which needs "
+                f"{needed_wh:.2g} Wh; give it more, or add a dock"
+            )
 
 
 def _check_critical_areas(scenario: Scenario, terrain: Terrain) -> None:

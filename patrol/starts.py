@@ -139,7 +139,8 @@ def _check_explicit(terrain: Terrain, spec: RobotSpec, start: Pose, placed: dict
     clear = clearance_at(terrain, start.x, start.y, spec.radius)
     if clear < spec.radius - TOLERANCE:
         raise BadInput(
-            f"{where}: a wall or the edge is {clear:.3g} m away, nearer than the radius of {spec.radius:g} m; move it"
+            f"{where}: a wall, a keep-out or the edge is {clear:.3g} m away, nearer than the "
+            f"radius of {spec.radius:g} m; move it"
         )
     for number, (other_pose, radius) in placed.items():
         gap = math.hypot(other_pose.x - start.x, other_pose.y - start.y)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from patrol.energy import GONE, Batteries
+from patrol.energy import Batteries
 from patrol.errors import BadInput
 from patrol.exchange import FIRST_INCARNATION, Reply, Sensed
 from patrol.journal import Event, RobotTick, Status, TickRecord
@@ -234,8 +234,7 @@ class World:
             The event for the journal.
         """
         body = self.bodies[number]
-        if body.status in GONE:
-            self.batteries.renew(number)
+        self.batteries.renew(number)
         body.halt(Status.ALIVE)
         if body.away:
             body.pose = self._starts[number]

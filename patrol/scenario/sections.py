@@ -141,11 +141,23 @@ class BatterySpec(Section):
         return self
 
 
+MOST_DOCK_RADIUS_M = 5.0
+"""Of a dock, m; farther away a robot stands beside something else."""
+
+
 class DockSpec(Section):
     """A place where one robot at a time charges its battery."""
 
     place: Corner = Field(description="m, [x, y]")
-    radius: Positive = Field(1.0, description="m, within which a robot's centre has to stand")
+    radius: Positive = Field(1.0, description="m, within which a robot's centre has to stand; at most 5")
+
+    @model_validator(mode="after")
+    def _is_a_place(self) -> Self:
+        if self.radius > MOST_DOCK_RADIUS_M:
+            raise wrong(
+                "radius", f"robots charge at a place, not from afar; give at most {MOST_DOCK_RADIUS_M:g}", self.radius
+            )
+        return self
 
 
 class Body(Section):

@@ -13,7 +13,9 @@ from __future__ import annotations
 
 import base64
 import binascii
+import math
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -128,6 +130,8 @@ class ZoneSpec(Section):
             raise wrong("name", f"{ELSEWHERE} is what figures call the ground in no zone; choose another name")
         if (self.polygon is None) == (self.mask is None):
             raise wrong("", f"{self.name}: exactly one is needed: a polygon or a mask")
+        if self.polygon is not None and not _has_area(self.polygon):
+            raise wrong("polygon", f"{self.name}: its corners lie on one line, so it has no area; correct them")
         if self.keep_out is False:
             raise wrong("keep_out", f"{self.name}: is true or left out; drop it")
         rules = [rule for rule in (self.keep_out, self.weight, self.age) if rule is not None]
@@ -143,6 +147,14 @@ class ZoneSpec(Section):
         if self.keep_out:
             return f"{self.name}: keep out"
         return f"{self.name} {self.age:g} s" if self.weight is None else f"{self.name} x{self.weight:g}"
+
+
+def _has_area(polygon: Sequence[tuple[float, float]]) -> bool:
+    """Return True if the corners do not all lie on one line."""
+    (x, y), *others = polygon
+    sides = [(to_x - x, to_y - y) for to_x, to_y in others]
+    across, up = max(sides, key=lambda side: math.hypot(*side))
+    return any(abs(across * to_up - up * to_across) > 1e-9 * (across**2 + up**2) for to_across, to_up in sides)
 
 
 Zones = Annotated[tuple[ZoneSpec, ...], Field(json_schema_extra={"maxItems": MOST_ZONES}), at_most(MOST_ZONES, "zones")]

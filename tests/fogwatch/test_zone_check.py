@@ -28,8 +28,8 @@ def test_what_a_keep_out_shuts_off(tmp_path: Path) -> None:
     told = lines(tmp_path, WALL)
     (tape,) = (line for line in told if line.startswith("  tape: keep-out, "))
     assert float(tape.split()[2]) > 50.0
-    (behind,) = (line for line in told if line.startswith("  behind keep-outs: "))
-    assert float(behind.split()[2]) > 1000.0
+    (behind,) = (line for line in told if line.startswith("  beside and behind keep-outs: "))
+    assert float(behind.split()[4]) > 1000.0
     assert any("walled off, no opening at all" in line for line in told)
 
 

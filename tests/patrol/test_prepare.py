@@ -13,6 +13,9 @@ from patrol.measures.own_ground import own_grounds
 from patrol.prepare import Prepared, prepare
 from patrol.scenario import Scenario, load_scenario, scenario_hash
 
+BATTERY = {"capacity": 30.0, "drive": 30.0, "charge": 100.0}
+CHARGED = {"count": 1, "model": "holonomic", "radius": 0.4, "starts": [[50.5, 50.5, 0.0]], "battery": BATTERY}
+
 
 def mixed_fleet() -> Scenario:
     return load_scenario(
@@ -140,6 +143,24 @@ def test_robots_that_see_no_vertex_are_refused() -> None:
     robots = [{"radius": 1.0, "start": [50, 40]}, {"radius": 0.5, "start": [10, 44]}]
     with pytest.raises(BadInput, match=r"terrain\.patrolled: robots of radius 0\.5 m see no vertex"):
         prepare(load_scenario({**WATCHED, "terrain": terrain, "robots": robots}))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"docks": [{"place": [5.5, 5.5]}, {"place": [6.5, 5.5]}]}, r"docks\.1\.place = .*: 1 m from docks\.0, so one"),
+        (
+            {"robots": {**CHARGED, "battery": {**BATTERY, "capacity": 1e-4}}},
+            r"capacity = 0\.0001: r1 starts with 0\.0001 Wh",
+        ),
+        ({"docks": [{"place": [5.5, 5.5], "radius": 6.0}]}, r"docks\.0\.radius = 6: .*give at most 5"),
+    ],
+)
+def test_docks_and_batteries_that_cannot_serve_are_refused(change: dict[str, Any], message: str) -> None:
+    given = {"terrain": {"builtin": "open"}, "point": 1.0, "robots": CHARGED, "docks": [{"place": [5.5, 5.5]}]}
+    assert prepare(load_scenario(given)).scenario.docks
+    with pytest.raises(BadInput, match=message):
+        prepare(load_scenario(given | change))
 
 
 def test_vertices_without_a_graph_are_refused() -> None:

@@ -41,7 +41,7 @@ class BatteryTotals:
         self._robots: dict[int, _Robot] = {}
         self._names = {robot.number: robot.name for robot in header.robots}
         robots = header.scenario.get("robots", {})
-        if any("battery" in group for group in (robots if isinstance(robots, list) else [robots])):
+        if any(group.get("battery") for group in (robots if isinstance(robots, list) else [robots])):
             self._batteries = batteries = Batteries(load_scenario(header.scenario, opens_classes=False))
             for number in batteries.numbers:
                 share = batteries.share(number) or 0.0

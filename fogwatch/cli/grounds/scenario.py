@@ -58,6 +58,10 @@ def check(what: What, settings: Settings = None) -> None:
     from patrol.prepare import prepare
 
     prepared = prepare(scenario)
+    if any(zone.age is not None for zone in scenario.zones):
+        from patrol.measures.zoned import zone_weights
+
+        zone_weights(prepared)
     check_without_running(sensor_named(scenario.sensor))
     if scenario.patrol.policy not in BUILT_IN:  # else it loads much and cannot fail
         from agent.policies.found import policy_named

@@ -339,7 +339,7 @@ class Slip(Section):
 
 
 class Motion(OnRobots, Lasting):
-    """Bodies do not quite what they are commanded: noise of speed and turning, jitter of travel times, slip."""
+    """Bodies do not do quite what they are commanded: noise of speed and turning, jitter of travel times, slip."""
 
     acts_on = "bodies"
 
@@ -349,6 +349,13 @@ class Motion(OnRobots, Lasting):
     veer: Probability = Field(0.0, description="rad per m driven, standard deviation, new in each tick")
     jitter: Jitter | None = Field(None, description="{size: share, every: s}, a speed that changes from time to time")
     slip: Slip | None = Field(None, description="{rate: share, every: s}, times in which the body does not move")
+
+    @model_validator(mode="after")
+    def _changes_something(self) -> Self:
+        sizes = (self.speed, self.turning, self.veer, self.jitter and self.jitter.size, self.slip and self.slip.rate)
+        if not any(sizes):
+            raise wrong("", "it changes nothing; give speed, turning, veer, jitter or slip above 0, or drop it")
+        return self
 
 
 def nothing(name: str, at: float, step: float, who: str) -> dict[str, Any]:

@@ -84,6 +84,10 @@ def test_hashes() -> None:
         ([zone(weight=0)], r"zones\.0\.weight = 0: expected a number above 0"),
         ([zone(weight=1e6)], r"zones\.0\.weight = 1e\+06: give a number from 0\.001 to 1000"),
         ([zone(polygon=SQUARE[:2], weight=2)], r"zones\.0\.polygon = .*: expected 3 or more corners"),
+        (
+            [zone(polygon=[[2, 2], [30, 2], [50, 2]], weight=2)],
+            r"zones\.0\.polygon: vault: its corners lie on one line",
+        ),
         ([zone(one_way=True, weight=2)], r"zones\.0\.one_way: unknown key"),
         ([zone(weight=2, age=60)], r"zones\.0: vault: exactly one is needed: keep_out: true, a weight or an age"),
         ([zone()], r"zones\.0: vault: exactly one is needed: keep_out: true, a weight or an age"),

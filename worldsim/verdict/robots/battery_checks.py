@@ -1,4 +1,4 @@
-"""The verdict's check of batteries: the charge recomputed from the poses, and robots whose battery gets empty.
+"""The verdict's check of batteries: the charge recomputed from commands and places, and batteries that got empty.
 
 It does not use `patrol.energy`, by which the world keeps the charge.
 """
@@ -105,6 +105,7 @@ class BatteriesLast(Check):
             return set()
         spots = np.array([(row.x, row.y) for row in rows])
         away = np.hypot(spots[:, None, 0] - self._places[None, :, 0], spots[:, None, 1] - self._places[None, :, 1])
+        away = away.round(6)
         away[~stands] = np.inf
         nearest = away.argmin(axis=0)
         return {int(at) for dock, at in enumerate(nearest) if away[at, dock] <= self._reaches[dock]}

@@ -194,6 +194,7 @@ def test_faults_can_be_given_as_an_override() -> None:
         ({"kind": "drift", "who": "r1", "bias": [1]}, "faults.0.bias = [1]: expected [x, y] in m"),
         ({"kind": "drift", "who": "r1", "jump": {"every": 1}}, "faults.0.jump.size: missing; give m, of each jump"),
         ({"kind": "clock", "who": "r1", "rate": -1}, "faults.0.rate = -1: expected a number above -1 and at most 1"),
+        ({"kind": "motion", "who": "r1", "slip": {"rate": 0}}, "faults.0: it changes nothing; give speed, turning"),
         ({"kind": "motion", "who": "r1", "veer": 2}, "faults.0.veer = 2: expected a number from 0 to 1 (rad per m"),
         ({"kind": "motion", "who": "r1", "jitter": {"size": 1}}, "faults.0.jitter.size = 1: expected a number from 0"),
         ({"kind": "motion", "who": "r1", "slip": {"rat": 1}}, "faults.0.slip.rat: unknown key; did you mean rate?"),

@@ -59,6 +59,14 @@ def test_a_robot_that_drives_with_an_empty_battery_fails_the_run(lab: Lab) -> No
     assert check_of(world, journal).detail == f"r1 drives at tick {late} although its battery is empty"
 
 
+def test_a_robot_that_restarts_between_two_ticks_keeps_its_charge(lab: Lab) -> None:
+    world, journal = drained(lab, faults=[{"kind": "restart", "at": 16.0, "who": "r1"}])
+    assert [event.kind for event in journal.events if event.robot == 1 and event.k == 32] == ["dead", "alive"]
+    assert check_of(world, journal).ok
+    rows = [record.robots[0] for record in journal.ticks]
+    assert not any(row.c0 or row.c1 for row in rows[32:])
+
+
 def test_the_world_tells_a_robot_its_charge_and_charges_it_at_a_dock(lab: Lab) -> None:
     world = lab.world([DISC], [(3.0, 3.0, 0.0)], duration=4.0, docks=[{"place": [4.0, 3.0], "radius": 0.5}])
     shares = []
