@@ -24,7 +24,6 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from patrol.errors import BadInput
 from patrol.files.yaml_text import parse_yaml, read_text
-from patrol.ground.map_cells import marked_cells
 from patrol.ground.map_file import read_map_file
 from patrol.ground.terrain import BoolGrid
 from patrol.values.section import Section, absolute, wrong
@@ -76,6 +75,8 @@ class MaskSpec(Section):
         Raises:
             BadInput: It cannot be read, or is too large.
         """
+        from patrol.ground.map_cells import marked_cells  # here: loads the image library
+
         says = read_map_file(file)
         marked = marked_cells(says)
         if not marked.any():
