@@ -47,6 +47,7 @@ ALL_KINDS: list[dict[str, Any]] = [
     {"kind": "leave", "who": "r4", "at": 24},
     {"kind": "join", "who": "r5", "at": 20},
     {"kind": "kill", "who": "all", "at": 34},
+    {"kind": "motion", "at": 2.0, "for": 3.0, "who": ["r1"], "speed": 0.1},
 ]
 
 LAST = 68
