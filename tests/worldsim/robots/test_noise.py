@@ -17,6 +17,7 @@ from worldsim.robots.noise import FASTEST, SLOWEST, MotionNoise
 ROBOTS = [{"model": model} for model in ("car", "differential", "holonomic")]
 COMMANDS: Mapping[int, Command] = {1: Drive(1.0, 0.1), 2: Twist(1.0, 0.2), 3: Velocity(0.6, 0.8)}
 STEP = 0.5
+OF_ANOTHER = {"who": ["r1"], "speed": 0.1}
 
 
 def noise(*faults: dict[str, Any], seed: int = 1) -> MotionNoise:
@@ -33,7 +34,6 @@ def test_without_a_fault_bodies_do_what_they_are_commanded() -> None:
     assert noise().driven(7, COMMANDS) == COMMANDS
     assert noise({"at": 2.0, "for": 3.0, "speed": 0.5, "veer": 0.1}).driven(3, COMMANDS) == COMMANDS
     assert noise({"at": 2.0, "for": 3.0, "speed": 0.5, "veer": 0.1}).driven(10, COMMANDS) == COMMANDS
-    assert noise({}).driven(7, COMMANDS) == COMMANDS
 
 
 def test_a_body_that_is_commanded_to_stand_stands() -> None:
@@ -89,7 +89,7 @@ def test_what_is_drawn_depends_on_seed_fault_robot_and_tick_alone() -> None:
     fault = {"speed": 0.2, "slip": {"rate": 0.5}}
     here = noise(fault).driven(5, COMMANDS)
     assert noise(fault).driven(5, {3: COMMANDS[3]})[3] == here[3]
-    others = noise(fault, seed=2), noise({}, fault)
+    others = noise(fault, seed=2), noise(OF_ANOTHER, fault)
     assert all(speeds(other, ticks=20) != speeds(noise(fault), ticks=20) for other in others)
     assert speeds(noise(fault), 1, 20) != speeds(noise(fault), 3, 20)
 
@@ -97,6 +97,6 @@ def test_what_is_drawn_depends_on_seed_fault_robot_and_tick_alone() -> None:
 def test_several_faults_of_a_robot_act_one_after_the_other() -> None:
     one, two = {"who": ["r3"], "jitter": {"size": 0.5}}, {"jitter": {"size": 0.2}}
     both = speeds(noise(one, two), ticks=50)
-    alone = [a * b for a, b in zip(speeds(noise(one), ticks=50), speeds(noise({}, two), ticks=50), strict=True)]
+    alone = [a * b for a, b in zip(speeds(noise(one), ticks=50), speeds(noise(OF_ANOTHER, two), ticks=50), strict=True)]
     assert both == pytest.approx(alone)
     assert speeds(noise(one), 1, 5) == [1.0] * 5
