@@ -188,7 +188,7 @@ def build_mind(
             zoned=lambda: zoned_ground(prepared),
             fleet_chance=lambda question: draw(scenario.seed, Purpose.PERIOD, question),
             docks=scenario.docks,
-            charged=tuple(robot.number for robot in scenario.roster if robot.battery is not None),
+            charged=tuple(robot.number for robot in scenario.roster if robot.battery is not None and not robot.spare),
         ),
     )
     body = BODIES[spec.model](

@@ -153,7 +153,7 @@ class PolicySetup:
         zoned: Gives the ground by the scenario's zones, likewise; None where all points count the same.
         fleet_chance: A random number in [0, 1) for a question 0, 1, ..., the same for all robots of the fleet.
         docks: The scenario's section `docks`.
-        charged: Numbers of the robots that have a battery, ascending.
+        charged: Numbers of the robots that have a battery and are there from the start, ascending.
     """
 
     spec: RobotSpec

@@ -50,3 +50,23 @@ def test_nobody_enters_a_keep_out_and_nobody_is_trapped_under_faults(faults: tup
     assert kept.judged
     assert outcome.summary.seen_share == 1.0
     assert not [line for line in outcome.verdict.warnings if "trapped" in line]
+
+
+def test_spare_robots_change_nothing_until_they_join() -> None:
+    battery = {"capacity": 6.0, "idle": 10.0, "drive": 30.0, "charge": 130.0}
+    robot = {"model": "holonomic", "radius": 0.4, "speed": 2.0, "battery": battery}
+    given = {
+        "terrain": {"builtin": "yards"},
+        "point": 1.0,
+        "duration": 150.0,
+        "zones": [{**VAULT, "polygon": [[2, 2], [34, 2], [34, 22], [2, 22]]}],
+        "docks": [{"place": [10.5, 10.5]}, {"place": [12.5, 80.5]}],
+    }
+    fleets = [[robot] * 4, [robot] * 4 + [{**robot, "spare": True}] * 2]
+    few, more = (run_in_process(prepare(load_scenario({**given, "robots": fleet})), keep=False) for fleet in fleets)
+    assert few.summary.mfow_mean_s == more.summary.mfow_mean_s
+    driven = [outcome.summary.robots[name].distance_m for outcome in (few, more) for name in ("r1", "r2", "r3", "r4")]
+    assert driven[:4] == driven[4:]
+    figures = few.summary.robots["r1"].battery
+    assert figures is not None
+    assert figures.charges > 0

@@ -44,20 +44,21 @@ class Division:
         zoned: The ground and its rounds.
     """
 
-    def __init__(self, zoned: ZonedGround, number: int, robots: frozenset[int], step: float) -> None:
+    def __init__(self, zoned: ZonedGround, number: int, robots: frozenset[int], team: int, step: float) -> None:
         """Begin with nobody heard.
 
         Args:
             zoned: The ground and its rounds, at least one.
             number: Of the robot itself.
             robots: Numbers of all robots.
+            team: How many of them there are without the spare ones.
             step: s per tick.
         """
         self.zoned = zoned
         self._number = number
         self._robots = robots
         whole = zoned.rounds[0, len(zoned.classes) - 1]
-        self._memory = max(MEMORY * whole.length_m / (len(robots) * zoned.speed), LEAST_MEMORY_S) / step
+        self._memory = max(MEMORY * whole.length_m / (team * zoned.speed), LEAST_MEMORY_S) / step
         self._heard: dict[int, int] = {}
         self._crews: dict[frozenset[int], Crew] = {}
 

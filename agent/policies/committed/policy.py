@@ -123,7 +123,7 @@ class Committed:
         zoned = setup.zoned()
         if zoned is not None:
             if options.unpredictability < 1.0 and zoned.rounds:
-                self.division = Division(zoned, spec.number, frozenset(setup.radii), setup.step)
+                self.division = Division(zoned, spec.number, frozenset(setup.radii), setup.team, setup.step)
         elif options.unpredictability < 1.0 and (laid_out := setup.round()) is not None:
             followers = setup.followers()
             self._follow(laid_out, followers, len(followers) / len(setup.radii) * setup.team)

@@ -43,7 +43,7 @@ def view(tick: int, *numbers: int) -> Any:
 
 
 def division(number: int) -> Division:
-    return Division(ZONED, number, frozenset(range(1, 7)), STEP)
+    return Division(ZONED, number, frozenset(range(1, 7)), 6, STEP)
 
 
 def test_all_that_hear_each_other_find_the_same() -> None:
