@@ -13,7 +13,7 @@ pytestmark = pytest.mark.processes
 
 
 def test_robots_that_charge_leave_the_same_trace(tmp_path: Path) -> None:
-    battery = {"capacity": 0.6, "idle": 10, "drive": 30, "charge": 200, "start": 0.6}
+    battery = {"capacity": 1.0, "idle": 10, "drive": 30, "charge": 200, "start": 0.6}
     scenario = {
         **COARSE,
         "duration": 60,
