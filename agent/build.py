@@ -175,7 +175,7 @@ def build_mind(
             sight=shared.footprint,
             patrol=patrol,
             lengths=lengths,
-            team=len(scenario.roster) - len(scenario.spares),
+            team=scenario.team,
             options=kind.options,
             terrain=terrain,
             fields=fields,

@@ -381,7 +381,7 @@ def _ended_as_processes(
 
 def _announce(scenario: Scenario, folder: RunFolder, options: RunOptions) -> None:
     """Show what is about to run, once its input is known to be right."""
-    count = len(scenario.roster) - len(scenario.spares)
+    count = scenario.team
     robots = "1 robot" if count == 1 else f"{count} robots"
     if scenario.spares:
         robots += f" ({len(scenario.spares)} more may join)"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import BinaryIO, cast
@@ -60,12 +60,7 @@ def free_cells(says: MapFile) -> BoolGrid:
     Raises:
         BadInput: When the image cannot be read.
     """
-    pixels = _pixels(says)
-    free = np.empty(pixels.levels.shape[:2], dtype=np.bool_)
-    for first, block in pixels.blocks():
-        known, occupancy = _occupancy(says, block, pixels.has_alpha)
-        free[first : first + BLOCK] = known & (occupancy < says.free_thresh)
-    return free[::-1]
+    return _cells_of(says, lambda occupancy: occupancy < says.free_thresh)
 
 
 def marked_cells(says: MapFile) -> BoolGrid:
@@ -83,19 +78,26 @@ def marked_cells(says: MapFile) -> BoolGrid:
     Raises:
         BadInput: When the image cannot be read.
     """
-    pixels = _pixels(says)
-    marked = np.empty(pixels.levels.shape[:2], dtype=np.bool_)
     span = says.occupied_thresh - says.free_thresh
+
+    def is_marked(occupancy: NDArray[np.float64]) -> BoolGrid:
+        if says.mode == "trinary":
+            return occupancy > says.occupied_thresh
+        if says.mode == "scale":
+            return np.asarray(np.rint(100.0 * (occupancy - says.free_thresh) / span) >= 1.0)
+        return occupancy >= 0.01
+
+    return _cells_of(says, is_marked)
+
+
+def _cells_of(says: MapFile, holds: Callable[[NDArray[np.float64]], BoolGrid]) -> BoolGrid:
+    """Return the cells whose occupancy is known and holds, bool (rows, columns), the lowest y first."""
+    pixels = _pixels(says)
+    cells = np.empty(pixels.levels.shape[:2], dtype=np.bool_)
     for first, block in pixels.blocks():
         known, occupancy = _occupancy(says, block, pixels.has_alpha)
-        if says.mode == "trinary":
-            counts = occupancy > says.occupied_thresh
-        elif says.mode == "scale":
-            counts = np.rint(100.0 * (occupancy - says.free_thresh) / span) >= 1.0
-        else:
-            counts = occupancy >= 0.01
-        marked[first : first + BLOCK] = known & counts
-    return marked[::-1]
+        cells[first : first + BLOCK] = known & holds(occupancy)
+    return cells[::-1]
 
 
 def touched_points(

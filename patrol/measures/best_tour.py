@@ -119,9 +119,8 @@ def best_tour(prepared: Prepared) -> BestTour:
     Returns:
         The tours.
     """
-    scenario, terrain = prepared.scenario, prepared.terrain
-    footprint, identity = sensor_footprint(scenario, terrain), _identity(scenario.sensor)
-    if not footprint.all_round or footprint.leaves_age or identity is None:
+    scenario, terrain, sensor = prepared.scenario, prepared.terrain, _sensor_for_tours(prepared)
+    if sensor is None:
         return BestTour(())
     grounds = own_grounds(prepared)
     groups: dict[int, list[int]] = {}
@@ -135,7 +134,7 @@ def best_tour(prepared: Prepared) -> BestTour:
         part_ground = own.patrolled & uncovered
         uncovered &= ~own.patrolled
         if part_ground.any():
-            tour = _tour(terrain, own, part_ground, prepared.fields[robots[0]].proxy, footprint, identity)
+            tour = _tour(terrain, own, part_ground, prepared.fields[robots[0]].proxy, *sensor)
             speed = min(specs[number].speed for number in robots)
             length_m, way = (None, ()) if tour is None else (tour.length_m, tour.way)
             parts.append(PartTour(tuple(robots), speed, length_m, way))
@@ -171,12 +170,11 @@ def tour_over(prepared: Prepared, ground: BoolGrid) -> Tour | None:
     Returns:
         The tour; None where the fleet follows no rounds (`round_of`).
     """
-    scenario, terrain = prepared.scenario, prepared.terrain
-    footprint, identity = sensor_footprint(scenario, terrain), _identity(scenario.sensor)
-    if not _follows_rounds(scenario) or not footprint.all_round or footprint.leaves_age or identity is None:
+    sensor = _sensor_for_rounds(prepared)
+    if sensor is None:
         return None
     number, own = next(iter(own_grounds(prepared).items()))
-    return _tour(terrain, own, ground, prepared.fields[number].proxy, footprint, identity)
+    return _tour(prepared.terrain, own, ground, prepared.fields[number].proxy, *sensor)
 
 
 def round_over(prepared: Prepared, ground: BoolGrid, tour: Tour) -> Round:
@@ -217,17 +215,17 @@ def followers_of(prepared: Prepared, number: int) -> frozenset[int]:
 
 
 def _rounds_of(prepared: Prepared) -> dict[int, Round | None]:
-    scenario, terrain = prepared.scenario, prepared.terrain
-    if not _follows_rounds(scenario):
-        return dict.fromkeys((spec.number for spec in scenario.roster), None)
-    footprint, identity = sensor_footprint(scenario, terrain), _identity(scenario.sensor)
+    terrain, sensor = prepared.terrain, _sensor_for_rounds(prepared)
+    if sensor is None:
+        return dict.fromkeys((spec.number for spec in prepared.scenario.roster), None)
+    footprint, identity = sensor
     rounds: dict[int, Round | None] = {}
     of_ground: dict[int, Round | None] = {}
     for number, own in own_grounds(prepared).items():
         if id(own) not in of_ground:
             proxy = prepared.fields[number].proxy
             tour = None
-            if footprint.all_round and not footprint.leaves_age and identity is not None and own.patrolled.any():
+            if own.patrolled.any():
                 tour = _tour(terrain, own, own.patrolled, proxy, footprint, identity)
             if tour is None or tour.length_m == 0.0:
                 of_ground[id(own)] = None
@@ -237,9 +235,24 @@ def _rounds_of(prepared: Prepared) -> dict[int, Round | None]:
     return rounds
 
 
-def _follows_rounds(scenario: Scenario) -> bool:
-    """Return True for a fleet that is not too large, and of one speed: fast robots would wait for slow ones."""
-    return len(scenario.roster) <= MOST_ROBOTS and len({spec.speed for spec in scenario.roster}) == 1
+def _sensor_for_tours(prepared: Prepared) -> tuple[Footprint, tuple[str, ...]] | None:
+    """Return the footprint and identity of a sensor that sees all round at one look; None for another, or an own one."""
+    scenario = prepared.scenario
+    footprint, identity = sensor_footprint(scenario, prepared.terrain), _identity(scenario.sensor)
+    if not footprint.all_round or footprint.leaves_age or identity is None:
+        return None
+    return footprint, identity
+
+
+def _sensor_for_rounds(prepared: Prepared) -> tuple[Footprint, tuple[str, ...]] | None:
+    """Return the same of a fleet that follows rounds; None for one that is large, or of several speeds.
+
+    Fast robots would wait for slow ones.
+    """
+    roster = prepared.scenario.roster
+    if len(roster) > MOST_ROBOTS or len({spec.speed for spec in roster}) > 1:
+        return None
+    return _sensor_for_tours(prepared)
 
 
 def _tour(

@@ -2,7 +2,7 @@
 
 - A point's weight is the greatest of the zones that it lies in, and 1 where it lies in none.
 - A wanted age of S seconds is a weight of T / S. T is the MFoW of the fleet on the best tour found over all of the
-  ground, as if there were no zones. For example, where that keeps 120 s, a wish for 60 s is a weight of 2.
+  ground, as if there were no weights. For example, where that keeps 120 s, a wish for 60 s is a weight of 2.
 """
 
 from __future__ import annotations
@@ -80,8 +80,7 @@ def best_weighted_s(prepared: Prepared) -> float | None:
         The weighted MFoW, s; None without zones or rounds.
     """
     zoned = zoned_ground(prepared)
-    scenario = prepared.scenario
-    groups = () if zoned is None else zoned.divide(len(scenario.roster) - len(scenario.spares))
+    groups = () if zoned is None else zoned.divide(prepared.scenario.team)
     return None if zoned is None or not groups else zoned.cost_s(groups)
 
 

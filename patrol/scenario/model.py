@@ -88,6 +88,11 @@ class Scenario(Section):
         return frozenset(spec.number for spec in self.roster if spec.spare)
 
     @property
+    def team(self) -> int:
+        """Number of robots without the spare ones."""
+        return len(self.roster) - len(self.spares)
+
+    @property
     def ticks(self) -> int:
         """Number of steps of the run."""
         return round(self.duration / self.step)
