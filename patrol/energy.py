@@ -2,8 +2,8 @@
 
 A robot uses `idle` watts all the time and `drive` joules for each metre. It charges while it stands within the radius
 of a dock; a dock charges one robot at a time, the one nearest to its place. Metres are those of the command, which
-wheels drive also while they slip. For example, a battery of 30 Wh (108 kJ)
-with 10 W at rest and 35 J per m at 1 m/s is empty after 108,000 / (10 + 35) = 2400 s of driving, 40 minutes.
+wheels drive also while they slip. For example, a battery of 30 Wh (108 kJ) with 10 W at rest and 35 J per m at 1 m/s is
+empty after 108,000 / (10 + 35) = 2400 s of driving, 40 minutes.
 
 The world keeps the charge by this, and summaries and pages read it again from a journal's rows. The verdict has an
 arithmetic of its own (`worldsim.verdict.robots.battery_checks`).

@@ -33,7 +33,7 @@ class Mask(Protocol):
 
 
 class Zone(Protocol):
-    """Where a zone is: a scenario's `patrol.scenario.zones.ZoneSpec`."""
+    """The place of a zone: a scenario's `patrol.scenario.zones.ZoneSpec`."""
 
     @property
     def name(self) -> str:

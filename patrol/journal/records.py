@@ -332,7 +332,7 @@ class Header:
 
     @property
     def problem(self) -> str:
-        """What keeps this from being the header of a run, beyond its types; empty for nothing."""
+        """Describe what keeps this from being the header of a run, beyond its types; empty for nothing."""
         if [robot.number for robot in self.robots] != list(range(1, len(self.robots) + 1)):
             return "robots are not numbered 1, 2, ... in order"
         if round(self.patrolled_area_m2 / self.terrain.point**2) < 1:

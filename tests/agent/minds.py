@@ -28,12 +28,12 @@ def prepared_on(scenario: Scenario, terrain: Terrain, starts: Sequence[Pose]) ->
 
 
 def at(k: int, pose: Pose, bumped: bool = False, contacts: tuple[tuple[float, float], ...] = ()) -> Sensed:
-    """What a robot with a true clock senses at tick k."""
+    """The senses of a robot with a true clock at tick k."""
     return Sensed(k, pose, bumped, contacts, k * STEP)
 
 
 def setup_of(prepared: Prepared, number: int = 1) -> PolicySetup:
-    """What the policy of one robot is made from."""
+    """The setup of one robot's policy."""
     scenario, fields = prepared.scenario, prepared.fields[number]
     spec = scenario.roster[number - 1]
     return PolicySetup(

@@ -1,4 +1,4 @@
-"""What bodies do instead of what they are commanded, under motion faults.
+"""The motion of bodies under motion faults, which is not quite what they are commanded.
 
 A body drives a share of its commanded speed, and turns a share of what it is commanded to turn, both 1 on average; it
 also veers by an angle for each metre. Or it slips, and stays where it is. This is the usual noise of odometry (Thrun,

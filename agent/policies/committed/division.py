@@ -1,4 +1,4 @@
-"""Which robots follow which round on ground whose points count differently, as one of them believes.
+"""The division of robots between rounds, on ground whose points count differently, as one of them believes.
 
 Every robot divides the robots that it has heard lately, itself among them, between the rounds of the best division
 (`patrol.ground.tour.zoned`): by number, the lowest numbers to the ground with the greatest weight. All that hear

@@ -64,7 +64,6 @@ NEARER = 0.1
 STILL_STALE = 0.5
 """A target counts as seen once its age is below this share of what it was when it was chosen."""
 
-
 SHORTEST_PERIOD_S = 60.0
 """Shortest period on ground with zones, s: a small zone has a short round."""
 

@@ -141,7 +141,7 @@ def _areas(report: MapReport) -> list[tuple[str, float, str]]:
 
 
 def _sealed_headline(report: MapReport) -> str:
-    """How many parts are sealed off."""
+    """Tell the number of parts that are sealed off."""
     small = f"{report.small_parts} small parts of {report.small_area:.1f} m² in total" if report.small_parts else ""
     if not report.parts:
         return f"sealed off: nothing but {small}" if small else "sealed off: nothing"
@@ -151,7 +151,7 @@ def _sealed_headline(report: MapReport) -> str:
 
 
 def _why(part: SealedPart) -> str:
-    """Why a part cannot be reached, and how much of it is seen from outside."""
+    """Tell why a part cannot be reached, and how much of it is seen from outside."""
     reason = str(part.reason)
     if part.door is not None:
         reason = f"its door at {_place(part.door)} is too narrow, {part.door.width:.2f} m, and {_passing(part.door)}"
@@ -160,7 +160,7 @@ def _why(part: SealedPart) -> str:
 
 
 def _doors_headline(report: MapReport) -> str:
-    """How many doors there are."""
+    """Tell the number of doors."""
     if not report.doors:
         return "doors: none; no narrow passage limits what can be reached"
     shown = f", the narrowest {MOST_LINES}" if len(report.doors) > MOST_LINES else ", narrowest first"
@@ -176,7 +176,7 @@ def _passing(door: Door) -> str:
 
 
 def _consequence(door: Door) -> str:
-    """What area depends on a door."""
+    """Tell the area that depends on a door."""
     return f"{'a wider body loses' if door.passes else 'this body loses'} {door.behind:.1f} m²"
 
 
@@ -269,7 +269,7 @@ def _fleet(
 
 
 def _suspicious(terrain: Terrain) -> str:
-    """What the map's settings make of its cells, where they seem wrong."""
+    """Describe what the map's settings make of its cells, where they seem wrong."""
     if terrain.source is None:
         return ""
     from patrol.ground.maps import suspicious_reading

@@ -1,4 +1,4 @@
-"""What the benchmark runs: conditions are the faults that they say, and texts give the cells."""
+"""The runs of the benchmark: conditions are the faults that they say, and texts give the cells."""
 
 from __future__ import annotations
 

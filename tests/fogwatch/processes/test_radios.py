@@ -84,7 +84,7 @@ def test_a_troubled_radio_gives_the_same_trace_as_processes_and_in_one(
 
 
 class Wire:
-    """What goes over the wire from robots to their radio: the bytes of each frame, a reply that is repeated once."""
+    """The traffic from robots to their radio: the bytes of each frame, a reply that is repeated once."""
 
     def __init__(self) -> None:
         self.frames: dict[tuple[str, int], tuple[bytes, ...]] = {}

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 NOTHING_J = 1e-3
 """What is left in a battery that is empty, at most, J."""
 
+DIGITS = 6
+"""Decimals of a distance to a dock, m: the last bit of a distance does not decide which of two robots is nearer."""
+
 _ON = (Status.ALIVE, Status.PAUSED)
 
 
@@ -105,7 +108,7 @@ class BatteriesLast(Check):
             return set()
         spots = np.array([(row.x, row.y) for row in rows])
         away = np.hypot(spots[:, None, 0] - self._places[None, :, 0], spots[:, None, 1] - self._places[None, :, 1])
-        away = away.round(6)
+        away = away.round(DIGITS)
         away[~stands] = np.inf
         nearest = away.argmin(axis=0)
         return {int(at) for dock, at in enumerate(nearest) if away[at, dock] <= self._reaches[dock]}

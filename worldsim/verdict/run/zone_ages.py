@@ -1,4 +1,4 @@
-"""How old the ground of each zone got in a run, recomputed from the poses."""
+"""The ages of the ground of each zone in a run, recomputed from the poses."""
 
 from __future__ import annotations
 

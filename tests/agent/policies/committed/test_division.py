@@ -32,7 +32,7 @@ class Heard:
 
 @dataclass
 class Seen:
-    """What a division asks of a view."""
+    """The part of a view that a division reads."""
 
     tick: int
     peers: dict[int, Heard] = field(default_factory=dict)
