@@ -236,7 +236,10 @@ def _rounds_of(prepared: Prepared) -> dict[int, Round | None]:
 
 
 def _sensor_for_tours(prepared: Prepared) -> tuple[Footprint, tuple[str, ...]] | None:
-    """Return the footprint and identity of a sensor that sees all round at one look; None for another, or an own one."""
+    """Return the footprint and the identity of a sensor over whose views tours are found.
+
+    None for one that does not see all round at one look, or whose code may change under its name.
+    """
     scenario = prepared.scenario
     footprint, identity = sensor_footprint(scenario, prepared.terrain), _identity(scenario.sensor)
     if not footprint.all_round or footprint.leaves_age or identity is None:
