@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import argparse
+import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -95,6 +97,13 @@ def test_the_domain_is_the_environments_unless_it_is_given(monkeypatch: pytest.M
         (["--fresh", "2"], "--fresh 2: out of range; give 0.05 to 0.4"),
         (["--start", "1,2"], "--start 1,2: not a pose; give X,Y,HEADING"),
         (["--start", "1,2,inf"], "--start 1,2,inf: not finite"),
+        (
+            ["--start", "nowhere.yaml"],
+            "nowhere.yaml: not a pose; give X,Y,HEADING in m and rad, such as 1.5,2,0 or a file",
+        ),
+        (["--start", "scenario"], "--start scenario: there is none; give --scenario, or a pose"),
+        (["--transform", "1,2,0"], "--transform: places the robot's own map on ours; give ours with --map or"),
+        (["--transform", "1,2", "--map", "nowhere.yaml"], "--transform 1,2: not a pose; give X,Y,HEADING"),
         (["--topic", "odom"], "--topic odom: expected NAME=TOPIC"),
         (["--topic", "odm=x"], "no topic of ours; did you mean odom?"),
         (["--topic", "odom=a b"], "--topic odom 'a b': not a name in ROS"),
@@ -116,10 +125,8 @@ def test_what_cannot_be_used_is_one_line(more: list[str], words: str, capsys: py
     assert "\n" not in said
 
 
-def test_the_robots_map_is_read_like_a_file(tmp_path: object) -> None:
-    from pathlib import Path
-
-    folder = Path(str(tmp_path))
+def test_the_robots_map_is_read_like_a_file(tmp_path: Path) -> None:
+    folder = tmp_path
     cells = np.zeros((20, 30), dtype=np.int8)
     cells[:, 29] = 100
     cells[0] = -1
@@ -167,3 +174,16 @@ def test_a_car_turns_as_a_scenarios_car_does_unless_its_turning_radius_is_given(
     for more, radius in (((), usual), (("--turning-radius", "2"), 2.0)):
         given = drive_settings(options("--model", "car", "--speed", "1", *more))
         assert given.localisation.turn_rate == 1.0 / radius
+
+
+def test_a_start_from_a_file_of_ros_is_on_the_robots_map_and_any_other_on_ours(tmp_path: Path) -> None:
+    own = tmp_path / "nav2.yaml"
+    own.write_text("amcl: {ros__parameters: {initial_pose: {x: 1.0, y: 0.0, z: 0.0, yaw: 0.5}}}", encoding="utf-8")
+    turned = ("--map", "m.yaml", "--transform", f"10,5,{math.pi / 2}")
+    there = drive_settings(options(*turned, "--start", str(own))).localisation.start
+    assert there is not None
+    assert (there.x, there.y, there.heading) == pytest.approx((10.0, 6.0, math.pi / 2 + 0.5))
+    settings = drive_settings(options(*turned, "--start", "10,6,2"))
+    assert settings.localisation.start == Pose(10.0, 6.0, 2.0)
+    back = settings.on_robots_map(there)
+    assert (back.x, back.y, back.heading) == pytest.approx((1.0, 0.0, 0.5))
