@@ -299,6 +299,18 @@ def test_when_the_router_is_gone_the_robot_stands_and_when_it_is_back_the_patrol
     assert router.close(PATIENCE_S)
 
 
+def test_a_robot_stands_where_its_scenario_says(endpoint: str, tmp_path: Path) -> None:
+    with bench(endpoint, "rmw_zenoh", tmp_path, Habits(is_lost=True)) as made:
+        fleet = tmp_path / "fleet.yaml"
+        fleet.write_text(
+            "terrain: {map: plan.yaml}\npoint: 0.1\npace: realtime\nradio: {via: direct}\nsensor: {range: 3}\n"
+            f"robots: [{{name: {NAME}, model: differential, speed: 0.5, radius: 0.35, start: [1.5, 1.5, 0.3]}}]\n",
+            encoding="utf-8",
+        )
+        made.agent("--scenario", str(fleet), "--start", "scenario", has_map=False)
+        made.drives()
+
+
 def test_a_robot_that_its_localisation_has_elsewhere_is_not_driven(endpoint: str, tmp_path: Path) -> None:
     """It was localised before, and takes no pose where it is not."""
     with bench(endpoint, "rmw_zenoh", tmp_path) as made:

@@ -51,6 +51,10 @@ def test_the_help_of_a_process_is_its_own(
             ["robot-sim", "--robots", "a", "--map", "PLAN", "--transform", "1,2", *CONNECT],
             "--transform 1,2: not a pose",
         ),
+        (
+            ["agent", "--robot", "ros2", *CONNECT, "--start", "-1,2,0"],
+            "begins with a minus needs a =, as in --start=-1",
+        ),
         (["robot-sim", "--robots", "a", "--map", "PLAN", "--noise", "-1", *CONNECT], "--noise -1: out of range"),
         (["robot-sim", "--robots", "a", "--map", "nowhere.yaml", *CONNECT], "nowhere.yaml"),
     ],
