@@ -2,18 +2,21 @@ from __future__ import annotations
 
 import argparse
 import math
+import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from agent.process import main
 from agent.robots.ros2.options import FORMATS, domain_of, drive_settings, options_of, wanted
-from agent.robots.ros2.pose.localisation import Source
+from agent.robots.ros2.pose.localisation import LocalisationSettings, Source
 from agent.robots.ros2.robot_map import write_map
 from agent.robots.ros2.settings import DriveSettings
 from agent.robots.ros2.shown import Shown, fog_cells, grid_of, show_map
 from patrol.errors import BadInput
+from patrol.exchange import Sensed
 from patrol.ground.fog import Fog
 from patrol.ground.maps import load_terrain
 from patrol.ground.sensors import footprint_of
@@ -25,6 +28,7 @@ from patrol.ros2.names import LATCHED
 from patrol.scenario import load_scenario
 from patrol.scenario.sections import TerrainSpec
 from tests.ros2_hub import Hub
+from tests.routers import PATIENCE_S
 
 NEEDED = ("--robot", "ros2", "--connect", "tcp/127.0.0.1:7447")
 
@@ -167,6 +171,23 @@ def test_map_fog_and_path_are_latched_and_another_map_is_left_alone() -> None:
     other = Hub()
     other.link("map_server", "robot1").publisher("map", OccupancyGrid, LATCHED)
     assert not show_map(other.link("fogwatch", "robot1"), settings, terrain, 1)
+
+
+def test_fog_and_path_are_shown_on_the_robots_own_map() -> None:
+    """Its map lies at (10, 5) on ours, turned to the left."""
+    hub = Hub()
+    terrain = Terrain("t", np.ones((4, 6), dtype=np.bool_), 0.5)
+    settings = DriveSettings(localisation=LocalisationSettings(transform=Pose(10.0, 5.0, math.pi / 2)))
+    shown = Shown(hub.link("fogwatch", "robot1"), settings, terrain, Fog(np.ones((4, 6), dtype=np.bool_)), lambda: 1)
+    decision: Any = None
+    shown.report(Sensed(0, Pose(10.0, 6.0, 2.0), False, clock_s=0.0), decision, 0.0)
+    end = time.monotonic() + PATIENCE_S
+    while not hub.sent["/robot1/path"]:
+        assert time.monotonic() < end
+        time.sleep(0.001)
+    corner, (way,) = hub.sent["/robot1/fog"][0].origin, hub.sent["/robot1/path"][0].poses
+    assert (corner.x, corner.y, corner.heading) == pytest.approx((-5.0, 10.0, -math.pi / 2))
+    assert (way.x, way.y, way.heading) == pytest.approx((1.0, 0.0, 2.0 - math.pi / 2))
 
 
 def test_a_car_turns_as_a_scenarios_car_does_unless_its_turning_radius_is_given() -> None:
