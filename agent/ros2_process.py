@@ -7,10 +7,11 @@ import os
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from agent.robots.ros2.options import domain_of, drive_settings, options_of
+from agent.robots.ros2.options import SCENARIO_START, domain_of, drive_settings, options_of
 from patrol.errors import BadInput
 from patrol.process.context import AskedToLeave, ProcessContext, run_with
 from patrol.process.lifeline import rest_before_pause
@@ -20,12 +21,13 @@ if TYPE_CHECKING:
     from agent.own_robot import Site
     from agent.robots.ros2.driver import Ros2Robot
     from agent.robots.ros2.hardware import Hardware
+    from agent.robots.ros2.pose.initial import InitialPose
     from agent.robots.ros2.rivals import Rivals
     from agent.robots.ros2.settings import DriveSettings
     from patrol.pose import Pose
     from patrol.ros2.link import ZenohRos2Link
     from patrol.ros2.ports import Ros2Link
-    from patrol.scenario import Scenario
+    from patrol.scenario import RobotSpec, Scenario
 
 FLEET = "patrol"
 """The fleet's name unless options say otherwise."""
@@ -104,13 +106,16 @@ def _run(process: ProcessContext) -> int:
     for spec in () if scenario is None else scenario.roster:
         if spec.name == name:
             settings = settings.of_body(spec.model, spec.limits)
+            if options.start == SCENARIO_START:
+                settings = _started(settings, spec)
     link = _link(process)
     process.closing.callback(link.close)
     factor = 1.0 if scenario is None or scenario.factor is None else scenario.factor
     hardware = Hardware(link, settings, factor, say, stop_files)
     pose = _found(hardware, link, process)
     say(f"is at ({pose.x:.2f}, {pose.y:.2f}), heading {pose.heading:.2f}")
-    has_map = scenario is not None or options.map is not None
+    # A robot with a map of its own shows that itself.
+    has_map = options.transform is None and (scenario is not None or options.map is not None)
     if scenario is None:
         folder = Path(process.closing.enter_context(tempfile.TemporaryDirectory(prefix="fogwatch-")))
         map_file = options.map or _robots_map(link, settings, folder, process)
@@ -213,21 +218,48 @@ def _found(hardware: Hardware, link: ZenohRos2Link, process: ProcessContext) -> 
     from patrol.ros2.formats import other_format
 
     wait_s = process.options.wait
+    initial = _initial_pose(hardware)
     began = reported_at = time.monotonic()
     while not process.ending.wait(_LOOK_S):
-        if (fix := hardware.fix()) is not None:
+        now, fix = time.monotonic(), hardware.fix()
+        doubt = hardware.why if fix is None else "" if initial is None else initial.doubt(fix.pose, now)
+        if fix is not None and not doubt:
             return fix.pose
-        now = time.monotonic()
+        if initial is not None:
+            initial.tell(hardware.stamp_ns(), now)
         if now - reported_at < SAY_S and now - began < wait_s:
             continue
         reported_at = now
         other = other_format(link.format, lambda graph: link.tokens(graph, GRAPH_S))
         if now - began >= wait_s:
             remedy = f"the nodes on this router speak {other}" if other else "fogwatch doctor says more"
-            raise BadInput(f"the robot was not found within {wait_s:g} s: {hardware.why}; {remedy}")
+            raise BadInput(f"the robot was not found within {wait_s:g} s: {doubt}; {remedy}")
         speaks = f"; the nodes on this router speak {other}" if other else ""
-        process.log.info(f"waiting for the robot: {hardware.why}{speaks}")
+        process.log.info(f"waiting for the robot: {doubt}{speaks}")
     raise AskedToLeave
+
+
+def _started(settings: DriveSettings, spec: RobotSpec) -> DriveSettings:
+    """Return the settings of a robot that stands where its scenario has it."""
+    if spec.start is None:
+        raise BadInput(f"--start scenario: {spec.name} has no start there; give it one, or a pose here")
+    return replace(settings, localisation=replace(settings.localisation, start=spec.start))
+
+
+def _initial_pose(hardware: Hardware) -> InitialPose | None:
+    """Return what tells the robot's localisation where the robot is; None where that is not asked for."""
+    from agent.robots.ros2.pose.initial import InitialPose
+    from agent.robots.ros2.pose.localisation import Source
+    from patrol.ros2.messages import PoseWithCovarianceStamped
+
+    settings = hardware.settings
+    found = settings.localisation
+    if found.start is None or found.source is Source.ODOMETRY:
+        return None
+    place = settings.on_robots_map(found.start)
+    told = PoseWithCovarianceStamped(0, settings.map_frame, place, found.variances)
+    sender = hardware.link.publisher(settings.topic("initialpose"), PoseWithCovarianceStamped)
+    return InitialPose(found.start, told, sender)
 
 
 def _robots_map(link: Ros2Link, settings: DriveSettings, folder: Path, process: ProcessContext) -> Path:

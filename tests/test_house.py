@@ -172,7 +172,12 @@ def test_no_file_names_a_machine_path_or_a_registry() -> None:
 def test_documents_name_files_that_exist() -> None:
     """A name without its folder, or with a part of it, stands for a file that ends with it."""
     files = [str(path.relative_to(ROOT)) for path in files_of_ours()]
-    documents = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+    documents = [
+        ROOT / "README.md",
+        ROOT / "CONTRIBUTING.md",
+        *sorted((ROOT / "docs").glob("*.md")),
+        *sorted((ROOT / "docs/ros2").glob("*.md")),
+    ]
     missing = [
         f"{document.relative_to(ROOT)}:{number}: {name}"
         for document in documents

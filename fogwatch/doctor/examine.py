@@ -219,8 +219,8 @@ def _of_pose(seen: Survey, topics: Sequence[Topic]) -> Iterator[Finding]:
             f"nothing says where the robot is on the map: no {missing or 'transform from the map'} on tf, and no pose"
         )
         remedy = (
-            "start its localisation (amcl, slam_toolbox) and tell it where the robot is, or give"
-            " --localisation odometry and the agent a --start"
+            "start its localisation (amcl, slam_toolbox); if it waits for a pose, give the agent a --start; if"
+            " there is none, give --localisation odometry and the agent a --start"
         )
         yield Finding(Level.MISSING, problem, remedy)
 

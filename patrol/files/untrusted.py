@@ -38,6 +38,7 @@ class Kind:
 SCENARIO = Kind("a scenario", 2 * MIB)
 SWEEP = Kind("a sweep", 2 * MIB)
 MAP = Kind("a map's YAML file", 64 * KIB)
+POSE = Kind("a file with a pose", MIB)
 GRAPH = Kind("a graph", MIB)
 IMAGE = Kind("a map's image", 512 * MIB)
 KEY = Kind("a key", 4 * KIB)

@@ -33,6 +33,7 @@ On one machine they may also meet at a router that asks nobody who they are:
 """Text in each process's help: starting a fleet by hand."""
 
 _REQUIRED = "the following arguments are required: "
+_ARGUMENT, _NO_VALUE = "argument ", ": expected one argument"
 """Beginning of argparse's error about missing options."""
 
 
@@ -74,6 +75,9 @@ class ProcessParser(argparse.ArgumentParser):
             names = message.removeprefix(_REQUIRED).split(", ")
             missing = [action for action in self._actions if not set(action.option_strings).isdisjoint(names)]
             message = "; ".join(f"{one.option_strings[0]} {one.metavar} is missing: {one.help}" for one in missing)
+        if message.startswith(_ARGUMENT) and message.endswith(_NO_VALUE):
+            option = message.removeprefix(_ARGUMENT).removesuffix(_NO_VALUE).split("/")[0]
+            message += f", and a value that begins with a minus needs a =, as in {option}=-1"
         self.exit(BAD_INPUT, f"{self.prog}: {message}; all options: {self.prog} --help\n")
 
 

@@ -21,6 +21,8 @@ from patrol.ros2.names import ADMIN_SPACE, EntityKind, full_name, mangled
 
 COMMANDS = ("cmd_vel", "ackermann_cmd")
 """Topics by which an agent drives its robot, relative to its namespace."""
+TOLD = ("initialpose",)
+"""Topics by which an agent tells its robot's localisation where the robot is."""
 SHOWN = ("/map", "map", "fog", "path")
 """Topics by which an agent shows what it knows."""
 HEARD = ("/tf", "/tf_static", "/map", "/clock")
@@ -54,7 +56,7 @@ def agent_rights(form: Format, namespace: str, commands: Sequence[str] = COMMAND
         namespace: The robot's namespace.
         commands: Topics by which it drives the robot.
     """
-    published = tuple(form.heard(full_name(namespace, name)) for name in (*commands, *SHOWN))
+    published = tuple(form.heard(full_name(namespace, name)) for name in (*commands, *TOLD, *SHOWN))
     heard = _heard(form, namespace)
     actions = form.heard(f"{full_name(namespace, NAME)}/_action/*")
     return Rights(

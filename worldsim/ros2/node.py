@@ -11,6 +11,7 @@ import numpy as np
 
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose, wrap
+from patrol.ros2.frames import composed, inverted
 from patrol.ros2.goals import GoalServer, Status
 from patrol.ros2.mailbox import RosMailbox
 from patrol.ros2.messages import (
@@ -33,10 +34,16 @@ from worldsim.ros2.robot import SimulatedRobot
 MAP, ODOM, BASE = "map", "odom", "base_link"
 DRIVES = ("twist-stamped", "twist", "ackermann")
 
+THE_WORLD = Pose(0.0, 0.0, 0.0)
+"""The pose of a map that is the world's."""
+
 CLOCK_HZ = 50.0
 CORRECTION_HZ = 10.0
 ANOTHER_M, ANOTHER_RAD = 0.2, 0.2
 """Motion between two poses of the localisation, as AMCL has it."""
+
+FOUND_M, FOUND_RAD = 1.0, 0.5
+"""Largest errors of a pose that it is told from which its localisation finds the true one."""
 
 _ROOM = 64
 _ROUNDING_S = 1e-3
@@ -55,6 +62,8 @@ class Habits:
         tells_time: Whether its time is not everybody's, so that it publishes it.
         has_map: Whether it publishes the map, latched.
         has_nav2: Whether goals can be sent to it.
+        is_lost: Whether its localisation waits to be told on ``initialpose`` where it is, as AMCL does.
+        transform: The pose of its map in the world.
     """
 
     drive: str = "twist-stamped"
@@ -64,6 +73,8 @@ class Habits:
     tells_time: bool = False
     has_map: bool = False
     has_nav2: bool = False
+    is_lost: bool = False
+    transform: Pose = THE_WORLD
 
 
 class Every:
@@ -118,6 +129,9 @@ class RobotNode:
         self._correction_due = Every(1.0 / CORRECTION_HZ)
         self._clock_due = Every(1.0 / CLOCK_HZ)
         self._localised: Pose | None = None
+        self._believed: Pose | None = None if habits.is_lost else habits.transform  # pose of its map
+        self._told: RosMailbox[PoseWithCovarianceStamped] = RosMailbox(_ROOM)
+        link.subscribe("initialpose", PoseWithCovarianceStamped, self._told)
         self._goals = GoalServer(link) if habits.has_nav2 else None
         self._navigator = Navigator(terrain, robot.build.spec) if habits.has_nav2 else None
         self._going_since_s: float | None = None
@@ -132,7 +146,8 @@ class RobotNode:
             link.subscribe("ackermann_cmd", AckermannDriveStamped, self._cars)
         if habits.has_map:
             cells = np.where(terrain.free, 0, 100).astype(np.int8)
-            grid = OccupancyGrid(0, MAP, terrain.point, Pose(*terrain.origin, 0.0), cells)
+            corner = composed(inverted(habits.transform), Pose(*terrain.origin, 0.0))
+            grid = OccupancyGrid(0, MAP, terrain.point, corner, cells)
             self._map = link.publisher("map", OccupancyGrid, LATCHED)
             self._map.send(grid)
 
@@ -142,14 +157,17 @@ class RobotNode:
         Args:
             now_s: The time, s since the epoch.
         """
+        while (told := self._told.take()) is not None:
+            if told.message.frame == MAP:
+                self._localise(told.message.pose)
         while (stamped := self._stamped.take()) is not None:
             self.robot.obey(stamped.message.twist, now_s)
         while (plain := self._plain.take()) is not None:
             self.robot.obey(plain.message, now_s)
         while (car := self._cars.take()) is not None:
-            told = car.message
-            curvature = math.tan(max(-1.5, min(1.5, told.steering_angle))) / self._habits.wheelbase
-            self.robot.obey(Twist(told.speed, 0.0, told.speed * curvature), now_s)
+            drive = car.message
+            curvature = math.tan(max(-1.5, min(1.5, drive.steering_angle))) / self._habits.wheelbase
+            self.robot.obey(Twist(drive.speed, 0.0, drive.speed * curvature), now_s)
         if self._goals is not None and self._navigator is not None:
             self._navigate(self._goals, self._navigator, now_s)
 
@@ -167,22 +185,34 @@ class RobotNode:
             told = Odometry(stamp_ns, ODOM, BASE, odometry.say(), self.robot.velocity)
             if self.plugged:
                 self._later(now_s, lambda: self._odometry.send(told))
-        if self._correction_due.is_so(now_s):
-            found = TFMessage((Transform(stamp_ns, MAP, ODOM, odometry.correction),))
-            self._later(now_s, lambda: self._tf.send(found))
-        self._say_pose(now_s, stamp_ns)
+        if self._believed is not None:
+            if self._correction_due.is_so(now_s):
+                place = composed(inverted(self._believed), odometry.correction)
+                found = TFMessage((Transform(stamp_ns, MAP, ODOM, place),))
+                self._later(now_s, lambda: self._tf.send(found))
+            self._say_pose(self._believed, now_s, stamp_ns)
         while self._due and self._due[0][0] <= now_s:
             self._due.popleft()[1]()
             self.said += 1
 
-    def _say_pose(self, now_s: float, stamp_ns: int) -> None:
+    def _localise(self, told: Pose) -> None:
+        """Believe a pose on its map; from one that is nearly right its localisation finds the true one."""
+        true = composed(inverted(self._habits.transform), self.robot.pose)
+        near = math.dist((true.x, true.y), (told.x, told.y)) <= FOUND_M
+        if near and abs(wrap(told.heading - true.heading)) <= FOUND_RAD:
+            self._believed = self._habits.transform
+        else:
+            self._believed = composed(self.robot.pose, inverted(told))
+        self._localised = None
+
+    def _say_pose(self, own_map: Pose, now_s: float, stamp_ns: int) -> None:
         pose, last = self.robot.pose, self._localised
         if last is not None:
             away = math.dist((pose.x, pose.y), (last.x, last.y))
             if away < ANOTHER_M and abs(wrap(pose.heading - last.heading)) < ANOTHER_RAD:
                 return
         self._localised = pose
-        found = PoseWithCovarianceStamped(stamp_ns, MAP, pose)
+        found = PoseWithCovarianceStamped(stamp_ns, MAP, composed(inverted(own_map), pose))
         self._later(now_s, lambda: self._poses.send(found))
 
     def _later(self, now_s: float, send: Callable[[], None]) -> None:
@@ -192,16 +222,19 @@ class RobotNode:
         """Drive to the goal that the robot has, if it has one."""
         stamp_ns = round(now_s * 1e9)
         target = goals.step(stamp_ns)
-        if target is None:
+        own_map = self._believed
+        if target is None or own_map is None:
             if self._going_since_s is not None:
                 self._going_since_s = None
                 self.robot.obey(Twist(0.0, 0.0, 0.0), now_s)
             return
         self._going_since_s = now_s if self._going_since_s is None else self._going_since_s
         pose = self.robot.pose
-        left = math.dist((pose.x, pose.y), (target.pose.x, target.pose.y))
-        goals.feedback(PoseStamped(stamp_ns, MAP, pose), now_s - self._going_since_s, left)
-        velocity = navigator.velocity(pose, target.pose)
+        goal = composed(own_map, target.pose)
+        left = math.dist((pose.x, pose.y), (goal.x, goal.y))
+        here = PoseStamped(stamp_ns, MAP, composed(inverted(own_map), pose))
+        goals.feedback(here, now_s - self._going_since_s, left)
+        velocity = navigator.velocity(pose, goal)
         if left < THERE_M:
             goals.finish(Status.SUCCEEDED)
         elif velocity is None:

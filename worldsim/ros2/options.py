@@ -72,6 +72,8 @@ def parser() -> ProcessParser:
     add("--drift", type=float, default=0.01, metavar="SHARE", help="of the way, in odometry (default: %(default)s)")
     add("--drift-heading", type=float, default=0.002, metavar="RAD/M", help="of its heading (default: %(default)s)")
     add("--show-map", action="store_true", help="publish the map, latched")
+    add("--lost", action="store_true", help="their localisation waits to be told on initialpose where they are")
+    add("--transform", default="0,0,0", metavar="X,Y,HEADING", help="where their map lies on ours (%(default)s)")
     add("--nav2", action="store_true", help="offer navigate_to_pose")
     add("--unplug", action="append", default=[], metavar="NAME@S", help="that robot's odometry ends after so long")
     add("--seed", type=int, default=7, metavar="K", help="of the noise (default: %(default)s)")
@@ -118,16 +120,29 @@ def starts_of(options: argparse.Namespace) -> list[Pose]:
     Raises:
         BadInput: One is no pose.
     """
-    found = []
-    for text in options.start:
-        try:
-            x, y, heading = (float(part) for part in text.split(","))
-        except ValueError:
-            raise BadInput(f"--start {text}: not a pose; give X,Y,HEADING in m and rad, such as 1.5,2,0") from None
-        if not all(map(math.isfinite, (x, y, heading))):
-            raise BadInput(f"--start {text}: not finite; give X,Y,HEADING in m and rad, such as 1.5,2,0")
-        found.append(Pose(x, y, wrap(heading)))
-    return found
+    return [_pose("--start", text) for text in options.start]
+
+
+def transform_of(options: argparse.Namespace) -> Pose:
+    """Return the pose of the robots' map on ours.
+
+    Args:
+        options: From `parser`.
+
+    Raises:
+        BadInput: It is no pose.
+    """
+    return _pose("--transform", options.transform)
+
+
+def _pose(option: str, text: str) -> Pose:
+    try:
+        x, y, heading = (float(part) for part in text.split(","))
+    except ValueError:
+        raise BadInput(f"{option} {text}: not a pose; give X,Y,HEADING in m and rad, such as 1.5,2,0") from None
+    if not all(map(math.isfinite, (x, y, heading))):
+        raise BadInput(f"{option} {text}: not finite; give X,Y,HEADING in m and rad, such as 1.5,2,0")
+    return Pose(x, y, wrap(heading))
 
 
 def unplugged(options: argparse.Namespace, names: Sequence[str]) -> dict[str, float]:

@@ -13,7 +13,7 @@ from patrol.errors import BadInput
 from patrol.process.context import AskedToLeave, ProcessContext, run_with
 from patrol.process.exit_codes import INTERRUPTED
 from patrol.process.lifeline import Ending
-from worldsim.ros2.options import check, errors_of, parser, robots_of, starts_of, unplugged
+from worldsim.ros2.options import check, errors_of, parser, robots_of, starts_of, transform_of, unplugged
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared
@@ -140,6 +140,8 @@ def _habits(options: argparse.Namespace, pace: float) -> Habits:
         pace != 1.0,
         options.show_map,
         options.nav2,
+        options.lost,
+        transform_of(options),
     )
 
 

@@ -3,6 +3,7 @@
 Where it is (`pose`; told the time, without links):
 
     pose/odometer.py      which odometry can be believed
+    pose/initial.py       where it stands at first, and how its localisation is told
     pose/localisation.py  from odometry and a correction of its drift to where the robot is now
 
 How it is moved (`driving`; all but steering.py is told the time and has no links):

@@ -8,14 +8,18 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from agent.robots.ros2.pose.localisation import RADIUS, SPEED, LocalisationSettings, Source
+from agent.robots.ros2.pose.localisation import RADIUS, SAME_MAP, SPEED, VARIANCES, LocalisationSettings, Source
 from agent.robots.ros2.settings import DRIVES, TOPICS, DriveSettings, turn_rate_of
 from patrol.errors import BadInput, did_you_mean
 from patrol.pose import MODELS, Limits, Pose, wrap
 from patrol.process.options import ProcessParser
+from patrol.ros2.frames import composed
 
 TURNING_RADIUS = 3.5
 """A car's tightest turn unless options say otherwise, m, as in scenarios."""
+
+SCENARIO_START = "scenario"
+"""The value of --start that stands for the robot's start in the fleet's scenario."""
 
 FORMATS = ("rmw_zenoh", "rmw_zenoh-humble", "bridge")
 
@@ -39,6 +43,15 @@ stops in the folder --state.
 Several robots patrol together when each agent is given all their names, and one router that all agents can reach:
 
   ... --namespace robot1 --robots robot1,robot2,robot3 --router tcp/192.168.1.10:7447
+
+A localisation that waits to be told where the robot is, as AMCL does, is told by --start, on the topic initialpose;
+where it agrees, the robot drives. A place on --map, or a file with a pose on the robot's own map:
+
+  --start 1.5,2,0                  x and y in m, heading in rad; with a minus, --start=-1.5,2,0
+  --start pose.yaml                of: ros2 topic echo --once /amcl_pose > pose.yaml; or Nav2's parameters, initial_pose
+  --start scenario                 where --scenario has it
+
+A robot whose own map is not --map has --transform, which fogwatch map align finds.
 
 Speeds are in m/s, lengths in m, angles in rad. --drive says what the robot is told:
 
@@ -122,7 +135,8 @@ def ros2_parser() -> ProcessParser:
         default=Source.TF.value,
         help="what corrects the odometry: transforms on tf, poses on amcl_pose, or nothing (default: %(default)s)",
     )
-    add("--start", metavar="X,Y,HEADING", help="where it stands now, if nothing corrects its odometry")
+    add("--start", metavar="X,Y,HEADING|FILE|scenario", help="where it stands now; its localisation is told")
+    add("--transform", metavar="X,Y,HEADING", help="where its own map lies on --map (default: they are the same)")
     add("--fresh", type=float, default=0.3, metavar="S", help="it stops without odometry for so long (%(default)s s)")
     add("--delay", type=float, metavar="S", help="age of odometry on arrival, if its stamps are wrong")
 
@@ -170,7 +184,19 @@ def drive_settings(options: argparse.Namespace) -> DriveSettings:
         raise BadInput("--write-scenario: needs --map, and no --scenario; leave it out")
     if options.drive == "ackermann" and options.scenario is None and options.model != "car":
         raise BadInput(f"--drive ackermann: steers a car, and --model is {options.model}; give --model car")
-    start = None if options.start is None else _pose("--start", options.start)
+    transform = SAME_MAP if options.transform is None else _pose("--transform", options.transform)
+    if options.transform is not None and options.map is None and options.scenario is None:
+        raise BadInput("--transform: places the robot's own map on ours; give ours with --map or --scenario")
+    start, variances = None, VARIANCES
+    if options.start == SCENARIO_START and options.scenario is None:
+        raise BadInput("--start scenario: there is none; give --scenario, or a pose")
+    if options.start is not None and Path(options.start).is_file():
+        from agent.robots.ros2.pose.initial import read_initial_pose
+
+        there, variances = read_initial_pose(Path(options.start), "--start")
+        start = composed(transform, there)
+    elif options.start not in {None, SCENARIO_START}:
+        start = _pose("--start", options.start, " or a file that exists")
     turning_radius = TURNING_RADIUS if options.turning_radius is None else options.turning_radius
     limits = Limits(options.speed, options.radius, turning_radius)
     return DriveSettings(
@@ -186,6 +212,8 @@ def drive_settings(options: argparse.Namespace) -> DriveSettings:
             Source(options.localisation),
             options.map_frame,
             start,
+            variances,
+            transform,
             options.fresh,
             options.delay,
             options.speed,
@@ -216,11 +244,13 @@ def _check(option: str, value: float, least: float, most: float) -> None:
         raise BadInput(f"{option} {value:g}: out of range; give {least:g} to {most:g}")
 
 
-def _pose(option: str, text: str) -> Pose:
+def _pose(option: str, text: str, otherwise: str = "") -> Pose:
     try:
         x, y, heading = (float(part) for part in text.split(","))
     except ValueError:
-        raise BadInput(f"{option} {text}: not a pose; give X,Y,HEADING in m and rad, such as 1.5,2,0") from None
+        raise BadInput(
+            f"{option} {text}: not a pose; give X,Y,HEADING in m and rad, such as 1.5,2,0{otherwise}"
+        ) from None
     if not all(map(math.isfinite, (x, y, heading))):
         raise BadInput(f"{option} {text}: not finite; give X,Y,HEADING in m and rad, such as 1.5,2,0")
     return Pose(x, y, wrap(heading))

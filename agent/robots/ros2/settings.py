@@ -7,13 +7,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from agent.robots.ros2.pose.localisation import LocalisationSettings
-from patrol.pose import Limits
+from patrol.pose import Limits, Pose
+from patrol.ros2.frames import composed, inverted
 
 TOPICS: Mapping[str, str] = {
     "odom": "its odometry",
     "tf": "transforms; /tf as well while there are none here",
     "tf_static": "transforms that hold for ever, latched; /tf_static as well while there are none here",
     "amcl_pose": "poses of its localisation",
+    "initialpose": "where it is at first, told to its localisation with --start",
     "cmd_vel": "our velocities",
     "ackermann_cmd": "our speeds and steering angles",
     "navigate_to_pose": "the action of its Nav2",
@@ -70,6 +72,14 @@ class DriveSettings:
         """
         turn_rate = turn_rate_of(model, replace(limits, radius=limits.radius - self.margin))
         return replace(self, localisation=replace(self.localisation, speed=limits.speed, turn_rate=turn_rate))
+
+    def on_robots_map(self, pose: Pose) -> Pose:
+        """Return a pose on the robot's map from one on ours.
+
+        Args:
+            pose: The pose.
+        """
+        return composed(inverted(self.localisation.transform), pose)
 
     @property
     def commands(self) -> str | None:

@@ -10,6 +10,7 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 from threading import Event, Thread
 
 import numpy as np
@@ -52,7 +53,7 @@ class Shown:
     ) -> None:
         self._terrain = terrain
         self._fog = fog
-        self._frame = settings.map_frame
+        self._settings = settings
         self._stamp_ns = stamp_ns
         self._way: deque[Pose] = deque(maxlen=MOST_POSES)
         self._grids = link.publisher(settings.topic("fog"), OccupancyGrid, LATCHED)
@@ -80,8 +81,10 @@ class Shown:
             if self._picture is not None:
                 cells, way = self._picture
                 stamp_ns = self._stamp_ns()
-                self._grids.send(grid_of(self._terrain, cells, self._thin, self._frame, stamp_ns))
-                self._paths.send(Path(stamp_ns, self._frame, way))
+                settings, frame = self._settings, self._settings.map_frame
+                grid = grid_of(self._terrain, cells, self._thin, frame, stamp_ns)
+                self._grids.send(replace(grid, origin=settings.on_robots_map(grid.origin)))
+                self._paths.send(Path(stamp_ns, frame, tuple(map(settings.on_robots_map, way))))
             self._wake.clear()
 
 

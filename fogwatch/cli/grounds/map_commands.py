@@ -12,9 +12,10 @@ from rich.console import Console
 from rich.table import Table
 
 from fogwatch.cli.command_help import command
-from fogwatch.cli.grounds import map_regions
-from patrol.errors import BadInput, did_you_mean
-from patrol.ground.builtins import LAYOUTS, builtin_terrain
+from fogwatch.cli.grounds import map_align, map_regions
+from fogwatch.cli.grounds.named_terrain import named_terrain
+from patrol.errors import BadInput
+from patrol.ground.builtins import LAYOUTS
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from patrol.printable import printable
@@ -27,7 +28,8 @@ if TYPE_CHECKING:
     from patrol.prepare import Prepared
 
 app = typer.Typer(
-    help="Check what a robot can reach and see on a map, or split the map into regions.", no_args_is_help=True
+    help="Check what a robot can reach and see on a map, split it into regions, or find where it lies on another.",
+    no_args_is_help=True,
 )
 
 MOST_LINES = 20
@@ -62,7 +64,7 @@ def check(
     warm(("patrol",), lambda line: typer.echo(line, err=True), SELDOM)
     from fogwatch.map_check import check_map  # here: it imports kernels, which are compiled first
 
-    terrain = _terrain(what, point)
+    terrain = named_terrain(what, point)
     report = check_map(terrain, radius, sensor_range, line_of_sight, starts)
     about_zones: list[str] = []
     if zones is not None:
@@ -89,6 +91,7 @@ def check(
 
 
 command(app, examples=map_regions.EXAMPLES)(map_regions.regions)
+command(app, examples=map_align.EXAMPLES)(map_align.align)
 
 
 def plain_lines(report: MapReport) -> Iterator[str]:
@@ -227,16 +230,6 @@ def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
 
 def _yes(passes: bool) -> str:
     return "yes" if passes else "[red]no[/red]"
-
-
-def _terrain(what: str, point: float) -> Terrain:
-    if what in LAYOUTS:
-        return builtin_terrain(what, point)
-    if not Path(what).exists():
-        raise BadInput(f"{what}: no such map file, and no built-in terrain; {did_you_mean(what, tuple(LAYOUTS))}")
-    from patrol.ground.maps import read_terrain
-
-    return read_terrain(Path(what), point)
 
 
 def _fleet(

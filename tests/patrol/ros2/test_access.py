@@ -234,7 +234,7 @@ def test_a_flood_and_one_who_does_not_read_cost_the_robot_nothing(fleet: FleetFo
 
 def test_rights_are_as_narrow_as_they_can_be() -> None:
     agent, viewer = agent_rights(RmwZenoh(3), "xavier"), viewer_rights(RmwZenoh(3), "xavier")
-    assert "3/xavier/cmd_vel/*/*" in agent.publish
+    assert {"3/xavier/cmd_vel/*/*", "3/xavier/initialpose/*/*"} <= set(agent.publish)
     assert not any("odom" in key or "tf" in key for key in agent.publish)
     assert "3/xavier/fog/*/*/@adv/**" in agent.answer
     assert "3/xavier/navigate_to_pose/_action/*/*/*" in agent.ask

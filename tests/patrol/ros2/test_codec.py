@@ -4,6 +4,7 @@ import math
 import struct
 import sys
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from mcap_ros2._dynamic import serialize_dynamic
+from rosbags.typesys import Stores, get_typestore
 
 from patrol.errors import BadInput, Malformed
 from patrol.pose import Pose
@@ -319,3 +321,15 @@ def test_without_the_extra_it_is_said_in_one_line(monkeypatch: pytest.MonkeyPatc
     with pytest.raises(BadInput, match=r"pip install 'fogwatch\[ros2\]'") as caught:
         store.__wrapped__()
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("release", [Stores.ROS2_HUMBLE, Stores.ROS2_IRON, Stores.ROS2_JAZZY, Stores.ROS2_KILTED])
+def test_our_types_are_those_of_each_release_and_of_the_documents_table(release: Stores) -> None:
+    table = (Path(__file__).parents[3] / "docs/ros2/releases.md").read_text(encoding="utf-8")
+    theirs = get_typestore(release)
+    listed = [coding for coding in CODINGS.values() if "/msg/" in coding.type_name]
+    assert len(listed) > 10
+    for coding in listed:
+        assert f"| `{coding.type_name}` | `{coding.type_hash}` |" in table
+        if coding.type_name in theirs.types:
+            assert theirs.hash_rihs01(coding.type_name) == coding.type_hash

@@ -263,3 +263,42 @@ def test_transforms_are_said_as_tf_has_them() -> None:
     simulation = simulated(hub, robot())
     run(simulation, 0.3)
     assert all(isinstance(one, TFMessage) for one in hub.sent["/robot1/tf"])
+
+
+def test_a_lost_robot_says_where_it_is_only_when_it_has_been_told() -> None:
+    """A pose that is nearly right is found exactly; the error of another stays."""
+    hub = Hub()
+    simulation = simulated(hub, robot(), habits=Habits(is_lost=True))
+    run(simulation, 0.5)
+    assert not hub.sent["/robot1/tf"]
+    assert not hub.sent["/robot1/amcl_pose"]
+    for frame, told, believed in (
+        ("odom", PLACE, None),
+        ("map", Pose(2.5, 5.5, 0.3), PLACE),
+        ("map", Pose(7.0, 1.0, 2.0), Pose(7.0, 1.0, 2.0)),
+    ):
+        hub.deliver("/robot1/initialpose", PoseWithCovarianceStamped(1, frame, told))
+        run(simulation, 0.2)
+        assert bool(hub.sent["/robot1/amcl_pose"]) == (believed is not None)
+        if believed is not None:
+            said = hub.sent["/robot1/amcl_pose"][-1].pose
+            assert (said.x, said.y, said.heading) == pytest.approx((believed.x, believed.y, believed.heading))
+
+
+def test_a_robot_with_a_map_of_its_own_says_and_hears_everything_on_that() -> None:
+    """Its map lies at (10, 5) in the world, turned to the left."""
+    hub = Hub()
+    own = Pose(10.0, 5.0, math.pi / 2)
+    habits = Habits(has_nav2=True, has_map=True, transform=own)
+    simulation = simulated(hub, one := robot(), habits=habits)
+    run(simulation, 0.2)
+    said = hub.sent["/robot1/amcl_pose"][-1].pose
+    assert (said.x, said.y, said.heading) == pytest.approx((0.0, 8.0, -math.pi / 2))
+    corner = hub.sent["/robot1/map"][-1].origin
+    assert (corner.x, corner.y, corner.heading) == pytest.approx((-5.0, 10.0, -math.pi / 2))
+    client = GoalClient(hub.link("fogwatch", "robot1"))
+    client.go(PoseStamped(1, "map", Pose(2.0, 7.0, 0.0)), 0.0)
+    for _ in range(500):
+        run(simulation, STEP_S)
+        client.step(simulation.time_s)
+    assert math.dist((one.pose.x, one.pose.y), (3.0, 7.0)) < 0.3

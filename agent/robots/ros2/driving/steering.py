@@ -235,7 +235,9 @@ class GoalSteering:
         if new:
             x, y = self._wanted
             heading = math.atan2(y - fix.pose.y, x - fix.pose.x)
-            target = PoseStamped(self._hardware.stamp_ns(), self._hardware.settings.map_frame, Pose(x, y, heading))
+            settings = self._hardware.settings
+            place = settings.on_robots_map(Pose(x, y, heading))
+            target = PoseStamped(self._hardware.stamp_ns(), settings.map_frame, place)
             self._goals.go(target, moment_s)
             self._sent = self._wanted
         return ""

@@ -37,6 +37,15 @@ or so, and none to a robot that stands."""
 MATCH_S = 0.2
 """Largest difference in time between a pose and the odometry that it is compared with, s."""
 
+Variances = tuple[float, float, float]
+"""Of x and y, m², and of the heading, rad²."""
+
+VARIANCES: Variances = (0.25, 0.25, (math.pi / 12.0) ** 2)
+"""What RViz says of a pose that is given by hand: half a metre, and 15 degrees."""
+
+SAME_MAP = Pose(0.0, 0.0, 0.0)
+"""The transform of a robot whose map is ours."""
+
 SPEED = 0.25
 """The top speed of a small and careful robot, m/s."""
 
@@ -87,7 +96,10 @@ class LocalisationSettings:
     Attributes:
         source: What corrects its odometry.
         map_frame: Name of the map's frame.
-        start: Where it is on the map when its first odometry comes, if nothing corrects that.
+        start: Where it is on the map at first. Without corrections its odometry counts from there; otherwise its
+            localisation is told.
+        variances: Of that.
+        transform: The pose of the robot's own map on ours, if it has another.
         fresh_s: How long ago the newest odometry may have arrived, s.
         delay_s: How old odometry is when it arrives, s; None to go by its stamps.
         speed: The robot's top speed, m/s: by how much its odometry may change.
@@ -97,6 +109,8 @@ class LocalisationSettings:
     source: Source = Source.TF
     map_frame: str = "map"
     start: Pose | None = None
+    variances: Variances = VARIANCES
+    transform: Pose = SAME_MAP
     fresh_s: float = 0.3
     delay_s: float | None = None
     speed: float = SPEED
@@ -163,7 +177,7 @@ class Localisation:
         kept = self._fixed if fixed else self._moving
         for one in message.transforms:
             if _named(one.frame) == _named(self._settings.map_frame):
-                self._keep(kept, _named(one.child_frame), _Correction(one.pose, arrived_s, 0.0))
+                self._keep(kept, _named(one.child_frame), _Correction(self._on_our_map(one.pose), arrived_s, 0.0))
 
     def _keep(self, kept: dict[str, _Correction], child: str, correction: _Correction) -> None:
         """Keep a frame's transform; of many frames the oldest makes room, but never the odometry's own."""
@@ -195,7 +209,10 @@ class Localisation:
         elif abs(ahead_s) > MATCH_S:
             return
         then = travelled(nearest.pose, nearest.twist, ahead_s)
-        self._posed = _Correction(composed(message.pose, inverted(then)), arrived_s, nearest.driven_m)
+        self._posed = _Correction(composed(self._on_our_map(message.pose), inverted(then)), arrived_s, nearest.driven_m)
+
+    def _on_our_map(self, pose: Pose) -> Pose:
+        return composed(self._settings.transform, pose)
 
     def _precedes_all(self, at_s: float) -> bool:
         """Return True if a pose is from before the first odometry of a robot that stood then.

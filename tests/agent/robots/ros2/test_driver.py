@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections import deque
@@ -247,6 +248,23 @@ def test_an_operator_is_told_that_a_robot_stands_only_when_its_odometry_says_so(
         ended.set()
         speaking.join()
         bench.driver.stop("over")
+
+
+def test_goals_are_places_on_the_robots_own_map() -> None:
+    """Its map lies at (10, 5) on ours, turned to the left."""
+    settings = LocalisationSettings(fresh_s=PATIENCE_S, delay_s=0.0, transform=Pose(10.0, 5.0, math.pi / 2))
+    bench = Bench(nav2=True, drive="nav2", localisation=settings)
+    server = GoalServer(bench.robot)
+    bench.at(Pose(1.0, 0.0, 0.0))
+    fix = bench.hardware.fix()
+    assert fix is not None
+    assert (fix.pose.x, fix.pose.y) == pytest.approx((10.0, 6.0))
+    bench.steering.want(Velocity(0.0, 0.0), (10.0, 8.0), 0.0)
+    bench.steering.step(fix, 0.0, 0.05, "")
+    target = server.step(1)
+    assert target is not None
+    place = target.pose
+    assert (place.x, place.y, place.heading) == pytest.approx((3.0, 0.0, 0.0))
 
 
 def test_a_robot_that_nav2_has_not_let_go_of_may_still_drive(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -29,6 +29,9 @@ from worldsim.ros2.odometry import DriftingOdometry
 
 pytestmark = pytest.mark.processes
 
+OWN_MAP = Pose(3.0, -2.0, 2.0)
+OTHER_MAP = ["--transform=3,-2,2", "--start", "1.5,1.5,0.3"]
+
 
 @pytest.fixture
 def driven(endpoint: str, tmp_path: Path) -> Iterator[Bench]:
@@ -55,6 +58,9 @@ def unwatched(endpoint: str, tmp_path: Path) -> Iterator[Bench]:
         ("rmw_zenoh-humble", Habits("twist"), ["--drive", "twist", "--localisation", "pose"], signal.SIGQUIT),
         ("bridge", Habits(), ["--localisation", "odometry", "--start", "1.5,1.5,0.3"], signal.SIGTERM),
         ("rmw_zenoh", Habits(has_nav2=True), ["--drive", "nav2"], signal.SIGINT),
+        ("rmw_zenoh", Habits(is_lost=True), ["--start", "1.6,1.4,0.2"], signal.SIGINT),
+        ("bridge", Habits(is_lost=True, transform=OWN_MAP), [*OTHER_MAP, "--localisation", "pose"], signal.SIGINT),
+        ("rmw_zenoh", Habits(has_nav2=True, transform=OWN_MAP), [*OTHER_MAP, "--drive", "nav2"], signal.SIGINT),
     ],
 )
 def test_a_robot_patrols_and_stands_when_the_agent_is_interrupted(
@@ -291,6 +297,27 @@ def test_when_the_router_is_gone_the_robot_stands_and_when_it_is_back_the_patrol
         router = open_router(endpoint)
         made.drives()
     assert router.close(PATIENCE_S)
+
+
+def test_a_robot_stands_where_its_scenario_says(endpoint: str, tmp_path: Path) -> None:
+    with bench(endpoint, "rmw_zenoh", tmp_path, Habits(is_lost=True)) as made:
+        fleet = tmp_path / "fleet.yaml"
+        fleet.write_text(
+            "terrain: {map: plan.yaml}\npoint: 0.1\npace: realtime\nradio: {via: direct}\nsensor: {range: 3}\n"
+            f"robots: [{{name: {NAME}, model: differential, speed: 0.5, radius: 0.35, start: [1.5, 1.5, 0.3]}}]\n",
+            encoding="utf-8",
+        )
+        made.agent("--scenario", str(fleet), "--start", "scenario", has_map=False)
+        made.drives()
+
+
+def test_a_robot_that_its_localisation_has_elsewhere_is_not_driven(endpoint: str, tmp_path: Path) -> None:
+    """It was localised before, and takes no pose where it is not."""
+    with bench(endpoint, "rmw_zenoh", tmp_path) as made:
+        agent = made.agent("--start", "6,4.5,0", "--topic", "initialpose=elsewhere", "--wait", "4")
+        assert agent.wait(PATIENCE_S) == 2
+        made.until(lambda: any("its localisation has it at (1." in line for line in made.said))
+        assert made.robot.commands == 0
 
 
 def test_a_map_may_come_from_the_robot(endpoint: str, tmp_path: Path) -> None:

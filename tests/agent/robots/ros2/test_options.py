@@ -1,17 +1,22 @@
 from __future__ import annotations
 
 import argparse
+import math
+import time
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from agent.process import main
 from agent.robots.ros2.options import FORMATS, domain_of, drive_settings, options_of, wanted
-from agent.robots.ros2.pose.localisation import Source
+from agent.robots.ros2.pose.localisation import LocalisationSettings, Source
 from agent.robots.ros2.robot_map import write_map
 from agent.robots.ros2.settings import DriveSettings
 from agent.robots.ros2.shown import Shown, fog_cells, grid_of, show_map
 from patrol.errors import BadInput
+from patrol.exchange import Sensed
 from patrol.ground.fog import Fog
 from patrol.ground.maps import load_terrain
 from patrol.ground.sensors import footprint_of
@@ -23,6 +28,7 @@ from patrol.ros2.names import LATCHED
 from patrol.scenario import load_scenario
 from patrol.scenario.sections import TerrainSpec
 from tests.ros2_hub import Hub
+from tests.routers import PATIENCE_S
 
 NEEDED = ("--robot", "ros2", "--connect", "tcp/127.0.0.1:7447")
 
@@ -95,6 +101,13 @@ def test_the_domain_is_the_environments_unless_it_is_given(monkeypatch: pytest.M
         (["--fresh", "2"], "--fresh 2: out of range; give 0.05 to 0.4"),
         (["--start", "1,2"], "--start 1,2: not a pose; give X,Y,HEADING"),
         (["--start", "1,2,inf"], "--start 1,2,inf: not finite"),
+        (
+            ["--start", "nowhere.yaml"],
+            "nowhere.yaml: not a pose; give X,Y,HEADING in m and rad, such as 1.5,2,0 or a file",
+        ),
+        (["--start", "scenario"], "--start scenario: there is none; give --scenario, or a pose"),
+        (["--transform", "1,2,0"], "--transform: places the robot's own map on ours; give ours with --map or"),
+        (["--transform", "1,2", "--map", "nowhere.yaml"], "--transform 1,2: not a pose; give X,Y,HEADING"),
         (["--topic", "odom"], "--topic odom: expected NAME=TOPIC"),
         (["--topic", "odm=x"], "no topic of ours; did you mean odom?"),
         (["--topic", "odom=a b"], "--topic odom 'a b': not a name in ROS"),
@@ -116,10 +129,8 @@ def test_what_cannot_be_used_is_one_line(more: list[str], words: str, capsys: py
     assert "\n" not in said
 
 
-def test_the_robots_map_is_read_like_a_file(tmp_path: object) -> None:
-    from pathlib import Path
-
-    folder = Path(str(tmp_path))
+def test_the_robots_map_is_read_like_a_file(tmp_path: Path) -> None:
+    folder = tmp_path
     cells = np.zeros((20, 30), dtype=np.int8)
     cells[:, 29] = 100
     cells[0] = -1
@@ -162,8 +173,38 @@ def test_map_fog_and_path_are_latched_and_another_map_is_left_alone() -> None:
     assert not show_map(other.link("fogwatch", "robot1"), settings, terrain, 1)
 
 
+def test_fog_and_path_are_shown_on_the_robots_own_map() -> None:
+    """Its map lies at (10, 5) on ours, turned to the left."""
+    hub = Hub()
+    terrain = Terrain("t", np.ones((4, 6), dtype=np.bool_), 0.5)
+    settings = DriveSettings(localisation=LocalisationSettings(transform=Pose(10.0, 5.0, math.pi / 2)))
+    shown = Shown(hub.link("fogwatch", "robot1"), settings, terrain, Fog(np.ones((4, 6), dtype=np.bool_)), lambda: 1)
+    decision: Any = None
+    shown.report(Sensed(0, Pose(10.0, 6.0, 2.0), False, clock_s=0.0), decision, 0.0)
+    end = time.monotonic() + PATIENCE_S
+    while not hub.sent["/robot1/path"]:
+        assert time.monotonic() < end
+        time.sleep(0.001)
+    corner, (way,) = hub.sent["/robot1/fog"][0].origin, hub.sent["/robot1/path"][0].poses
+    assert (corner.x, corner.y, corner.heading) == pytest.approx((-5.0, 10.0, -math.pi / 2))
+    assert (way.x, way.y, way.heading) == pytest.approx((1.0, 0.0, 2.0 - math.pi / 2))
+
+
 def test_a_car_turns_as_a_scenarios_car_does_unless_its_turning_radius_is_given() -> None:
     usual = load_scenario({"terrain": {"builtin": "open"}, "robots": {"model": "car"}}).roster[0].turning_radius
     for more, radius in (((), usual), (("--turning-radius", "2"), 2.0)):
         given = drive_settings(options("--model", "car", "--speed", "1", *more))
         assert given.localisation.turn_rate == 1.0 / radius
+
+
+def test_a_start_from_a_file_of_ros_is_on_the_robots_map_and_any_other_on_ours(tmp_path: Path) -> None:
+    own = tmp_path / "nav2.yaml"
+    own.write_text("amcl: {ros__parameters: {initial_pose: {x: 1.0, y: 0.0, z: 0.0, yaw: 0.5}}}", encoding="utf-8")
+    turned = ("--map", "m.yaml", "--transform", f"10,5,{math.pi / 2}")
+    there = drive_settings(options(*turned, "--start", str(own))).localisation.start
+    assert there is not None
+    assert (there.x, there.y, there.heading) == pytest.approx((10.0, 6.0, math.pi / 2 + 0.5))
+    settings = drive_settings(options(*turned, "--start", "10,6,2"))
+    assert settings.localisation.start == Pose(10.0, 6.0, 2.0)
+    back = settings.on_robots_map(there)
+    assert (back.x, back.y, back.heading) == pytest.approx((1.0, 0.0, 0.5))

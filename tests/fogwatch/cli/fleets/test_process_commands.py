@@ -47,6 +47,14 @@ def test_the_help_of_a_process_is_its_own(
         (["robot-sim", "--robots", "a", "--map", "PLAN", *CONNECT], "start one: python -m fogwatch.router"),
         (["robot-sim", "--robots", "a", "--map", "PLAN", "--start", "1,2", *CONNECT], "--start 1,2: not a pose"),
         (["robot-sim", "--robots", "a", "--map", "PLAN", "--unplug", "b@3", *CONNECT], "expected NAME@S with one of a"),
+        (
+            ["robot-sim", "--robots", "a", "--map", "PLAN", "--transform", "1,2", *CONNECT],
+            "--transform 1,2: not a pose",
+        ),
+        (
+            ["agent", "--robot", "ros2", *CONNECT, "--start", "-1,2,0"],
+            "begins with a minus needs a =, as in --start=-1",
+        ),
         (["robot-sim", "--robots", "a", "--map", "PLAN", "--noise", "-1", *CONNECT], "--noise -1: out of range"),
         (["robot-sim", "--robots", "a", "--map", "nowhere.yaml", *CONNECT], "nowhere.yaml"),
     ],

@@ -45,8 +45,12 @@ def found(localisation: Localisation, now_s: float = NOW) -> Fix:
 
 
 def with_tf(**more: float) -> Localisation:
+    return with_tf_of(SHIFT, **more)
+
+
+def with_tf_of(pose: Pose, **more: object) -> Localisation:
     localisation = Localisation(LocalisationSettings(**more))  # type: ignore[arg-type]
-    localisation.transforms(transform(NOW), NOW, fixed=False)
+    localisation.transforms(transform(NOW, pose), NOW, fixed=False)
     localisation.odometry(odometry(NOW), NOW)
     return localisation
 
@@ -337,3 +341,12 @@ def test_a_clock_that_is_set_back_is_followed_at_once(clock_s: float, stamps_s: 
     localisation.odometry(odometry(now_s + 0.05 + stamps_s, Pose(1.0, 0.0, 0.0)), now_s + 0.05 + clock_s)
     localisation.transforms(transform(0.0), now_s + 0.05 + clock_s, fixed=False)
     near(found(localisation, now_s + 0.05 + clock_s).pose, 10.0, 6.0, math.pi / 2)
+
+
+def test_poses_and_transforms_of_a_robot_with_a_map_of_its_own_are_put_on_ours() -> None:
+    """Its map lies at (10, 5) on ours, turned to the left; there it is at (1, 0)."""
+    near(found(with_tf_of(Pose(0.0, 0.0, 0.0), transform=SHIFT)).pose, 10.0, 6.0, math.pi / 2)
+    posed = Localisation(LocalisationSettings(Source.POSE, transform=SHIFT))
+    posed.odometry(odometry(NOW), NOW)
+    posed.localised(PoseWithCovarianceStamped(ns(NOW), "map", Pose(2.0, 1.0, 0.5)), NOW)
+    near(found(posed).pose, 9.0, 7.0, math.pi / 2 + 0.5)

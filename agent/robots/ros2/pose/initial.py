@@ -1,0 +1,162 @@
+"""Where a robot stands at first: read from a command line or a file of ROS, and told to its localisation.
+
+AMCL says nothing, or something wrong, until it is told on ``initialpose`` where the robot is; RViz does that with a
+click. A message that is sent before AMCL listens is lost, so it is repeated until the localisation agrees:
+
+    tell (1.5, 2, 0)    ... no transform yet ...    tell again    ... map -> odom comes, 0.1 m off: the robot is found
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from agent.robots.ros2.pose.localisation import VARIANCES, Variances
+from patrol.errors import BadInput, quoted
+from patrol.files.untrusted import POSE
+from patrol.files.yaml_text import parse_yaml, read_text
+from patrol.pose import Pose, wrap
+from patrol.ros2.messages import PoseWithCovarianceStamped
+from patrol.ros2.ports import Sender
+
+AGAIN_S = 2.0
+"""Time between two messages while the localisation does not agree, s. AMCL answers with its next scan."""
+
+SETTLED_S = 1.0
+"""Time for the localisation to take in the first message, s; until then it may speak of another place."""
+
+NEAR_M, NEAR_RAD = 1.0, 0.5
+"""Distance and angle within which a localisation agrees: two standard deviations of what it was told."""
+
+_EXPORTS = "the output of 'ros2 topic echo --once /amcl_pose', or Nav2 parameters with amcl's initial_pose"
+
+
+class InitialPose:
+    """Tells a robot's localisation where the robot is, until it agrees.
+
+    Args:
+        start: Where it is, on our map.
+        told: The same in the robot's map, as it is sent; the stamp does not matter.
+        sender: Publishes it.
+    """
+
+    def __init__(self, start: Pose, told: PoseWithCovarianceStamped, sender: Sender[PoseWithCovarianceStamped]) -> None:
+        self._start = start
+        self._told = told
+        self._sender = sender
+        self._first_s = math.inf
+        self._last_s = -math.inf
+
+    def tell(self, stamp_ns: int, moment_s: float) -> None:
+        """Send the pose, if it is time to.
+
+        Args:
+            stamp_ns: The robot's time; 0 while it is unknown, when nothing is sent.
+            moment_s: Our time, s.
+        """
+        if stamp_ns and moment_s - self._last_s >= AGAIN_S:
+            told = self._told
+            self._sender.send(PoseWithCovarianceStamped(stamp_ns, told.frame, told.pose, told.variances))
+            self._first_s, self._last_s = min(self._first_s, moment_s), moment_s
+
+    def doubt(self, pose: Pose, moment_s: float) -> str:
+        """Tell why the localisation does not agree, in one line; empty if it does.
+
+        Args:
+            pose: Where it says that the robot is, on our map.
+            moment_s: Our time, s.
+        """
+        if moment_s - self._first_s < SETTLED_S or math.isinf(self._first_s):
+            return "its localisation has just been told where it is"
+        away_m = math.dist((pose.x, pose.y), (self._start.x, self._start.y))
+        turned = abs(wrap(pose.heading - self._start.heading))
+        if away_m <= NEAR_M and turned <= NEAR_RAD:
+            return ""
+        where = f"({pose.x:.2f}, {pose.y:.2f}, {pose.heading:.2f})"
+        return (
+            f"its localisation has it at {where}, {away_m:.2f} m and {turned:.2f} rad from --start; "
+            "correct --start, or see whether its localisation takes poses on initialpose"
+        )
+
+
+def read_initial_pose(path: Path, option: str) -> tuple[Pose, Variances]:
+    """Read a pose on the robot's map from a file of ROS, in one of two forms.
+
+    A message, as ``ros2 topic echo --once /amcl_pose > pose.yaml`` writes it; of several the last counts. Or parameters
+    of Nav2's AMCL, as in a file of parameters or from ``ros2 param dump``: ``initial_pose: {x: 1.5, y: 2, yaw: 0}``.
+
+    Args:
+        path: The file.
+        option: What gave it, for errors.
+
+    Returns:
+        The pose, and its variances: those of a message as far as they are above 0, otherwise RViz's.
+
+    Raises:
+        BadInput: It is no such file.
+    """
+    where = f"{option} {path}"
+    messages = [text for text in re.split(r"^---\s*$", read_text(path, POSE), flags=re.MULTILINE) if text.strip()]
+    says = parse_yaml(messages[-1], str(path)) if messages else None
+    if isinstance(says, Mapping) and isinstance(says.get("pose"), Mapping):
+        return _of_message(where, says)
+    found = list(_initial_poses(says, ""))
+    if len(found) > 1:
+        names = ", ".join(name for name, _ in found)
+        raise BadInput(f"{where}: has an initial_pose of several nodes, {names}; leave the robot's own in a file")
+    if not found:
+        raise BadInput(f"{where}: no pose in it; give {_EXPORTS}")
+    name, pose = found[0]
+    within = f"{where}: {name}.initial_pose"
+    x, y, yaw = (_number(within, pose, key) for key in ("x", "y", "yaw"))
+    return Pose(x, y, wrap(yaw)), VARIANCES
+
+
+def _of_message(where: str, says: Mapping[str, Any]) -> tuple[Pose, Variances]:
+    """Return pose and variances of a PoseWithCovarianceStamped, or of a PoseStamped, which has no variances."""
+    outer, within = says["pose"], "pose"
+    if isinstance(outer.get("pose"), Mapping):
+        outer, within, covariance = outer["pose"], "pose.pose", outer.get("covariance")
+    else:
+        covariance = None
+    position, turn = (_mapping(f"{where}: {within}", outer, key) for key in ("position", "orientation"))
+    x, y = (_number(f"{where}: {within}.position", position, key) for key in ("x", "y"))
+    qx, qy, qz, qw = (_number(f"{where}: {within}.orientation", turn, key) for key in ("x", "y", "z", "w"))
+    if not 0.9 <= math.hypot(qx, qy, qz, qw) <= 1.1:
+        raise BadInput(f"{where}: {within}.orientation: a quaternion that is not 1 long; export the pose again")
+    heading = math.atan2(2.0 * (qw * qz + qx * qy), qw * qw + qx * qx - qy * qy - qz * qz)
+    variances = VARIANCES
+    if isinstance(covariance, list) and len(covariance) == 36:
+        given = [_number(f"{where}: pose.covariance", dict(enumerate(covariance)), place) for place in (0, 7, 35)]
+        vx, vy, turned = (value if value > 0.0 else usual for value, usual in zip(given, VARIANCES, strict=True))
+        variances = vx, vy, turned
+    return Pose(x, y, heading), variances
+
+
+def _initial_poses(says: Any, name: str) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Find nodes' parameters with an initial pose, however deep their namespaces are; with the nodes' names."""
+    if not isinstance(says, Mapping):
+        return
+    parameters = says.get("ros__parameters")
+    if isinstance(parameters, Mapping) and isinstance(parameters.get("initial_pose"), Mapping):
+        yield name, parameters["initial_pose"]
+    for key, value in says.items():
+        if key != "ros__parameters":
+            yield from _initial_poses(value, f"{name}/{key}".replace("//", "/").lstrip("/"))
+
+
+def _mapping(where: str, says: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    value = says.get(key)
+    if not isinstance(value, Mapping):
+        raise BadInput(f"{where}.{key}: missing; export the pose again")
+    return value
+
+
+def _number(where: str, says: Mapping[Any, Any], key: Any) -> float:
+    value = says.get(key)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise BadInput(f"{where}.{key} = {quoted(value)}: expected a finite number, in m or rad")
+    return float(value)

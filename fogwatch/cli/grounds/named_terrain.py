@@ -1,0 +1,28 @@
+"""The terrain that an argument of a command names: a map's file, or a built-in one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from patrol.errors import BadInput, did_you_mean
+from patrol.ground.builtins import LAYOUTS, builtin_terrain
+from patrol.ground.terrain import Terrain
+
+
+def named_terrain(what: str, point: float) -> Terrain:
+    """Return a terrain.
+
+    Args:
+        what: A map's YAML file, or one of `LAYOUTS`.
+        point: Side of one point, m.
+
+    Raises:
+        BadInput: There is neither, or it cannot be used.
+    """
+    if what in LAYOUTS:
+        return builtin_terrain(what, point)
+    if not Path(what).exists():
+        raise BadInput(f"{what}: no such map file, and no built-in terrain; {did_you_mean(what, tuple(LAYOUTS))}")
+    from patrol.ground.maps import read_terrain
+
+    return read_terrain(Path(what), point)
