@@ -139,7 +139,10 @@ class Committed:
         setup = self._setup
         stride = max(setup.spec.speed * setup.step, setup.terrain.point)
         self.ahead = RoundAhead(setup, laid_out)
-        self.spacing = Spacing.on(laid_out, setup.spec.number, followers, max(1, round(team)), stride, setup.terrain)
+        whole = max(1, round(team))
+        self.spacing = Spacing.on(
+            laid_out, setup.spec.number, followers, whole, stride, setup.sight.range_m, setup.terrain
+        )
         self._begin_periods(team)
 
     def _begin_periods(self, team: float) -> None:

@@ -30,7 +30,10 @@ if TYPE_CHECKING:
     from patrol.ground.tour.round import Round
 
 SLACK = 0.1
-"""Difference of the gaps, as a share of an equal gap, from which on a robot waits."""
+"""Difference of the gaps, as a share of an equal gap, from which on a robot waits; at least `SLACK_RANGES`."""
+
+SLACK_RANGES = 0.5
+"""The same in sensor ranges: robots gain and lose so much by what they see from afar, and it evens out by itself."""
 
 OFFSETS = 24
 """Positions of the equally spaced places on the tour that are compared."""
@@ -97,6 +100,7 @@ class Spacing:
     Attributes:
         followers: Numbers of all robots that follow it; those in other parts of the terrain do not count.
         whole: How many of them there are without the spare ones.
+        slack_m: Difference of the gaps that is left alone in any case, m.
         robots: Those that are followed, by number; the robot itself is one.
         heard: The last positions of this robot and of those heard lately, by number.
     """
@@ -106,6 +110,7 @@ class Spacing:
     followers: frozenset[int]
     whole: int
     stride: float
+    slack_m: float
     tour: NDArray[np.float64]
     robots: dict[int, Followed] = field(default_factory=dict)
     heard: dict[int, Heard] = field(default_factory=dict)
@@ -116,7 +121,14 @@ class Spacing:
 
     @classmethod
     def on(
-        cls, laid_out: Round, number: int, followers: frozenset[int], whole: int, stride: float, terrain: Terrain
+        cls,
+        laid_out: Round,
+        number: int,
+        followers: frozenset[int],
+        whole: int,
+        stride: float,
+        range_m: float,
+        terrain: Terrain,
     ) -> Spacing:
         """Lay places a stride apart along a round.
 
@@ -126,6 +138,7 @@ class Spacing:
             followers: Numbers of all robots that follow it.
             whole: How many of them there are without the spare ones.
             stride: Its way in a tick, m.
+            range_m: Of its sensor, m.
             terrain: The terrain.
         """
         count = max(4, min(int(laid_out.length_m / stride), len(laid_out.places)))
@@ -135,7 +148,7 @@ class Spacing:
         course = np.roll(spots, -1, axis=0) - np.roll(spots, 1, axis=0)
         length = np.sqrt((course**2).sum(axis=1))[:, None]
         tour = np.ascontiguousarray(np.hstack([spots, course / np.maximum(length, 1e-9)]))
-        return cls(laid_out, number, followers, whole, stride, tour, _scratch=np.zeros(count))
+        return cls(laid_out, number, followers, whole, stride, SLACK_RANGES * range_m, tour, _scratch=np.zeros(count))
 
     def follow_with(self, followers: frozenset[int]) -> None:
         """Follow the round with other robots than before; those of them that are known stay known."""
@@ -306,7 +319,8 @@ class Spacing:
             on_another_stretch = self.along_m(min(gap, self.count - gap)) > 2.0 * apart + 4.0 * self.stride
             if apart < CLEAR_RADII * view.spec.radius and on_another_stretch:
                 return False
-        return ahead < behind - SLACK * self.count / len(self.robots)
+        places = self.slack_m * self.count / self.round.length_m
+        return ahead < behind - max(SLACK * self.count / len(self.robots), places)
 
 
 def _pairs(ways: NDArray[np.float64]) -> list[int]:

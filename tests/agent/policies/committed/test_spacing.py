@@ -16,6 +16,8 @@ from patrol.pose import Pose
 
 STRIDE = 0.5
 
+RANGE = 2.0
+
 
 class Heard(NamedTuple):
     """The part of a peer that a spacing reads."""
@@ -70,7 +72,7 @@ DEAD_END = round_through((0, 0), (30, 0))
 
 
 def spacing_on(laid_out: tuple[Round, Terrain], number: int = 1) -> Spacing:
-    return Spacing.on(laid_out[0], number, frozenset(range(1, 9)), 8, STRIDE, laid_out[1])
+    return Spacing.on(laid_out[0], number, frozenset(range(1, 9)), 8, STRIDE, RANGE, laid_out[1])
 
 
 def at(tick: int, places: Mapping[int, tuple[float, float]], own: int = 1) -> Seen:
@@ -171,8 +173,17 @@ def test_who_has_bumped_drives_on() -> None:
     assert not waits(spacing, at(8, apart))
 
 
+@pytest.mark.parametrize(("range_m", "waited"), [(2.0, True), (50.0, False)])
+def test_gaps_that_differ_by_less_than_half_a_sensor_range_are_left_alone(range_m: float, waited: bool) -> None:
+    places = {1: (10.5, 0.5), 2: (20.5, 0.5), 3: (10.5, 10.5)}  # 10 m ahead of robot 1, 30 m behind
+    spacing = Spacing.on(RING[0], 1, frozenset({1, 2, 3}), 3, STRIDE, range_m, RING[1])
+    for tick in range(6):
+        note(spacing, at(tick, places))
+    assert waits(spacing, at(6, places)) is waited
+
+
 def test_robots_in_other_parts_of_the_terrain_do_not_count() -> None:
-    spacing = Spacing.on(RING[0], 1, frozenset({1, 2}), 2, STRIDE, RING[1])
+    spacing = Spacing.on(RING[0], 1, frozenset({1, 2}), 2, STRIDE, RANGE, RING[1])
     seen = at(0, {1: (0.5, 0.5), 2: (1.5, 0.5), 3: (35.5, 15.5)})
     own_m = begin(spacing, seen)
     note(spacing, seen)
@@ -183,7 +194,7 @@ def test_robots_in_other_parts_of_the_terrain_do_not_count() -> None:
 
 def test_a_robot_that_is_not_heard_for_a_while_is_expected_to_go_on() -> None:
     apart = {1: (10.5, 0.5), 2: (20.5, 0.5), 3: (10.5, 10.5)}
-    spacing = Spacing.on(RING[0], 1, frozenset({1, 2, 3}), 3, STRIDE, RING[1])
+    spacing = Spacing.on(RING[0], 1, frozenset({1, 2, 3}), 3, STRIDE, RANGE, RING[1])
     for tick in range(6):
         note(spacing, at(tick, apart))
     assert waits(spacing, at(6, apart))
