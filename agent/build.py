@@ -15,6 +15,7 @@ import numpy as np
 
 from agent.answers import raised_at
 from agent.belief.believed import Area, Beliefs
+from agent.belief.blocked import Blocked
 from agent.belief.posts import Posts
 from agent.bodies import BODIES
 from agent.bodies.setup import BodySetup
@@ -28,6 +29,7 @@ from agent.routes.ground import Ground
 from agent.routes.routes import Routes
 from agent.sender import Sending
 from agent.view import FogView
+from patrol.ground.closed import ChangingFootprint
 from patrol.ground.footprint import Footprint
 from patrol.measures.best_tour import followers_of, round_of
 from patrol.measures.zoned import zoned_ground
@@ -106,14 +108,14 @@ def shared_by(
         prepared: The scenario.
         footprint: Its sensor, if the caller has one that remembers.
         groups: How many minds may think at the same time, one of each group (`group_of`).
-        believe: Whether they share what they believe, where that is the same; then their caller lets `Shared.beliefs`
-            hear for all of them, and then each decide.
+        believe: Whether they share what they believe, where that is the same and no ground closes; then their caller
+            lets `Shared.beliefs` hear for all of them, and then each decide.
         key: Of the fleet's tags, or None; for beliefs that they share.
     """
     scenario = prepared.scenario
     sensor = footprint or sensor_footprint(scenario, prepared.terrain)
     beliefs = None
-    if believe:
+    if believe and not sensor.changes:
         inboxes = inboxes_of(scenario, [spec.number for spec in scenario.roster], prepared.terrain.bounds, key)
         beliefs = Beliefs(inboxes, sensor, shares=True, at_once=groups > 1)
     psi = psi_of(scenario, prepared.terrain)
@@ -152,7 +154,10 @@ def build_mind(
         PolicyFailed: The policy cannot be made.
     """
     shared = shared or shared_by(prepared)
-    scenario, terrain, fields = prepared.scenario, prepared.terrain, prepared.fields[number]
+    scenario, fields = prepared.scenario, prepared.fields[number]
+    # On ground with closures each mind has a sensor of its own, on the ground as it believes it.
+    sight = sensor_footprint(scenario, prepared.terrain) if scenario.closures else shared.footprint
+    terrain = sight.terrain if scenario.closures else prepared.terrain
     patrol, spec = scenario.patrol, scenario.roster[number - 1]
     kind = policy_of(scenario)
     lengths = scenario.lengths[spec.number].with_options(kind.options)
@@ -161,8 +166,11 @@ def build_mind(
     def chance(tick: int, index: int, purpose: Purpose) -> float:
         return draw(scenario.seed, purpose, number, incarnation, tick, index)
 
-    beliefs = shared.beliefs or Beliefs(inboxes_of(scenario, [number], terrain.bounds, key), shared.footprint)
+    beliefs = shared.beliefs or Beliefs(inboxes_of(scenario, [number], terrain.bounds, key), sight)
     posts = shared.posts_of(fields, patrol)
+    moves_posts = scenario.closures and patrol.paths != "straight"
+    if moves_posts:
+        posts = Posts(fields.proxy)
     belief = beliefs.join(number, shared.area_of(fields, patrol, _rounds(scenario, terrain, lengths, kind)))
     ground = Ground(terrain, fields.reach, shared.ground_of(terrain, fields) if shared.beliefs else None)
     policy = _policy_of(
@@ -172,7 +180,7 @@ def build_mind(
             radii=shared.radii,
             step=scenario.step,
             sensor=scenario.sensor,
-            sight=shared.footprint,
+            sight=sight,
             patrol=patrol,
             lengths=lengths,
             team=scenario.team,
@@ -216,7 +224,11 @@ def build_mind(
         key=key,
     )
     fog = FogView(belief, fields.patrolled, posts)
-    return Mind(facts, belief, fog, ground, Routes(ground), policy, body, chance)
+    blocked = None
+    if isinstance(sight, ChangingFootprint):
+        memory = math.floor(patrol.blocked_memory / scenario.step)
+        blocked = Blocked(sight, fields, spec.radius, memory, posts if moves_posts else None)
+    return Mind(facts, belief, fog, ground, Routes(ground), policy, body, chance, blocked)
 
 
 def _rounds(scenario: Scenario, terrain: Terrain, lengths: BodyLengths, kind: PolicyKind) -> int:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from agent.answers import checked
 from agent.belief.believed import Belief
+from agent.belief.blocked import Blocked
 from agent.ports import Body, Decision, Policy, PolicyFailed
 from agent.routes.ground import Disc, Ground
 from agent.routes.routes import Routes
@@ -60,6 +61,7 @@ class Mind:
         policy: Policy,
         body: Body,
         chance: Draw,
+        blocked: Blocked | None = None,
     ) -> None:
         """Put together what `agent.build` has made.
 
@@ -72,6 +74,7 @@ class Mind:
             policy: Decides.
             body: Carries it out.
             chance: Draws.
+            blocked: What the robot has seen blocked; None on ground without closures.
         """
         self.facts = facts
         self.spec = facts.spec
@@ -82,6 +85,7 @@ class Mind:
         self._ground = ground
         self._routes = routes
         self._chance = chance
+        self.blocked = blocked
         self._sender = Sender(facts.spec.number, facts.sending, facts.key)
 
     def frames(self, sensed: Sensed) -> tuple[bytes, ...]:
@@ -101,6 +105,8 @@ class Mind:
         Raises:
             PolicyFailed: The policy raised, or returned something else than an intent. The mind cannot go on.
         """
+        if self.blocked is not None:
+            self.blocked.sense(sensed)
         self.belief.hear(sensed.k, as_received(sensed.pose), heard)
         return self.decide(sensed)
 
@@ -145,6 +151,8 @@ class Mind:
         contacts = self.belief.contacts.known(k, facts.memory)
         peers = self.belief.peers_at(k, facts.sending.predictor)
         self._ground.begin([*self._silent(k, pose), *self.body.obstacles(k, pose, sensed.bumped, peers)])
+        if self.blocked is not None:
+            self._leave_out_blocked(self.blocked, pose)
         return View(
             tick=k,
             time_s=k * facts.step,
@@ -162,6 +170,14 @@ class Mind:
             chance=self._chance,
             charge=sensed.charge,
         )
+
+    def _leave_out_blocked(self, blocked: Blocked, pose: Pose) -> None:
+        """Close what is believed blocked for this tick, and leave what lies behind it out of the policy's fog."""
+        if blocked.area is not None:
+            self._ground.close(areas=[blocked.area])
+            start = self._ground.join(pose.x, pose.y)
+            blocked.stand_at(None if start is None else (start[0] - 1, start[1] - 1))
+        self._fog.leave_out(blocked.left_out, blocked.stands)
 
     def _silent(self, k: int, pose: Pose) -> list[Disc]:
         """Return discs where silent robots were heard last, but for those that this robot itself stands in."""

@@ -100,6 +100,8 @@ def _run(process: ProcessContext) -> int:
     stop_files = StopFiles(state_folder(options.state, os.environ), robot_role(name).robot)
     overrides = parse_overrides(options.set)
     scenario = None if options.scenario is None else load_scenario(options.scenario, overrides)
+    if scenario is not None and scenario.closures:
+        raise BadInput(f"{options.scenario}: closures: a ROS 2 robot reports nothing blocked here; drop them")
     if scenario is not None and any(spec.battery is not None for spec in scenario.roster):
         raise BadInput(f"{options.scenario}: robots.battery: a ROS 2 robot reports no charge here; drop it and docks")
     _check_map(options, name, scenario, overrides)

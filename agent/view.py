@@ -36,10 +36,16 @@ class FogView:
     Attributes:
         patrolled: bool, the points that this robot could see from somewhere: those that have an age.
         posts: Where to stand to see patrolled points on which the body does not fit.
+        left_out: bool, the points that the robot cannot get to see because of what it has seen blocked, which are not
+            among those patrolled for now; None where it has seen nothing blocked.
+        stands: int64 (h w,), flat index of where it stands to see each point then, -1 for nowhere; None likewise.
     """
 
     def __init__(self, belief: Belief, patrolled: NDArray[np.bool_], posts: Posts) -> None:
         self._belief = belief
+        self._whole = patrolled
+        self.left_out: NDArray[np.bool_] | None = None
+        self.stands: NDArray[np.int64] | None = None
         self._shown: dict[int, NDArray[np.int32]] = {}
         self.patrolled = _read_only(patrolled)
         self.posts = posts
@@ -76,9 +82,24 @@ class FogView:
             self._shown[slot] = shown = _read_only(grid)
         return shown
 
+    def leave_out(self, points: NDArray[np.bool_] | None, stands: NDArray[np.int64] | None) -> None:
+        """Leave points out of the fog until the next call.
+
+        Args:
+            points: `left_out`.
+            stands: `stands`.
+        """
+        self.stands = stands
+        if points is not self.left_out:
+            self.left_out = points
+            self.patrolled = _read_only(self._whole if points is None else self._whole & ~points)
+
     def mfow(self, tick: int) -> int:
-        """Return the believed age of the stalest point, ticks."""
-        return self._belief.fog.mfow(tick)
+        """Return the believed age of the stalest point that is not left out, ticks."""
+        if self.left_out is None:
+            return self._belief.fog.mfow(tick)
+        counted = self.last_seen[self.patrolled]
+        return tick - max(int(counted.min()), 0) if counted.size else 0
 
     def age(self, tick: int) -> NDArray[np.int32]:
         """Return the age of every point, int32 ticks; 0 where there is nothing to patrol."""

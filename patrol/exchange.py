@@ -9,6 +9,9 @@ from dataclasses import dataclass
 
 from patrol.pose import Command, Pose
 
+MOST_BLOCKED = 4096
+"""Points that a robot is shown blocked in a tick, at most."""
+
 FIRST_INCARNATION = 1
 """The number of a robot's first process; each that is started in its place has the next."""
 
@@ -24,6 +27,8 @@ class Sensed:
         contacts: The intruders in its view, x and y in m.
         clock_s: What its own clock shows, s.
         charge: Share of its battery's capacity that is left; None for a robot without a battery.
+        blocked: The points that it sees or bumps into blocked although the map says that they are free: flat indices
+            of the terrain's grid, ascending.
     """
 
     k: int
@@ -32,6 +37,7 @@ class Sensed:
     contacts: tuple[tuple[float, float], ...] = ()
     clock_s: float = 0.0
     charge: float | None = None
+    blocked: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from patrol.closures import closure_points
 from patrol.errors import BadInput
+from patrol.ground.closed import ChangingFootprint
 from patrol.ground.fields import StaticFields, compute_fields, load_grid
 from patrol.ground.footprint import REMEMBERED, Footprint
 from patrol.ground.terrain import BoolGrid, Terrain, frozen_grid
@@ -175,9 +177,9 @@ def prepare(scenario: Scenario, terrain: Terrain | None = None) -> Prepared:
 
     Raises:
         BadInput: For an unusable map, for intruders and critical areas that are not on passable ground, for docks that
-            no robot gets to, for starts that do not fit, for zones that no robot sees, for a graph that is not all on
-            the terrain, for vertices that are to be patrolled and that no robot sees, for bodies too wide for the
-            terrain and for regions that do not make a split.
+            no robot gets to, for closures off the ground or on a start or dock, for starts that do not fit, for zones
+            that no robot sees, for a graph that is not all on the terrain, for vertices that are to be patrolled and
+            that no robot sees, for bodies too wide for the terrain and for regions that do not make a split.
     """
     from patrol.ground.maps import load_terrain  # here: loading a prepared scenario needs neither
     from patrol.starts import place_starts
@@ -199,6 +201,7 @@ def prepare(scenario: Scenario, terrain: Terrain | None = None) -> Prepared:
     fields = {spec.number: by_radius[spec.radius] for spec in scenario.roster}
     _check_docks(scenario, terrain, fields, starts)
     _check_zones(scenario, terrain, by_radius)
+    _check_closures(scenario, terrain, starts)
     regions = None
     if scenario.patrol.paths == "regions":
         splits = _split(scenario, terrain, by_radius)
@@ -207,7 +210,7 @@ def prepare(scenario: Scenario, terrain: Terrain | None = None) -> Prepared:
 
 
 def sensor_footprint(scenario: Scenario, terrain: Terrain) -> Footprint:
-    """Make the footprint of a scenario's sensor.
+    """Make the footprint of a scenario's sensor; a `ChangingFootprint` on ground with closures.
 
     Args:
         scenario: Its `sensor` section is used.
@@ -216,7 +219,10 @@ def sensor_footprint(scenario: Scenario, terrain: Terrain) -> Footprint:
     Raises:
         BadInput: A sensor of one's own cannot be found, made or run.
     """
-    return make_footprint(scenario.sensor, terrain, max(REMEMBERED, 2 * len(scenario.roster)))
+    remembered = max(REMEMBERED, 2 * len(scenario.roster))
+    if scenario.closures:
+        return ChangingFootprint(lambda ground: make_footprint(scenario.sensor, ground, remembered), terrain)
+    return make_footprint(scenario.sensor, terrain, remembered)
 
 
 def inboxes_of(
@@ -318,6 +324,30 @@ def _check_zones(scenario: Scenario, terrain: Terrain, by_radius: Mapping[float,
             if not any((fields.patrolled & points).any() for fields in by_radius.values()):
                 why = "no robot sees any of it from ground that it can reach; correct or drop it"
                 raise BadInput(f"zones.{number}: {zone.name}: {why}")
+
+
+def _check_closures(scenario: Scenario, terrain: Terrain, starts: Sequence[Pose]) -> None:
+    from patrol.ground.swept_path import free_fraction  # here: it loads kernels, and few scenarios have closures
+
+    for number, closure in enumerate(scenario.closures):
+        where = f"closures.{number}: {closure.name}"
+        points = closure_points(closure, terrain)
+        if not points.size:
+            xmin, ymin, xmax, ymax = terrain.bounds
+            span = f"spans x {xmin:g} to {xmax:g} m and y {ymin:g} to {ymax:g} m"
+            raise BadInput(f"{where} holds no passable ground of {terrain.name}, which {span}; move or drop it")
+        closed = np.zeros(terrain.shape, dtype=np.bool_)
+        closed.reshape(-1)[points] = True
+        ground = Terrain(terrain.name, terrain.passable & ~closed, terrain.point, terrain.origin)
+        for spec, start in zip(scenario.roster, starts, strict=True):
+            if free_fraction(ground, start, start, spec.radius) < 1.0:
+                at = f"({start.x:g}, {start.y:g})"
+                raise BadInput(f"{where} lies on the start of {spec.name} at {at}; move it, or give robots.starts")
+        for place, dock in enumerate(scenario.docks):
+            pose = Pose(*dock.place, 0.0)
+            widest = max(spec.radius for spec in scenario.roster if spec.battery is not None)
+            if free_fraction(ground, pose, pose, widest) < 1.0:
+                raise BadInput(f"{where} lies on docks.{place}; move one of them")
 
 
 def _check_graph(scenario: Scenario, terrain: Terrain) -> None:

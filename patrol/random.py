@@ -43,6 +43,7 @@ class Purpose(IntEnum):
     INTRUDER = 15
     PERIOD = 16
     MOTION = 17
+    CLOSURE = 18
 
 
 def mix(*values: SupportsIndex) -> int:

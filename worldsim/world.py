@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from patrol.energy import Batteries
 from patrol.errors import BadInput
 from patrol.exchange import FIRST_INCARNATION, Reply, Sensed
+from patrol.ground.closed import ChangingFootprint
 from patrol.journal import Event, RobotTick, Status, TickRecord
 from patrol.journal.records import FORGED
 from patrol.pose import Pose
@@ -17,6 +18,7 @@ from worldsim.faults.timeline import Timeline
 from worldsim.radio.ether import Delivery, ether_of
 from worldsim.radio.models.found import model_of
 from worldsim.robots.bodies import Body, overlap, standstill
+from worldsim.robots.closures import Closures
 from worldsim.robots.intruders import Intruders
 from worldsim.robots.motion import move, within_limits
 from worldsim.robots.noise import MotionNoise
@@ -51,7 +53,8 @@ class World:
         timeline: The scenario's faults and events by tick.
         bodies: By robot number.
         batteries: The charge of the robots that have one.
-        truth: The true fog.
+        truth: The true fog; its sensor's terrain is the ground with what is closed now.
+        closures: Doors and boxes that close at times.
         senses: What robots sense, with the faults of their sensors.
         noise: What bodies do of their commands, with the faults of their motion.
         ether: Carries frames between robots.
@@ -83,6 +86,7 @@ class World:
             body.status, body.away, body.incarnation = Status.ABSENT, True, FIRST_INCARNATION - 1
         self.batteries = Batteries(scenario)
         self.truth = Truth(footprint or sensor_footprint(scenario, self.terrain), prepared.patrolled)
+        self.closures = Closures(scenario, self.terrain)
         self._intruders = Intruders(scenario, self.truth.footprint)
         self.senses = Senses(scenario, self.timeline, self.terrain)
         self.noise = MotionNoise(scenario, self.timeline)
@@ -98,6 +102,15 @@ class World:
     def living(self) -> list[int]:
         """Numbers of the robots that take part in this tick, ascending."""
         return [number for number, body in self.bodies.items() if body.alive]
+
+    def close_and_open(self) -> Iterator[Event]:
+        """Between ticks: close and open what is due before the next one.
+
+        Yields:
+            The events for the journal.
+        """
+        if isinstance(self.truth.footprint, ChangingFootprint):
+            yield from self.closures.tick(self.tick, self.bodies, self.truth.footprint)
 
     def begin_tick(self) -> dict[int, Sensed]:
         """Begin a tick.
@@ -118,9 +131,15 @@ class World:
                 contacts[number],
                 senses.clock(number, k),
                 batteries.share(number),
+                self._blocked(body),
             )
             for number, body in living.items()
         }
+
+    def _blocked(self, body: Body) -> tuple[int, ...]:
+        """Return what a robot sees closed."""
+        footprint = self.truth.footprint
+        return self.closures.blocked(body, footprint) if isinstance(footprint, ChangingFootprint) else ()
 
     def observe(self) -> None:
         """Let all living bodies observe the ground, once in a tick that has begun; otherwise nothing happens."""
@@ -165,7 +184,7 @@ class World:
                 self.bodies[number].command = standstill(self.bodies[number].spec)
         before = {number: body.pose for number, body in self.bodies.items()}
         driven = self.noise.driven(self.tick, {number: self.bodies[number].command for number in self.living})
-        move(list(self.bodies.values()), self.terrain, self.step, driven)
+        move(list(self.bodies.values()), self.truth.footprint.terrain, self.step, driven)
         robots = tuple(_robot_tick(body, before[number], replies.get(number)) for number, body in self.bodies.items())
         self.batteries.tick(robots)
         fog = self.truth.fog

@@ -21,6 +21,14 @@ class Posts:
         Args:
             proxy: int32 (h, w), flat index of each point's post, -1 for none (`patrol.ground.fields.StaticFields`).
         """
+        self.move(proxy)
+
+    def move(self, proxy: NDArray[np.int32]) -> None:
+        """Take other posts, for ground on which something is believed blocked.
+
+        Args:
+            proxy: As for a new object.
+        """
         width = proxy.shape[1]
         points = np.flatnonzero(proxy.reshape(-1) >= 0)
         posts = proxy.reshape(-1)[points]

@@ -78,6 +78,9 @@ PASSING_S = 8.0
 EARLY = 0.2
 """Share of the capacity by which it is early then: about what one time around uses."""
 
+SHUT_OUT_M = 1e6
+"""Length of a way to a dock that none leads to because of what was seen blocked, m."""
+
 ROUNDED_M = 0.01
 """Error of a position that was heard, m."""
 
@@ -340,8 +343,13 @@ class Charging:
         return self._length(index, (view.pose.x, view.pose.y), view)
 
     def _length(self, index: int, spot: Spot, view: View) -> float:
-        """Return the length of the way from x and y in m to a dock, m; as the crow flies where no way is known."""
+        """Return the length of the way from x and y in m to a dock, m; as the crow flies where no way is known.
+
+        A dock that the robot believes shut out is as far as can be, so that it goes to another one.
+        """
         dock = self._docks[index]
+        if view.fog.left_out is not None and view.fog.left_out[dock.point]:
+            return SHUT_OUT_M
         length = float(dock.ways[view.point_of(spot)])
         return length if math.isfinite(length) else math.dist(dock.place, spot)
 

@@ -22,7 +22,9 @@ from fogwatch.pictures.drawing import (
     painted,
     save,
 )
+from patrol.closures import Closings
 from patrol.errors import BadInput
+from patrol.ground.closed import ChangingFootprint
 from patrol.ground.doors.rooms import Door
 from patrol.ground.fog import NEVER, Fog
 from patrol.journal import Journal, read_journal
@@ -191,10 +193,13 @@ def replay(journal: Journal, prepared: Prepared) -> FinalFog:
         raise BadInput(f"{journal.path}: holds no complete tick; there is nothing to draw")
     poses = np.array(places, dtype=np.float64)
     truth = Truth(sensor_footprint(scenario, prepared.terrain), prepared.patrolled)
+    closings = Closings(scenario.closures, prepared.terrain, journal.events)
     # If one look makes a point fresh, ticks before the last MFoW do not show in the final fog.
     begin = 0 if truth.footprint.leaves_age else len(poses) - 1 - record.mfow
     for index in range(max(begin, 0), len(poses)):
         tick = record.k - len(poses) + 1 + index
+        if isinstance(truth.footprint, ChangingFootprint):
+            truth.footprint.close(closings.grid(tick))
         alive = [(number, Pose(*pose)) for number, pose in zip(numbers, poses[index].tolist(), strict=True)]
         truth.observe(tick, [(number, pose) for number, pose in alive if not math.isnan(pose.x)])
     tracks = {number: poses[:, index, :2] for index, number in enumerate(numbers)}

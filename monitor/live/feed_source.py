@@ -27,7 +27,9 @@ from monitor.live.tick_rate import TickRate
 from monitor.observation.listener import as_sent
 from monitor.observation.source import Answer, Layer, RobotShape, RobotState, Series, State, Static
 from monitor.observation.traps import TrapWatch
+from patrol.closures import ClosedPoints
 from patrol.errors import BadInput, Malformed
+from patrol.ground.closed import ChangingFootprint
 from patrol.ground.fog import Fog
 from patrol.ground.terrain import Terrain
 from patrol.journal.records import End, Event, Header, Status, TickRecord
@@ -100,6 +102,7 @@ class FeedSource:
         facts = header.terrain
         self._terrain = Terrain(facts.name, so_far.ground.passable, facts.point, facts.origin, so_far.ground.keep_out)
         self._footprint = sensor_footprint(self._scenario, self._terrain)
+        self._closed = ClosedPoints(scenario.closures, self._terrain)
         self._step = self._scenario.step
         self._late = max(LATE_TICKS, round(LATE_S / self._step))
         self._numbers = _numbers(header)
@@ -244,6 +247,8 @@ class FeedSource:
         self._mfow, self._mean = array("d", so_far.mfow.tolist()), array("d", so_far.fog_mean.tolist())
         self._since = 0 if self._last is None else self._last.k + 1
         self._scenario = self._given
+        self._closed = ClosedPoints(self._given.closures, self._terrain)
+        self._close_and_open(self._checks.events(so_far.events))
         for event in self._checks.events(so_far.asked):
             self._apply_control(event)
         # Events keep their numbers. After a gap, those missed are added as far as the world still has them.
@@ -299,6 +304,7 @@ class FeedSource:
                     self._logged -= len(self._log.popleft()[1])
             case Event():
                 self._apply_control(record)
+                self._close_and_open([record])
                 self._add_events([worded(record)])
                 self._next_event += 1
             case End():
@@ -326,6 +332,13 @@ class FeedSource:
         self._mean.append(record.fog_mean)
         self._links.tick(record)
         self._rate.add(self._now(), k)
+
+    def _close_and_open(self, events: Iterable[Event]) -> None:
+        """Close and open what events say, for all that see what the true fog sees."""
+        for event in events:
+            self._closed.take(event)
+        if isinstance(self._footprint, ChangingFootprint):
+            self._footprint.close(self._closed.grid)
 
     def _apply_control(self, event: Event) -> None:
         if event.kind == OPERATOR:
@@ -379,6 +392,7 @@ class FeedSource:
             links=None if self._direct else self._links.counts,
             ended=self._ended,
             intruders=intruders_there(self._scenario, k),
+            closed=tuple(sorted(self._closed.names)),
             faults=in_force(self._scenario, coming, self._planned),
             note=self._note(),
             gone=self._ended is None and not self._client.present,

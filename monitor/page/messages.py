@@ -14,10 +14,11 @@ from monitor.observation.fault_bands import Band
 from monitor.observation.source import Answer, LinkCounts, Series, State, Static
 from monitor.page.survey import Survey
 from monitor.page.tiles import SIDE, layer_number
+from patrol.closures import closure_points
 from patrol.ground.terrain import Terrain
 from patrol.ground.zones import middle, outline, points_of
 from patrol.journal.records import Event
-from patrol.scenario import ZoneSpec
+from patrol.scenario import ClosureSpec, ZoneSpec
 
 
 def static_message(static: Static, may_control: bool) -> str:
@@ -53,6 +54,7 @@ def static_message(static: Static, may_control: bool) -> str:
             "direct": static.direct,
             "late": static.late,
             "zones": _zones(static),
+            "closures": _closures(static),
             "robots": [
                 {
                     "number": robot.number,
@@ -95,6 +97,7 @@ def state_message(state: State, survey: Survey | None, static: Static) -> str:
             "ended": state.ended,
             "note": state.note,
             "intruders": [list(intruder) for intruder in state.intruders],
+            "closed": list(state.closed),
             "linked": state.links is not None,
             "faults": [dict(fault) for fault in state.faults],
             "seen": None if survey is None else survey.seen_share,
@@ -208,6 +211,20 @@ def _zones(static: Static) -> list[dict[str, Any]]:
         edges = [[_short(value) for value in edge] for edge in outline(points, terrain).tolist()]
         at = [_short(value) for value in middle(points, terrain)]
         shown.append({"label": zone.label, "at": at, "keepOut": zone.keep_out is not None, "edges": edges})
+    return shown
+
+
+def _closures(static: Static) -> list[dict[str, Any]]:
+    """Return the closures: the name of each, where, and its outline in m."""
+    terrain, shown = Terrain(static.name, static.passable, static.point, static.origin), []
+    for says in static.scenario.get("closures", ()):
+        closure = ClosureSpec.model_validate(says)
+        points = np.zeros(terrain.shape, dtype=np.bool_)
+        points.reshape(-1)[closure_points(closure, terrain)] = True
+        if points.any():
+            edges = [[_short(value) for value in edge] for edge in outline(points, terrain).tolist()]
+            at = [_short(value) for value in middle(points, terrain)]
+            shown.append({"name": closure.name, "at": at, "edges": edges})
     return shown
 
 

@@ -256,6 +256,7 @@ class Player:
             fog_mean_s=float(run.fog_mean[k]) * run.step,
             links=links,
             intruders=intruders_there(run.prepared.scenario, k),
+            closed=tuple(sorted(run.closings.names(k))),
         )
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from monitor.replay.run_files import SCENARIO, SUMMARY, journal_in
 from monitor.replay.summary_file import read_summary
+from patrol.closures import Closings
 from patrol.errors import BadInput
 from patrol.ground.maps import load_terrain
 from patrol.journal import Journal, TraceHash
@@ -155,6 +156,11 @@ class Run:
     def numbers(self) -> tuple[int, ...]:
         """The robots' numbers."""
         return tuple(robot.number for robot in self.robots)
+
+    @cached_property
+    def closings(self) -> Closings:
+        """What is closed at each tick."""
+        return Closings(self.prepared.scenario.closures, self.prepared.terrain, self.journal.events)
 
     @property
     def title(self) -> str:

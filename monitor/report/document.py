@@ -53,7 +53,7 @@ def drawings(analysis: Analysis) -> list[Drawing]:
     run, visits = analysis.run, analysis.visits
     bands = (*analysis.bands, *analysis.intruders)
     terrain, counted, step = run.prepared.terrain, run.prepared.patrolled, run.step
-    zones = run.prepared.scenario.zones
+    zones, closures = run.prepared.scenario.zones, run.prepared.scenario.closures
     red = (" Red: faults." if analysis.bands else "") + (" Blue: intruders." if analysis.intruders else "")
     tour_s = best_tour(run.prepared).bound_of_fleet_s(run.prepared.scenario)
     figures = [
@@ -74,7 +74,7 @@ def drawings(analysis: Analysis) -> list[Drawing]:
             "Mean fog",
             "Mean age of each point over the run." + map_charts.never_seen_note(visits.never),
             lambda: map_charts.fog_chart(
-                terrain, visits.mean * step, counted, visits.never, "mean fog (s)", zones=zones
+                terrain, visits.mean * step, counted, visits.never, "mean fog (s)", zones=zones, closures=closures
             ),
         ),
         draw(
@@ -82,7 +82,13 @@ def drawings(analysis: Analysis) -> list[Drawing]:
             "Worst fog",
             "Largest age of each point." + map_charts.never_seen_note(visits.never),
             lambda: map_charts.fog_chart(
-                terrain, visits.worst.astype(np.float64) * step, counted, visits.never, "worst fog (s)", zones=zones
+                terrain,
+                visits.worst.astype(np.float64) * step,
+                counted,
+                visits.never,
+                "worst fog (s)",
+                zones=zones,
+                closures=closures,
             ),
         ),
         draw(
@@ -146,6 +152,7 @@ def report_html(analysis: Analysis, figures: Sequence[Drawing], going: bool = Fa
         html.section("visits", "Time between visits", html.figure(of.get("gaps"))),
         html.section("robots", "Robots", html.figure(of.get("states")), _robots(run), html.figure(of.get("troubles"))),
         html.section("batteries", "Batteries", _batteries(run)),
+        html.section("closures", "Closures", _closures(run)),
         html.section("paths", "Paths", html.figure(of.get("paths"))),
         html.section("links", "Radio", html.figure(of.get("links")), html.figure(of.get("radio")), links_section(run)),
         html.section("belief", "Belief error", _belief(analysis), html.figure(of.get("belief"))),
@@ -341,6 +348,22 @@ def _batteries(run: Run) -> str:
     ]
     heads = ("robot", "least charge (%)", "at the end (%)", "times charged", "charged for (s)", "on patrol (%)")
     return html.table((*heads, "empty at (s)"), rows, numbers=range(1, 7)) if rows else ""
+
+
+def _closures(run: Run) -> str:
+    """Describe how often and how long each closure was closed, and how old open ground got, from the summary."""
+    stated = run.stated
+    rows = [(name, f"{closure.closings}", f"{closure.closed_s:g}") for name, closure in stated.closures.items()]
+    if not rows:
+        return ""
+    text = ""
+    if stated.mfow_open_mean_s is not None and stated.mfow_open_max_s is not None:
+        text = html.text(
+            f"{100.0 * (stated.closed_out_share or 0.0):.1f} % of ground x time was closed out. While open to view, "
+            f"the stalest point was {stated.mfow_open_mean_s:.1f} s old in the mean, "
+            f"{stated.mfow_open_max_s:.1f} s at most."
+        )
+    return text + html.table(("closure", "times closed", "closed for (s)"), rows, numbers=range(1, 3))
 
 
 def _fault_counts(kind: str, facts: FaultFacts) -> str:

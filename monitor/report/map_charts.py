@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from monitor.replay.run import Run
 from monitor.report.style import INK, MUTED, UNCOUNTED, colour, figure, plain
+from patrol.closures import closure_points
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.ground.zones import middle, outline, points_of
 from patrol.journal.records import Status
 from patrol.palette import NEVER_SEEN, rgb, with_walls
-from patrol.scenario import ZoneSpec
+from patrol.scenario import ClosureSpec, ZoneSpec
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,8 +29,8 @@ MOST_PANELS = 12
 MOST_STEPS = 2500
 """Most points of a path."""
 
-ZONE, KEEP_OUT = "#6a1b9a", "#c1121f"
-"""Colours of the outlines of zones."""
+ZONE, KEEP_OUT, CLOSURE = "#6a1b9a", "#c1121f", "#e07b00"
+"""Colours of the outlines of zones and closures."""
 
 _LONGEST = 1600
 """Pixels along the longer side of a map; larger maps are thinned."""
@@ -46,6 +47,7 @@ def fog_chart(
     label: str,
     most: float | None = None,
     zones: Sequence[ZoneSpec] = (),
+    closures: Sequence[ClosureSpec] = (),
 ) -> Figure:
     """Return a map of the fog.
 
@@ -57,6 +59,7 @@ def fog_chart(
         label: Label of the colour scale.
         most: End of the scale, s; None for the largest value.
         zones: Zones to outline.
+        closures: Closures to outline.
     """
     chart, axes = _map(terrain)
     from matplotlib import colormaps
@@ -70,7 +73,7 @@ def fog_chart(
     image[~_thinned(counted, every)] = [round(255 * part) for part in UNCOUNTED]
     image[_thinned(counted & never, every)] = (*rgb(NEVER_SEEN), 255)
     _lay(axes, terrain, with_walls(image, _thinned(~terrain.passable, every), _LONGEST, MAP_EDGE))
-    _outline(axes, terrain, zones)
+    _outline(axes, terrain, zones, closures)
     chart.colorbar(scale, ax=axes, label=label, shrink=0.85, pad=0.02)
     return chart
 
@@ -107,21 +110,24 @@ def paths_chart(run: Run) -> Figure:
     return chart
 
 
-def _outline(axes: Axes, terrain: Terrain, zones: Sequence[ZoneSpec]) -> None:
-    """Draw the outlines of zones, and what holds there."""
-    if not zones:
+def _outline(axes: Axes, terrain: Terrain, zones: Sequence[ZoneSpec], closures: Sequence[ClosureSpec]) -> None:
+    """Draw the outlines of zones, and what holds there, and those of closures."""
+    if not zones and not closures:
         return
     from matplotlib.collections import LineCollection
     from matplotlib.patheffects import withStroke
 
-    for zone in zones:
-        points = points_of(zone, terrain)
+    shapes = [(points_of(zone, terrain), zone.label, KEEP_OUT if zone.keep_out else ZONE) for zone in zones]
+    for closure in closures:
+        points = np.zeros(terrain.shape, dtype=np.bool_)
+        points.reshape(-1)[closure_points(closure, terrain)] = True
+        shapes.append((points, closure.name, CLOSURE))
+    for points, text, tone in shapes:
         edges = outline(points, terrain).reshape(-1, 2, 2)
         rim = [withStroke(linewidth=2.6, foreground="white")]
-        tone = KEEP_OUT if zone.keep_out else ZONE
         axes.add_collection(LineCollection(list(edges), colors=tone, linewidths=1.3, path_effects=rim))
         at = middle(points, terrain)
-        axes.text(*at, zone.label, color=tone, ha="center", va="center", fontsize=7, path_effects=rim, clip_on=True)
+        axes.text(*at, text, color=tone, ha="center", va="center", fontsize=7, path_effects=rim, clip_on=True)
 
 
 def _map(terrain: Terrain) -> tuple[Figure, Axes]:

@@ -238,18 +238,28 @@ def compute_fields(
             )
         held.append(int(labels[at]))
     reach = frozen_grid(np.isin(labels, sorted(set(held))) & cspace)
-    proxy = _proxies(terrain, reach, sensor_range / terrain.point, line_of_sight)
+    proxy = proxies_of(terrain, reach, sensor_range, line_of_sight)
     proxy.flags.writeable = False
     return StaticFields(cspace, reach, frozen_grid(reach | (proxy >= 0)), proxy)
 
 
-def _proxies(terrain: Terrain, reach: BoolGrid, radius: float, line_of_sight: bool) -> IntGrid:
-    """For each passable point outside reach the nearest point of reach that sees it, or -1; `radius` is in points."""
+def proxies_of(terrain: Terrain, reach: BoolGrid, sensor_range: float, line_of_sight: bool) -> IntGrid:
+    """Find the nearest point of some ground that sees each passable point outside of it.
+
+    Args:
+        terrain: The ground.
+        reach: bool (h, w), where a robot's centre may be.
+        sensor_range: m.
+        line_of_sight: Whether obstacles block the view.
+
+    Returns:
+        int32 (h, w), flat indices; -1 for none, and in `reach`.
+    """
     from patrol.ground.kernels.clearance import nearest
     from patrol.ground.kernels.coverage import see_back, see_from_reach
 
     # No sensor reaches further than across the terrain, and squares must fit into 32 bits.
-    radius = min(radius, math.hypot(*terrain.shape), 32_000.0)
+    radius = min(sensor_range / terrain.point, math.hypot(*terrain.shape), 32_000.0)
     cap = math.floor(radius + TOLERANCE)
     limit = math.floor(radius * radius + TOLERANCE)
     shape = terrain.shape

@@ -156,11 +156,16 @@ class Sensor(Protocol):
 class Footprint:
     """A sensor on a terrain: from a pose to the points it observes, with the latest views kept.
 
+    Attributes:
+        changes: Whether what it sees from a pose may change during a run.
+
     Args:
         setup: What the sensor was made from.
         sensor: The sensor.
         remembered: How many views to keep.
     """
+
+    changes = False
 
     def __init__(self, setup: SensorSetup, sensor: Sensor, remembered: int = REMEMBERED) -> None:
         self.terrain = setup.terrain

@@ -49,6 +49,9 @@ SURROUNDING = "surrounding"
 DOCKING, CHARGING = "docking", "charging"
 """The states of a mind whose robot is on its way to a dock or waits for one, and stands at one."""
 
+CLOSED, OPENED = "closed", "opened"
+"""The kinds of the events of closures; their detail is the closure's name."""
+
 
 def frame_sequence(k: int, place: int) -> int:
     """Return the number that distinguishes a frame from all others of its sender; 32 bits for frames that robots send.

@@ -22,6 +22,7 @@ from patrol.measures.own_ground import OwnGround, own_grounds
 from patrol.measures.stays import TRAPPED_S, Place, Stay, Stays, roaming_radius, ticks_of
 
 if TYPE_CHECKING:
+    from patrol.measures.open_ground import OpenGround
     from patrol.prepare import Prepared
 
 LOOK_S = 5.0
@@ -87,12 +88,15 @@ class Traps:
         open: The robots that are trapped now, by number.
     """
 
-    def __init__(self, prepared: Prepared) -> None:
+    def __init__(self, prepared: Prepared, open_ground: OpenGround | None = None) -> None:
         """Start before the first tick.
 
         Args:
             prepared: The scenario, its terrain and the bodies' static fields.
+            open_ground: What each robot can get to and see with what is closed, up to date in each tick; None where
+                nothing closes.
         """
+        self._open_ground = open_ground
         scenario = prepared.scenario
         roster = scenario.roster
         self.stays = Stays({spec.number: roaming_radius(spec, scenario.step) for spec in roster}, scenario.step)
@@ -127,6 +131,8 @@ class Traps:
         terrain = self._prepared.terrain
         for number, (stay, since) in self._to_look_at(k).items():
             grid = last_seen()
+            if self._open_ground is not None:
+                grid = self._open_ground.last_seen_or_out(number, k, grid)
             stale_point = stalest_outside(replace(stay, since=since), terrain, self._ground(number), grid)
             if stale_point is None:
                 self._all_seen[number, stay.since] = k

@@ -1,5 +1,6 @@
 """The scenario: one file that says everything a run depends on, its faults, and what an operator may change."""
 
+from patrol.scenario.closures import ClosureSpec
 from patrol.scenario.file.load import (
     as_mapping,
     dump_scenario,
@@ -39,6 +40,7 @@ __all__ = [
     "MAX_ROBOTS",
     "BatterySpec",
     "BodyLengths",
+    "ClosureSpec",
     "CommittedOptions",
     "DockSpec",
     "IntruderSpec",

@@ -17,11 +17,12 @@ from patrol.journal.records import MAX_TICKS
 from patrol.radio.allowance import Share
 from patrol.radio.message import MAX_TIME_MS
 from patrol.radio.units import ms_to_s, s_to_ms
+from patrol.scenario.closures import Closures, check_names, closures_in_file
 from patrol.scenario.faults.kinds import Faults
 from patrol.scenario.faults.nemesis_spec import NemesisSpec, room_for
 from patrol.scenario.faults.roster import check_faults
 from patrol.scenario.lengths import BodyLengths, check_refinement, resolve_lengths
-from patrol.scenario.policies import CommittedPatrol, PaperPatrol, Patrol, check_letter
+from patrol.scenario.policies import CommittedPatrol, PaperPatrol, Patrol, PatrolSpec, check_letter
 from patrol.scenario.radio_spec import IdealRadio, Radio, check_radio_spec
 from patrol.scenario.robots import RobotSpec, roster_of
 from patrol.scenario.sections import DockSpec, IntruderSpec, RobotGroup, Robots, SensorSpec, TerrainSpec
@@ -49,6 +50,9 @@ class Scenario(Section):
     patrol: Patrol = Field(default_factory=CommittedPatrol, description="how a robot decides where to go")
     radio: Radio = Field(default_factory=IdealRadio, description="what robots send")
     zones: Zones = Field((), description="what matters more, or is closed: a list, or FILE.yaml that holds one")
+    closures: Closures = Field(
+        (), description="doors and boxes that close at times: a list, or FILE.yaml that holds one"
+    )
     intruders: tuple[IntruderSpec, ...] = Field(
         (), description="{place: [x, y] m, at: s, for: s or null}, standing still"
     )
@@ -59,6 +63,11 @@ class Scenario(Section):
     @classmethod
     def _zones_from_a_file(cls, value: Any, info: ValidationInfo) -> Any:
         return zones_in_file(value, info)
+
+    @field_validator("closures", mode="before")
+    @classmethod
+    def _closures_from_a_file(cls, value: Any, info: ValidationInfo) -> Any:
+        return closures_in_file(value, info)
 
     @cached_property
     def roster(self) -> tuple[RobotSpec, ...]:
@@ -135,6 +144,8 @@ class Scenario(Section):
         for number, name in enumerate(zones):
             if name in zones[:number]:
                 raise wrong(f"zones.{number}.name", f"{name} is the name of another zone too; rename one")
+        check_names(self.closures)
+        self._check_closures()
         names = [spec.name for spec in self.roster]
         check_faults(self.faults, names, self.spares, self.step, self.ticks, self.seed)
         if self.nemesis is not None:
@@ -149,6 +160,19 @@ class Scenario(Section):
             if fault.acts_on == "frames":
                 limit = f"{fault.kind} acts on frames in the ether, and radio.via is direct; disturb the network itself"
                 raise wrong(f"faults.{index}", limit)
+
+    def _check_closures(self) -> None:
+        if not self.closures:
+            if self.patrol.blocked_memory != PatrolSpec.model_fields["blocked_memory"].default:
+                raise wrong("patrol.blocked_memory", "there are no closures, so nothing is seen blocked; drop it")
+            return
+        if self.patrol.paths == "regions":
+            limit = "regions: they are cut from the map and know no closures; set it to wave, or drop closures"
+            raise wrong("patrol.options.paths", limit)
+        for number, closure in enumerate(self.closures):
+            if closure.closed is not None and (first := closure.closed[0][0]) >= self.duration:
+                limit = f"{closure.name} closes at {first:g} s, and the run ends at {self.duration:g} s; correct it"
+                raise wrong(f"closures.{number}.closed", limit)
 
     def _check_roster(self) -> None:
         if all(spec.spare for spec in self.roster):

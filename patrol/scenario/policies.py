@@ -202,6 +202,9 @@ class PatrolSpec(Section):
     contact_memory: NotNegative = Field(
         5.0, description="s after the last report of an intruder until patrolling resumes"
     )
+    blocked_memory: Positive = Field(
+        120.0, description="s after which a robot forgets ground that it has seen blocked by a closure"
+    )
 
     @field_validator("policy")
     @classmethod

@@ -131,7 +131,7 @@ class ZoneSpec(Section):
             raise wrong("name", f"{ELSEWHERE} is what figures call the ground in no zone; choose another name")
         if (self.polygon is None) == (self.mask is None):
             raise wrong("", f"{self.name}: exactly one is needed: a polygon or a mask")
-        if self.polygon is not None and not _has_area(self.polygon):
+        if self.polygon is not None and not has_area(self.polygon):
             raise wrong("polygon", f"{self.name}: its corners lie on one line, so it has no area; correct them")
         if self.keep_out is False:
             raise wrong("keep_out", f"{self.name}: is true or left out; drop it")
@@ -150,8 +150,12 @@ class ZoneSpec(Section):
         return f"{self.name} {self.age:g} s" if self.weight is None else f"{self.name} x{self.weight:g}"
 
 
-def _has_area(polygon: Sequence[tuple[float, float]]) -> bool:
-    """Return True if the corners do not all lie on one line."""
+def has_area(polygon: Sequence[tuple[float, float]]) -> bool:
+    """Return True if the corners of a polygon do not all lie on one line.
+
+    Args:
+        polygon: x and y of each corner, m.
+    """
     (x, y), *others = polygon
     sides = [(to_x - x, to_y - y) for to_x, to_y in others]
     across, up = max(sides, key=lambda side: math.hypot(*side))
@@ -170,6 +174,21 @@ def zones_in_file(value: Any, info: ValidationInfo) -> Any:
         value: The field's value.
         info: Of the validation.
     """
+    listed = listed_in_file(value, info, "zones", "{name: vault, polygon: ..., weight: 10}")
+    return (
+        [_beside(entry, Path(str(absolute(value, info))).parent) for entry in listed] if listed is not value else value
+    )
+
+
+def listed_in_file(value: Any, info: ValidationInfo, key: str, example: str) -> Any:
+    """Read the list that a field names by its YAML file; leave any other value as it is.
+
+    Args:
+        value: The field's value.
+        info: Of the validation.
+        key: The field's name; the file holds a list, or a mapping with a list of this name, such as a scenario.
+        example: An entry, for the error.
+    """
     if not isinstance(value, str):
         return value
     path = Path(str(absolute(value, info)))
@@ -177,12 +196,10 @@ def zones_in_file(value: Any, info: ValidationInfo) -> Any:
         says = parse_yaml(read_text(path), str(path))
     except BadInput as error:
         raise wrong("", str(error)) from None
-    listed = says.get("zones") if isinstance(says, dict) else says
+    listed = says.get(key) if isinstance(says, dict) else says
     if not isinstance(listed, list):
-        raise wrong(
-            "", f"{path}: holds no list of zones; write for example '- {{name: vault, polygon: ..., weight: 10}}'"
-        )
-    return [_beside(entry, path.parent) for entry in listed]
+        raise wrong("", f"{path}: holds no list of {key}; write for example '- {example}'")
+    return listed
 
 
 def _beside(entry: Any, folder: Path) -> Any:

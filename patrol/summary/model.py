@@ -281,6 +281,18 @@ class NodeFigures(_Part):
     ] = None
 
 
+class ClosureFigures(_Part):
+    """The closings of a closure.
+
+    Attributes:
+        closings: Number of times that it closed.
+        closed_s: Time for which it was closed, s.
+    """
+
+    closings: int = 0
+    closed_s: float = 0.0
+
+
 class ZoneFigures(_Part):
     """The metrics of a zone that bodies may enter, or of the ground in no zone."""
 
@@ -377,6 +389,25 @@ class Summary(_Part):
     ] = None
     zones: Annotated[
         dict[str, ZoneFigures], Metric("with weighted zones only: [metrics of each](#zones), by name")
+    ] = {}
+    mfow_open_mean_s: Annotated[
+        float | None,
+        Metric(
+            "with [closures](closures.md) only: mean over all ticks of the greatest age of a point, "
+            "counting the time in which it was open to view",
+            better="lower",
+            sweep="once",
+        ),
+    ] = None
+    mfow_open_late_mean_s: Annotated[
+        float | None, Metric("the same over the second half", better="lower", sweep="once")
+    ] = None
+    mfow_open_max_s: Annotated[float | None, Metric("largest of these", better="lower", sweep="once")] = None
+    closed_out_share: Annotated[
+        float | None, Metric("share of ground times time that no robot could get to see because of what was closed")
+    ] = None
+    closures: Annotated[
+        dict[str, ClosureFigures], Metric("with closures only: how often and how long each was closed, by name")
     ] = {}
     nodes: Annotated[NodeFigures | None, Metric("with `terrain.graph` only: [measures on its vertices](#nodes)")] = None
     trapped: Annotated[

@@ -95,6 +95,8 @@ def run_ticks(
                 settle()
             for event in acts.due():
                 events(event)
+            for event in world.close_and_open():
+                events(event)
             if acts.deserted:
                 return DESERTED
             _run_tick(world, fleet, sink, events)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from patrol.journal import Status
+from patrol.measures.open_ground import OpenGround
 from patrol.measures.progress import Trap, Traps
 from patrol.net.messages.telemetry import FREE, TRAPPED, Metrics, Notice, Watcher
 
@@ -27,7 +29,8 @@ class LiveProgress:
         self._world = world
         self._names = {spec.number: spec.name for spec in scenario.roster}
         self._watcher = Watcher(self._names, world.truth.fog.points, scenario.step, scenario.ticks, now)
-        self._traps = Traps(world.prepared)
+        self._open_ground = OpenGround(world.prepared) if scenario.closures else None
+        self._traps = Traps(world.prepared, self._open_ground)
 
     def tick(self, record: TickRecord) -> tuple[Metrics | None, list[Notice]]:
         """Take in the next tick.
@@ -39,6 +42,10 @@ class LiveProgress:
             The measures, when they are due; and a notice for each robot that is found to be trapped, or no longer is.
         """
         fog = self._world.truth.fog
+        if self._open_ground is not None:
+            places = {row.number: (row.x, row.y) for row in record.robots if row.status is Status.ALIVE}
+            ground = self._world.truth.footprint.terrain
+            self._open_ground.tick(record.k, ground, self._world.closures.closed, places)
         traps = self._traps.tick(record, lambda: fog.last_seen)
         # A robot that has already stayed long in the next circle is still trapped.
         still_trapped = {trap.robot for trap in traps if trap.until is None}

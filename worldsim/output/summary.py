@@ -12,6 +12,7 @@ from patrol.measures.nodes import node_totals
 from patrol.summary.model import Summary
 from patrol.summary.totals import RunTotals
 from worldsim.output.battery_facts import BatteryTotals
+from worldsim.output.closure_facts import closure_figures
 from worldsim.output.direct_radio import as_measured
 from worldsim.output.intruder_facts import IntruderTotals
 from worldsim.output.traffic import Traffic
@@ -74,6 +75,8 @@ class Totals:
             **({} if self._nodes is None else {"nodes": self._nodes.figures()}),
             **_progress(verdict.progress),
             **_zones(verdict.zones),
+            **({} if verdict.open_ages is None else asdict(verdict.open_ages)),
+            **_closures(header, journal.events, round(document["simulated_s"] / header.scenario["step"])),
             "links": self._traffic.links(),
             "faults": self._traffic.faults(),
             **self._intruders.facts(),
@@ -138,6 +141,12 @@ def _zones(zones: ZoneFacts | None) -> dict[str, Any]:
         return {}
     figures = {name: part.model_dump(exclude_unset=True) for name, part in zones.zones.items()}
     return {field.name: getattr(zones, field.name) for field in fields(zones)} | {"zones": figures}
+
+
+def _closures(header: Header, events: Sequence[Event], ticks: int) -> dict[str, Any]:
+    """Return how often and how long each closure was closed; nothing without closures."""
+    figures = closure_figures(header, events, ticks)
+    return {"closures": figures} if figures else {}
 
 
 def _of_processes(journal: RunRecord) -> dict[str, Any]:

@@ -23,6 +23,7 @@ from worldsim.verdict.frames.shares import DelaysAsAsked, LossesAsAsked
 from worldsim.verdict.frames.timing import OnTime
 from worldsim.verdict.robots.battery_checks import BatteriesLast
 from worldsim.verdict.robots.body_checks import BodiesApart, MovesAreTrue
+from worldsim.verdict.robots.closure_checks import ClosuresKept
 from worldsim.verdict.robots.keep_outs import KeepOutsKept
 from worldsim.verdict.robots.motion_checks import MotionAsAsked
 from worldsim.verdict.robots.sense_checks import SensesAsAsked
@@ -31,6 +32,7 @@ from worldsim.verdict.run.exit_codes import ExitCodes
 from worldsim.verdict.run.fault_times import FaultsOnTime
 from worldsim.verdict.run.fog_check import FogIsTrue
 from worldsim.verdict.run.journal_checks import Complete, TraceAgrees
+from worldsim.verdict.run.open_ages import AgesOpen, OpenFacts
 from worldsim.verdict.run.progress import ProgressCheck, RunProgress
 from worldsim.verdict.run.recovery import Recovers
 from worldsim.verdict.run.transcripts import TranscriptsAgree
@@ -65,6 +67,7 @@ CHECKS: tuple[type[Check], ...] = (
     MotionAsAsked,
     BatteriesLast,
     KeepOutsKept,
+    ClosuresKept,
     FramesAreTrue,
     FatesAsRecomputed,
     DropsExplained,
@@ -96,12 +99,14 @@ class Verdict:
         checks: The results.
         progress: How the patrol got on; None if the fog was not looked at.
         zones: How old the ground of each zone got; None without zones, and where the fog was not looked at.
+        open_ages: How old ground got while it was open to view; None likewise without closures.
     """
 
     outcome: Outcome
     checks: tuple[CheckResult, ...]
     progress: RunProgress | None = None
     zones: ZoneFacts | None = None
+    open_ages: OpenFacts | None = None
 
     @property
     def valid(self) -> bool:
@@ -160,6 +165,10 @@ class Judge:
         if zoned:
             readings.add(ZoneAges, run)
         self._zones = readings[ZoneAges] if zoned else None
+        closing = AgesOpen.applies(run) and (verify_fog or fog is not None)
+        if closing:
+            readings.add(AgesOpen, run)
+        self._open_ages = readings[AgesOpen] if closing else None
         self._checks = [readings[kind] for kind in listed]
         self._readings = readings.in_order()
 
@@ -180,8 +189,9 @@ class Judge:
         """Return the verdict, once all ticks are in and the journal has ended."""
         checks = tuple(check.result() for check in self._checks)
         zones = None if self._zones is None else self._zones.facts()
+        open_ages = None if self._open_ages is None else self._open_ages.facts()
         progress = [check.facts() for check in self._checks if isinstance(check, ProgressCheck)]
-        return Verdict(_outcome(self._journal, checks), checks, progress[0] if progress else None, zones)
+        return Verdict(_outcome(self._journal, checks), checks, progress[0] if progress else None, zones, open_ages)
 
 
 def judge(

@@ -28,6 +28,10 @@ AHEAD = 1.0
 AHEAD_STRIDES = 4.0
 """The same in strides at least, so that a robot whose sensor sees no farther than it drives need not slow down."""
 
+OVERDUE, NEAR = 3.0, 2.0
+"""A point whose place on the tour cannot be got to is gone to after so many times between two robots, where the way is
+no longer than so many times the length on which targets are looked for."""
+
 Point = tuple[int, int]
 
 
@@ -102,19 +106,57 @@ class RoundAhead:
             team: Number of robots on the round.
             left_out: int64 (n, 3), row, column and squared radius in points of where not to stand.
         """
-        cursor = self.cursor or 0
+        cursor = self._reachable(view, self.cursor or 0)
         end = float(self.round.along[cursor]) + self._ahead_m
         last = int(np.searchsorted(self.round.along, end))
         stretches = [(cursor, last)]
         if end > self.round.length_m:
             stretches.append((0, min(int(np.searchsorted(self.round.along, end - self.round.length_m)), cursor)))
         least = max(1.0, min(STALE * self.interval(team), 0.5 * view.mfow))
+        overdue = max(least, OVERDUE * self.interval(team))
+        if view.fog.stands is not None and (stop := self._orphan(view, cursor, overdue, view.fog.stands)) is not None:
+            return stop
         for first, until in stretches:
             if (stop := self._first(view, first, until, least, left_out)) is not None:
                 return stop
-        place = stretches[-1][1] % len(self.round.places)
+        place = self._reachable(view, stretches[-1][1] % len(self.round.places))
         spot = divmod(int(self.round.places[place]), self._width)
         return Stop(spot, spot, 0, place)
+
+    def _reachable(self, view: View, place: int) -> int:
+        """Return the first place from one on that the robot gets to, and this one where there is none."""
+        if view.fog.stands is None:
+            return place
+        reached = view.fog.stands[self.round.places] == self.round.places
+        return (place + int(np.roll(reached, -place).argmax())) % len(reached)
+
+    def _orphan(self, view: View, cursor: int, least: float, stands: Flat) -> Stop | None:
+        """Return the nearest old point close by that the tour shows from a place to which the robot does not get now.
+
+        Args:
+            view: Of this tick.
+            cursor: Stays where it is.
+            least: Age from which on a point counts, ticks.
+            stands: Of `FogView.stands`.
+        """
+        reached = stands[self.round.places] == self.round.places
+        points = self.round.points[~reached[self.round.place_of]]
+        points = points[stands[points] >= 0]
+        ages = view.tick - np.maximum(view.fog.last_seen.reshape(-1)[points], 0)
+        row, col = view.point_of((view.pose.x, view.pose.y))
+        away = np.hypot(stands[points] // self._width - row, stands[points] % self._width - col)
+        near = (ages >= least) & (away * view.ground.terrain.point <= NEAR * self._ahead_m)
+        near &= view.fog.looked.reshape(-1)[points] != view.tick
+        points, ages = points[near], ages[near]
+        if not points.size:
+            return None
+        ways = view.lengths(within=NEAR * self._ahead_m).reshape(-1)[stands[points]]
+        nearest = int(ways.argmin())
+        if not np.isfinite(ways[nearest]):
+            return None
+        point = int(points[nearest])
+        stand = divmod(int(stands[point]), self._width)
+        return Stop(divmod(point, self._width), stand, int(ages[nearest]), cursor)
 
     def _first(self, view: View, first: int, until: int, least: float, left_out: Flat) -> Stop | None:
         """Return the first stale point of a stretch of places, in the order of the tour."""
@@ -122,9 +164,14 @@ class RoundAhead:
         points, stands = self.round.points[part], self.round.stands[part]
         ages = view.tick - np.maximum(view.fog.last_seen.reshape(-1)[points], 0)
         counts = (ages >= least) & (view.fog.looked.reshape(-1)[points] != view.tick)
+        own_stands = self._own_stands[part]
+        if (now := view.fog.stands) is not None:
+            own_stands = now[points]
+            counts &= own_stands >= 0
+            stands = np.where(now[stands] == stands, stands, own_stands)
         if left_out.size:
             # What cannot be seen from its place on the tour may be seen from the point itself, or from its post.
-            stands = np.where(self._is_out(stands, left_out), self._own_stands[part], stands)
+            stands = np.where(self._is_out(stands, left_out), own_stands, stands)
             counts &= ~self._is_out(stands, left_out)
         at = int(counts.argmax()) if counts.size else 0
         if not counts.size or not counts[at]:

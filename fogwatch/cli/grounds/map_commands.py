@@ -53,6 +53,10 @@ def check(
     zones: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Zones to check: a zones.yaml, or a scenario that has some.")
     ] = None,
+    closures: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Closures to check: a closures.yaml, or a scenario that has some."),
+    ] = None,
     robots: Annotated[int, typer.Option(metavar="N", help="Robots that are to keep wanted ages, with --zones.")] = 5,
     speed: Annotated[float, typer.Option(metavar="M", help="Their speed in m/s, with --zones.")] = 1.0,
 ) -> None:
@@ -66,13 +70,19 @@ def check(
 
     terrain = named_terrain(what, point)
     report = check_map(terrain, radius, sensor_range, line_of_sight, starts)
-    about_zones: list[str] = []
+    about: list[str] = []
     if zones is not None:
         from fogwatch.zone_check import zone_lines  # here, as most checks have no zones
 
-        prepared = _fleet(what, zones, point, robots, speed, radius, sensor_range, line_of_sight, starts)
+        prepared = _fleet(what, "zones", zones, point, robots, speed, radius, sensor_range, line_of_sight, starts)
         before, report = report, check_map(prepared.terrain, radius, sensor_range, line_of_sight, starts)
-        about_zones = list(zone_lines(prepared, before, report))
+        about = list(zone_lines(prepared, before, report))
+    if closures is not None:
+        from fogwatch.closure_check import closure_lines  # here, as most checks have no closures
+
+        about += closure_lines(
+            _fleet(what, "closures", closures, point, robots, speed, radius, sensor_range, line_of_sight, starts)
+        )
     if why := _suspicious(terrain):
         typer.echo(printable(f"{what}: is this what the map shows? {why}"), err=True)
     console = Console()
@@ -81,7 +91,7 @@ def check(
     else:
         for line in plain_lines(report):
             typer.echo(line)
-    for line in about_zones:
+    for line in about:
         typer.echo(printable(line))
     if picture is not None:
         from fogwatch.pictures.run_end import map_picture  # here: its library is an extra
@@ -234,7 +244,8 @@ def _yes(passes: bool) -> str:
 
 def _fleet(
     what: str,
-    zones: Path,
+    listed: str,
+    file: Path,
     point: float,
     robots: int,
     speed: float,
@@ -243,7 +254,7 @@ def _fleet(
     line_of_sight: bool,
     starts: Sequence[Pose],
 ) -> Prepared:
-    """A fleet on a map with zones."""
+    """A fleet on a map with the zones or closures of a file."""
     from patrol.prepare import prepare
     from patrol.scenario import load_scenario
 
@@ -255,9 +266,9 @@ def _fleet(
         "point": point,
         "robots": body,
         "sensor": {"range": sensor_range, "line_of_sight": line_of_sight},
-        "zones": str(zones.absolute()),
+        listed: str(file.absolute()),
     }
-    options = {"robots.count": "--robots", "robots.speed": "--speed", "zones": f"--zones {zones}"}
+    options = {"robots.count": "--robots", "robots.speed": "--speed", listed: f"--{listed} {file}"}
     return prepare(load_scenario(says, called="options", aliases=options))
 
 

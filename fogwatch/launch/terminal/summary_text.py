@@ -88,6 +88,7 @@ def measures(summary: Summary) -> list[str]:
     lines.append(f"MFoW        mean {text.pop('mfow_mean_s')}, maximum {text.pop('mfow_max_s')}")
     lines.append(_bounds(summary, text.pop("best_tour_s")))
     lines += _zones(summary)
+    lines += _closures(summary)
     lines += _stalest(summary)
     coverage = f"coverage    {text.pop('seen_share')} of {summary.patrolled_area_m2:.0f} m² to patrol"
     lines += [f"{metric.title:<11} {text[key]}" for key, metric in metrics_of(Summary) if key in text]
@@ -185,6 +186,22 @@ def _zones(summary: Summary) -> list[str]:
         ages = f"oldest {zone.mfow_mean_s:.1f} s in the mean, {zone.mfow_max_s:.1f} s at most"
         lines.append(f"            {name} (weight {zone.weight:g}): mean {zone.fog_mean_s:.1f} s, {ages}{wish}")
     return lines
+
+
+def _closures(summary: Summary) -> list[str]:
+    """Describe what was closed, how much ground was closed out, and how old the other ground got."""
+    mean_s = summary.mfow_open_mean_s
+    if mean_s is None:
+        return []
+    closings = sum(closure.closings for closure in summary.closures.values())
+    names = [name for name, closure in summary.closures.items() if closure.closings]
+    longest = max(names, key=lambda name: summary.closures[name].closed_s, default="")
+    most = f", {longest} longest, {summary.closures[longest].closed_s:g} s" if longest else ""
+    shut = f"closed out {100.0 * (summary.closed_out_share or 0.0):.1f} % of ground x time"
+    return [
+        f"open ground MFoW mean {mean_s:.1f} s, maximum {summary.mfow_open_max_s:.1f} s; {shut}",
+        f"closures    closed {closings} times{most}",
+    ]
 
 
 def _stalest(summary: Summary) -> list[str]:

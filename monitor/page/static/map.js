@@ -2,7 +2,7 @@
 
 import { themed } from "./colours.js";
 import { FogImage } from "./fogimage.js";
-import { drawCross, drawRobots, drawScaleBar, drawStalest, drawZones, PASSABLE } from "./marks.js";
+import { drawClosures, drawCross, drawRobots, drawScaleBar, drawStalest, drawZones, PASSABLE } from "./marks.js";
 import { NEVER, OUTSIDE, seconds, certainSince } from "./store.js";
 
 /** By how many pixels of the page a wall's edge surrounds it. */
@@ -99,6 +99,7 @@ export class MapView {
     drawZones(this);
     drawScaleBar(this);
     if (store.state) {
+      drawClosures(this);
       drawRobots(this);
       drawStalest(this);
     }

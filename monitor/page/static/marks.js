@@ -42,6 +42,24 @@ export function drawZones(map) {
   }
 }
 
+/** Fill the closures that are closed, and outline the others thinly. */
+export function drawClosures(map) {
+  const c = map.context, r = map.ratio;
+  const closed = new Set(map.store.state.closed ?? []);
+  c.lineCap = "butt";
+  c.strokeStyle = "#e07b00";
+  for (const closure of map.store.facts.closures) {
+    c.lineWidth = (closed.has(closure.name) ? 4 : 1) * r;
+    c.beginPath();
+    for (const [x0, y0, x1, y1] of closure.edges) {
+      c.moveTo(...map.toScreen(x0, y0));
+      c.lineTo(...map.toScreen(x1, y1));
+    }
+    c.stroke();
+    if (closed.has(closure.name)) label(c, closure.name, ...map.toScreen(...closure.at), "center", r);
+  }
+}
+
 /** Mark the stalest point of the first fog, with its age. */
 export function drawStalest(map) {
   const { stalest } = map.store.state;

@@ -23,14 +23,14 @@ import msgpack
 from pydantic import AfterValidator, Field
 
 from patrol.errors import Malformed
-from patrol.exchange import Reply, Sensed
+from patrol.exchange import MOST_BLOCKED, Reply, Sensed
 from patrol.net.security.tick_chain import PROOF
 from patrol.net.security.transcripts import DIGEST, MAX_DIGESTS, MAX_LINES, Line, digest_of
 from patrol.pose import Pose, pack_command, unpack_command
 from patrol.radio.message import MAX_CONTACTS, MAX_FRAME, MAX_FRAMES
 from patrol.wire import FAIL_FAST, PRINTABLE, Bytes, Finite, Flag, Real, Row, Text, check, unpack
 
-PROTOCOL = 6
+PROTOCOL = 7
 ANYONE = 0
 """The instance in a hello, which is for all processes of a robot."""
 
@@ -46,6 +46,8 @@ UNLIKE = "this process was started with another "
 MAX_REPLY, MAX_STATE = 2048, 32
 """Sizes of the longest message from a robot, bytes, and of its longest state word, characters."""
 _MAX_REASON = 400
+_LONGEST_INDEX = 5
+"""Bytes of a point's index."""
 
 
 def _paired(flat: tuple[float, ...]) -> tuple[tuple[float, float], ...]:
@@ -59,6 +61,7 @@ _Id = Annotated[int, Field(strict=True, ge=0, le=2**63 - 1)]
 _Proof = Annotated[Bytes, Field(min_length=PROOF, max_length=PROOF)]
 _Reason = Annotated[Text, Field(max_length=_MAX_REASON), PRINTABLE]
 _Contacts = Annotated[tuple[Finite, ...], Field(max_length=2 * MAX_CONTACTS, fail_fast=True), AfterValidator(_paired)]
+_Blocked = Annotated[tuple[_Count, ...], Field(max_length=MOST_BLOCKED, fail_fast=True)]
 _Digests = Annotated[Bytes, Field(max_length=MAX_DIGESTS * DIGEST)]
 _Line = tuple[_Count, _Digests, _Digests, _Digests, _Digests]
 _Lines = Annotated[tuple[_Line, ...], Field(max_length=MAX_LINES, fail_fast=True)]
@@ -112,12 +115,12 @@ class PhaseA(Head):
     def columns(cls) -> Mapping[str, Any]:  # noqa: D102 - of `Row`
         pose = {"x": Finite, "y": Finite, "heading": Finite}
         senses = {"bumped": Flag, "contacts": _Contacts, "clock_s": Finite, "charge": Finite | None}
-        return {**Head.columns(), **pose, **senses, "proof": _Proof, "digest": bytes}
+        return {**Head.columns(), **pose, **senses, "blocked": _Blocked, "proof": _Proof, "digest": bytes}
 
     @classmethod
     def from_values(cls, *values: Any) -> Self:  # noqa: D102
-        incarnation, instance, k, run, x, y, heading, bumped, contacts, clock_s, charge, *rest = values
-        sensed = Sensed(k, Pose(x, y, heading), bumped, contacts, clock_s, charge)
+        incarnation, instance, k, run, x, y, heading, bumped, contacts, clock_s, charge, blocked, *rest = values
+        sensed = Sensed(k, Pose(x, y, heading), bumped, contacts, clock_s, charge, blocked)
         return cls(incarnation, instance, k, run, sensed, *rest)
 
     def to_values(self) -> tuple[Any, ...]:  # noqa: D102
@@ -127,7 +130,7 @@ class PhaseA(Head):
         pose_values = float(pose.x), float(pose.y), float(pose.heading)
         contacts = [float(value) for contact in sensed.contacts for value in contact]
         charge = None if sensed.charge is None else float(sensed.charge)
-        senses = bool(sensed.bumped), contacts, float(sensed.clock_s), charge
+        senses = bool(sensed.bumped), contacts, float(sensed.clock_s), charge, list(sensed.blocked)
         return self.incarnation, self.instance, self.k, self.run, *pose_values, *senses, self.proof, self.digest
 
 
@@ -265,7 +268,7 @@ _KINDS = {kind: number for kinds in (_TO_ROBOT, _TO_WORLD) for number, kind in k
 
 def max_to_robot(robots: int) -> int:
     """Size of the longest message to a robot, in bytes, in a fleet of ``robots``."""
-    return MAX_REPLY + robots * MAX_FRAMES * (MAX_FRAME + 2)
+    return MAX_REPLY + robots * MAX_FRAMES * (MAX_FRAME + 2) + MOST_BLOCKED * _LONGEST_INDEX
 
 
 def encode(message: ToRobot | ToWorld) -> bytes:

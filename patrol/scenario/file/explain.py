@@ -11,6 +11,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from patrol.errors import did_you_mean, quoted
+from patrol.scenario.closures import ClosureSpec
 from patrol.scenario.faults.kinds import KINDS, Fault, Forgery, Jitter, Jump, Slip, Wait
 from patrol.scenario.faults.nemesis_spec import NemesisSpec
 from patrol.scenario.faults.targets import Some
@@ -34,6 +35,7 @@ _SECTIONS: dict[str, type[Section]] = {
     "sensor": SensorSpec,
     "patrol": PatrolSpec,
     "radio": RadioSpec,
+    "closures": ClosureSpec,
     "docks": DockSpec,
     "intruders": IntruderSpec,
     "faults": Fault,

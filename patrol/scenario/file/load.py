@@ -45,6 +45,7 @@ Overrides = Mapping[str, object]
 
 _HASH_FORMAT = "fogwatch-scenario/2"
 _ENTRIES = {
+    "closures": "{name: door, polygon: [[8, 2], [9, 2], [9, 3]], closed: [[60, 90]]}",
     "docks": "{place: [10, 10]}",
     "faults": "{kind: kill, at: 60, who: one}",
     "intruders": "{place: [10, 10], at: 60}",
@@ -256,8 +257,6 @@ def _meaning(scenario: Scenario) -> dict[str, Any]:
         del meaning["terrain"]["graph"]["visit"]
     if scenario.terrain.patrolled == GROUND:  # as before it could be set
         del meaning["terrain"]["patrolled"]
-    if not scenario.zones:  # as before there were zones, so that hashes stay
-        del meaning["zones"]
     if isinstance(scenario.patrol, PaperPatrol) and scenario.patrol.options.letter is False:
         del meaning["patrol"]["options"]["letter"]  # as before there was one, so that hashes stay
     if isinstance(scenario.patrol, CommittedPatrol) and scenario.patrol.options.unpredictability == 1.0:
@@ -265,10 +264,18 @@ def _meaning(scenario: Scenario) -> dict[str, Any]:
     if scenario.radio.model == IDEAL:  # as before there were others, so that hashes stay
         for field in ("model", "model_sha256", "options"):
             del meaning["radio"][field]
-    if not scenario.docks:  # as before there were docks, so that hashes stay
-        del meaning["docks"]
+    _drop_what_is_not_given(meaning)
     meaning["robots"] = [_robot_meaning(spec) for spec in scenario.roster]
     return meaning
+
+
+def _drop_what_is_not_given(meaning: dict[str, Any]) -> None:
+    """Drop zones, docks and closures where there are none: hashes stay as before there could be any."""
+    if not meaning["closures"]:
+        del meaning["patrol"]["blocked_memory"]
+    for field in ("zones", "docks", "closures"):
+        if not meaning[field]:
+            del meaning[field]
 
 
 def map_digest(path: Path) -> str:

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 from patrol.journal import Status
 from patrol.pose import Pose
-from patrol.prepare import sensor_footprint
 from worldsim.truth import Truth
 from worldsim.verdict.common.check import JournalReading
+from worldsim.verdict.common.closed_ground import ClosedGround
 from worldsim.verdict.common.robots_there import RobotsThere
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ class TrueFog(JournalReading):
         fog: After the latest tick's observations.
     """
 
-    needs = (RobotsThere,)
+    needs = (RobotsThere, ClosedGround)
 
     def __init__(self, run: JudgedRun, readings: Readings) -> None:
         super().__init__(run, readings)
@@ -32,8 +32,7 @@ class TrueFog(JournalReading):
         if run.fog is not None:
             self.fog: Fog = run.fog
         else:
-            footprint = sensor_footprint(run.prepared.scenario, run.prepared.terrain)
-            self._truth = Truth(footprint, run.prepared.patrolled)
+            self._truth = Truth(readings[ClosedGround].footprint, run.prepared.patrolled)
             self.fog = self._truth.fog
 
     def tick(self, record: TickRecord) -> None:

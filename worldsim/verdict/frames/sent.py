@@ -14,12 +14,12 @@ from patrol.journal import Status, TickRecord
 from patrol.journal.links import Links, drops_of, joined, links_of, places_of
 from patrol.journal.records import FORGED
 from patrol.pose import Pose
-from patrol.prepare import sensor_footprint
 from patrol.radio.fleet_key import fleet_key
 from patrol.radio.message import MAX_TRAIL, Position, Rejected, decode, encode
 from worldsim.robots.intruders import Intruders
 from worldsim.robots.senses import Senses
 from worldsim.verdict.common.check import Check, CheckResult
+from worldsim.verdict.common.closed_ground import ClosedGround
 from worldsim.verdict.common.robots_there import RobotsThere
 from worldsim.verdict.frames.airborne import sent_links
 from worldsim.verdict.frames.due import DueFrames
@@ -44,14 +44,14 @@ class FramesAreTrue(Check):
     """
 
     name = "frames"
-    needs = (RobotsThere,)
+    needs = (RobotsThere, ClosedGround)
 
     def __init__(self, run: JudgedRun, readings: Readings) -> None:
         super().__init__(run, readings)
         prepared, scenario = run.prepared, run.prepared.scenario
         self._waits = scenario.factor is None
         self._names = run.names
-        self._intruders = Intruders(scenario, sensor_footprint(scenario, prepared.terrain))
+        self._intruders = Intruders(scenario, readings[ClosedGround].footprint)
         self._senses = Senses(scenario, run.timeline, prepared.terrain)
         self._due = DueFrames(scenario, prepared.terrain, run.journal)
         self._sparing = scenario.radio.spares_frames

@@ -15,6 +15,7 @@ from worldsim.kernels.apart import first_overlap
 from worldsim.robots.motion import length
 from worldsim.robots.noise import MotionNoise
 from worldsim.verdict.common.check import Check
+from worldsim.verdict.common.closed_ground import ClosedGround
 from worldsim.verdict.common.robots_there import RobotsThere
 from worldsim.verdict.robots.expected_statuses import ExpectedStatuses
 
@@ -30,13 +31,13 @@ class BodiesApart(Check):
     """No body that is there is over a wall or overlaps another in any tick, recomputed from the poses."""
 
     name = "bodies apart"
-    needs = (RobotsThere, ExpectedStatuses)
+    needs = (RobotsThere, ExpectedStatuses, ClosedGround)
 
     def __init__(self, run: JudgedRun, readings: Readings) -> None:
         super().__init__(run, readings)
         self._expected = readings[ExpectedStatuses]
         self._names = run.names
-        self._terrain = run.prepared.terrain
+        self._ground = readings[ClosedGround]
         self._radii = {robot.number: robot.radius for robot in run.journal.header.robots}
         self._looked = 0
 
@@ -50,9 +51,10 @@ class BodiesApart(Check):
             pair = f"{self._names[here[i].number]} and {self._names[here[j].number]}"
             apart = math.dist(places[i], places[j])
             self._fail(f"{pair} overlap at tick {record.k}, centres {apart:.3f} m apart")
+        terrain = self._ground.terrain
         for robot, radius in zip(here, radii, strict=True):
             pose = Pose(robot.x, robot.y, robot.heading)
-            if free_fraction(self._terrain, pose, pose, max(radius - SLACK, 0.0)) < 1.0:
+            if free_fraction(terrain, pose, pose, max(radius - SLACK, 0.0)) < 1.0:
                 where = f"({robot.x:.3f}, {robot.y:.3f})"
                 self._fail(f"{self._names[robot.number]} is over a wall at tick {record.k}, at {where}")
 
@@ -71,14 +73,14 @@ class MovesAreTrue(Check):
     """
 
     name = "moves"
-    needs = (RobotsThere, ExpectedStatuses)
+    needs = (RobotsThere, ExpectedStatuses, ClosedGround)
 
     def __init__(self, run: JudgedRun, readings: Readings) -> None:
         super().__init__(run, readings)
         roster = run.prepared.scenario.roster
         self._expected = readings[ExpectedStatuses]
         self._step = run.step
-        self._terrain = run.prepared.terrain
+        self._ground = readings[ClosedGround]
         self._specs = {spec.number: spec for spec in roster}
         self._noise = MotionNoise(run.prepared.scenario, run.timeline)
         self._starts = {spec.number: start for spec, start in zip(roster, run.prepared.starts, strict=True)}
@@ -111,7 +113,7 @@ class MovesAreTrue(Check):
         radius, far = self._specs[row.number].radius, length(driven[row.number], self._step)
         if far <= 0.0:
             return "has a cancelled move although it does not drive" if row.bumped else ""
-        free = path_is_free(self._terrain, pose, driven[row.number], self._step, radius)
+        free = path_is_free(self._ground.terrain, pose, driven[row.number], self._step, radius)
         if not row.bumped:
             return "" if free else "drives through a wall"
         if not free:

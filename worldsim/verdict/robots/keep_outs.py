@@ -48,7 +48,7 @@ class KeepOutsKept(Check):
             if robot.number in self._expected.away:
                 continue
             self._looked += 1
-            inside = [name for name, corners in self._polygons.items() if _is_inside(corners, robot.x, robot.y)]
+            inside = [name for name, corners in self._polygons.items() if is_inside(corners, robot.x, robot.y)]
             inside += [name for name, mask in self._masks.items() if _is_marked(*mask, robot.x, robot.y)]
             if inside:
                 where = f"at ({robot.x:.3f}, {robot.y:.3f})"
@@ -58,8 +58,14 @@ class KeepOutsKept(Check):
         return f"{self._looked} poses outside of {len(self._polygons) + len(self._masks)} keep-outs"
 
 
-def _is_inside(corners: NDArray[np.float64], x: float, y: float) -> bool:
-    """Return True for a place inside of a polygon, by the even-odd rule."""
+def is_inside(corners: NDArray[np.float64], x: float, y: float) -> bool:
+    """Return True for a place inside of a polygon, by the even-odd rule.
+
+    Args:
+        corners: float64 (n, 2), x and y of each corner, m.
+        x: Of the place, m.
+        y: Of the place, m.
+    """
     xs, ys = corners.T
     to_xs, to_ys = np.roll(xs, -1), np.roll(ys, -1)
     crossed = (ys > y) != (to_ys > y)

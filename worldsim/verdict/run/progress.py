@@ -18,6 +18,7 @@ from patrol.measures.stays import TRAPPED_S, Place, Stay
 from worldsim.verdict.common.check import Check, CheckResult
 from worldsim.verdict.common.robots_there import RobotsThere
 from worldsim.verdict.common.true_fog import TrueFog
+from worldsim.verdict.run.open_ages import GroundOpen
 
 if TYPE_CHECKING:
     from patrol.journal import RobotTick, TickRecord
@@ -131,12 +132,12 @@ class ProgressCheck(Check):
     """
 
     name = "progress"
-    needs = (RobotsThere, TrueFog)
+    needs = (RobotsThere, GroundOpen, TrueFog)
 
     def __init__(self, run: JudgedRun, readings: Readings) -> None:
         super().__init__(run, readings)
         self._fog = readings[TrueFog].fog
-        self._traps = Traps(run.prepared)
+        self._traps = Traps(run.prepared, readings[GroundOpen].open_ground)
         self._found: dict[tuple[int, int], Trap] = {}
         self._stays: dict[int, tuple[int, Stay]] = {}
         self._patrolled: Counter[int] = Counter()
@@ -255,6 +256,8 @@ class ProgressCheck(Check):
 
     def _about_fog(self) -> tuple[list[str], str]:
         """Warnings about the fog at the end, and without any what was found."""
+        if self._run.prepared.scenario.closures:
+            return [], "the fog is not judged, as ground was closed out; mfow_open_max_s says how old open ground got"
         end, never = self.facts().end, self._fog.points - self._fog.seen
         took_s = self._end * self._run.step
         assert end is not None

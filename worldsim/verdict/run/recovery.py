@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 from patrol.journal.records import RobotTick, Status, TickRecord
 from patrol.pose import Pose
-from patrol.prepare import sensor_footprint
 from worldsim.faults.timeline import FAULT_EVENT
 from worldsim.truth import Truth
 from worldsim.verdict.common.check import Check, CheckResult
+from worldsim.verdict.common.closed_ground import ClosedGround
 from worldsim.verdict.common.robots_there import RobotsThere
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ class Recovers(Check):
     """
 
     name = "recovery"
-    needs = (RobotsThere,)
+    needs = (RobotsThere, ClosedGround)
 
     def __init__(self, run: JudgedRun, readings: Readings) -> None:
         super().__init__(run, readings)
@@ -37,6 +37,7 @@ class Recovers(Check):
         self._names = {spec.number: spec.name for spec in scenario.roster}
         self._spares = scenario.spares
         self._healed = run.timeline.healed
+        self._ground = readings[ClosedGround]
         self._missing = ""
         self._truth: Truth | None = None
         self._whole_at = 0
@@ -60,9 +61,7 @@ class Recovers(Check):
                 return
             self._missing = ""
             self._whole_at = record.k
-            prepared = self._run.prepared
-            footprint = sensor_footprint(prepared.scenario, prepared.terrain)
-            self._truth = Truth(footprint, prepared.patrolled)
+            self._truth = Truth(self._ground.footprint, self._run.prepared.patrolled)
         poses = [(row.number, Pose(row.x, row.y, row.heading)) for row in record.robots if row.status is Status.ALIVE]
         self._truth.observe(record.k, poses)
         if self._truth.fog.seen == self._truth.fog.points:

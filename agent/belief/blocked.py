@@ -1,0 +1,144 @@
+"""A robot's belief in blocked ground: what it has seen closed although the map says that it is free.
+
+Theory of operation
+    The belief is that of one robot. It tells nobody, because positions are all that robots exchange. A point is
+    believed blocked from when the robot sees it blocked or bumps into it, until it sees it free, or until it has not
+    seen it for `memory` ticks. The robot's sensor is computed on the map without these points (`patrol.ground.closed`).
+    A point that this view shows, and that the robot's senses do not report, is free.
+
+    For its ways the robot leaves out all points nearer to blocked ones than its planning radius. What it can reach then
+    is the part of the ground that it stands in. Where it stands to see each point is found anew for this part
+    (`patrol.ground.fields.proxies_of`). What it cannot see from there is *left out* of the fog that its policy sees,
+    until the belief changes.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.routes.ground import Area
+from patrol.ground.closed import ChangingFootprint, faces
+from patrol.ground.fields import StaticFields, clearance_levels, needed_level, parts_of, proxies_of
+from patrol.radio.message import as_received
+
+if TYPE_CHECKING:
+    from agent.belief.posts import Posts
+    from patrol.exchange import Sensed
+    from patrol.ground.terrain import BoolGrid
+
+UNSEEN = -1
+
+
+class Blocked:
+    """The points that one robot believes blocked.
+
+    Attributes:
+        grid: bool (h, w), the points.
+        area: Where the robot's centre may not be because of them; None while there are none.
+        left_out: bool (h, w), the patrolled points that it cannot get to see; None while nothing is believed blocked.
+        stands: int64 (h w,), flat index of where to stand to see each point, -1 for nowhere; None likewise.
+    """
+
+    def __init__(
+        self,
+        footprint: ChangingFootprint,
+        fields: StaticFields,
+        radius: float,
+        memory: int,
+        posts: Posts | None = None,
+    ) -> None:
+        """Begin with nothing blocked.
+
+        Args:
+            footprint: The robot's sensor, on the ground as it believes it; kept up to date with the belief.
+            fields: Of the robot's body on the map.
+            radius: Of the robot, m.
+            memory: Ticks after which a blocked point that is no longer seen is forgotten.
+            posts: Where the robot's policy stands to see points; kept up to date with the belief.
+        """
+        self._posts = posts
+        self._footprint = footprint
+        self._fields = fields
+        self._level = needed_level(radius, footprint.terrain.point)
+        self._margin = int(np.ceil(np.sqrt(self._level))) // 2 + 2
+        self._memory = memory
+        self._seen_at: NDArray[np.int32] = np.full(footprint.terrain.shape, UNSEEN, dtype=np.int32)
+        self.grid: BoolGrid = np.zeros(footprint.terrain.shape, dtype=np.bool_)
+        self.area: Area | None = None
+        self.left_out: BoolGrid | None = None
+        self.stands: NDArray[np.int64] | None = None
+        self._parts: NDArray[np.int32] | None = None
+        self._part = 0
+
+    def sense(self, sensed: Sensed) -> None:
+        """Take in what the robot senses, before it looks around.
+
+        Args:
+            sensed: In this tick.
+        """
+        if not sensed.blocked and self.area is None:
+            return
+        seen_at = self._seen_at.reshape(-1)
+        known = np.array(sensed.blocked, dtype=np.int64)
+        known = known[known < seen_at.size]
+        seen_at[known] = sensed.k
+        grid = (self._seen_at != UNSEEN) & (self._seen_at >= sensed.k - self._memory)
+        self._footprint.close(grid)
+        here = as_received(sensed.pose)
+        while (free := np.setdiff1d(faces(self._footprint.visible(here), grid), known)).size:
+            grid.reshape(-1)[free] = False
+            self._footprint.close(grid)
+        self._seen_at[~grid] = UNSEEN
+        if not np.array_equal(grid, self.grid):
+            self.grid = grid
+            self._changed()
+
+    def stand_at(self, point: tuple[int, int] | None) -> None:
+        """Bring `left_out` up to date with the part of the ground in which the robot stands.
+
+        Args:
+            point: Row and column of the terrain's point on which it stands or which it joins; None for a robot that is
+                off the ground.
+        """
+        if self.area is None or point is None:
+            return
+        if self._parts is None:
+            open_now = self._fields.reach.copy()
+            top, bottom, left, right = self.area.box
+            open_now[top - 1 : bottom - 1, left - 1 : right - 1] &= ~self.area.mask
+            self._parts, _ = parts_of(open_now)
+            self._part = 0
+        part = int(self._parts[point])
+        if part in (0, self._part):
+            return
+        self._part = part
+        reached = self._parts == part
+        terrain = self._footprint.terrain
+        proxy = proxies_of(terrain, reached, self._footprint.range_m, self._footprint.line_of_sight)
+        proxy[~self._fields.patrolled] = -1
+        self.left_out = self._fields.patrolled & ~reached & (proxy < 0)
+        self.stands = np.where(reached, np.arange(reached.size).reshape(reached.shape), proxy).reshape(-1)
+        if self._posts is not None:
+            self._posts.move(proxy)
+
+    def _changed(self) -> None:
+        self._parts = None
+        if not self.grid.any():
+            self.area = self.left_out = self.stands = None
+            if self._posts is not None:
+                self._posts.move(self._fields.proxy)
+            return
+        rows, cols = np.nonzero(self.grid)
+        height, width = self.grid.shape
+        margin = self._margin
+        top, bottom = max(int(rows.min()) - margin, 0), min(int(rows.max()) + margin + 1, height)
+        left, right = max(int(cols.min()) - margin, 0), min(int(cols.max()) + margin + 1, width)
+        # Padded, so that the edge of the cut is no obstacle.
+        free = np.pad(~self.grid[top:bottom, left:right], margin, constant_values=True)
+        close = clearance_levels(free, margin)[margin:-margin, margin:-margin] < self._level
+        away = np.zeros(self.grid.shape, dtype=np.bool_)
+        away[top:bottom, left:right] = close
+        self.area = Area(away)

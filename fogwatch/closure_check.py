@@ -1,0 +1,43 @@
+"""Closure check: the area of each closure, and what it closes out while it alone is closed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from patrol.closures import ClosedPoints
+from patrol.ground.closed import ChangingTerrain
+from patrol.journal.records import CLOSED, Event
+from patrol.measures.open_ground import OpenGround
+
+if TYPE_CHECKING:
+    from patrol.prepare import Prepared
+
+
+def closure_lines(prepared: Prepared) -> Iterator[str]:
+    """The result of a check of closures as lines of text.
+
+    Args:
+        prepared: A fleet on the terrain with its closures.
+
+    Yields:
+        The lines.
+    """
+    scenario, area = prepared.scenario, prepared.terrain.point_area
+    yield f"closures: {len(scenario.closures)}"
+    starts = {spec.number: start for spec, start in zip(scenario.roster, prepared.starts, strict=True)}
+    places = {number: (start.x, start.y) for number, start in starts.items()}
+    for closure in scenario.closures:
+        closed = ClosedPoints(scenario.closures, prepared.terrain)
+        closed.take(Event(0, CLOSED, None, closure.name))
+        ground = ChangingTerrain(prepared.terrain)
+        ground.close(closed.grid)
+        open_ground = OpenGround(prepared)
+        open_ground.tick(0, ground, closed.names, places)
+        out = np.count_nonzero(open_ground.closed_out) * area
+        alone = [scenario.roster[number - 1].name for number in open_ground.shut_in()]
+        shut_in = f"; shuts in {', '.join(alone)} at the start" if alone else ""
+        points = len(closed.points[closure.name])
+        yield f"  {closure.name}: {points * area:.1f} m², closes out {out:.1f} m² from the starts{shut_in}"

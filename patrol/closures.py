@@ -1,0 +1,118 @@
+"""The points of a run's closures, and which of them are closed by the journal's events."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.ground.shapes import cover
+from patrol.journal.records import CLOSED, OPENED
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from patrol.ground.terrain import BoolGrid, Terrain
+    from patrol.journal.records import Event
+    from patrol.scenario import ClosureSpec
+
+
+def closure_points(closure: ClosureSpec, terrain: Terrain) -> NDArray[np.int64]:
+    """Return the passable points that share some area with a closure.
+
+    Args:
+        closure: The closure.
+        terrain: The ground with nothing closed.
+
+    Returns:
+        Flat indices, ascending.
+    """
+    covered = cover(closure.polygon, terrain.shape, terrain.point, terrain.origin)
+    return np.flatnonzero(covered & terrain.passable)
+
+
+class ClosedPoints:
+    """The points that are closed, event by event.
+
+    Attributes:
+        points: Flat indices of each closure's points, by name.
+        names: The closures that are closed.
+        grid: bool (height, width), True where one of them is.
+    """
+
+    def __init__(self, closures: Sequence[ClosureSpec], terrain: Terrain) -> None:
+        """Begin with nothing closed.
+
+        Args:
+            closures: The scenario's.
+            terrain: The ground with nothing closed.
+        """
+        self.points = {closure.name: closure_points(closure, terrain) for closure in closures}
+        self.names: set[str] = set()
+        self.grid: BoolGrid = np.zeros(terrain.shape, dtype=np.bool_)
+
+    def take(self, event: Event) -> bool:
+        """Close or open what an event says.
+
+        Args:
+            event: Of the journal.
+
+        Returns:
+            Whether it was about a closure.
+        """
+        if event.kind not in (CLOSED, OPENED) or event.detail not in self.points:
+            return False
+        if event.kind == CLOSED:
+            self.names.add(event.detail)
+        else:
+            self.names.discard(event.detail)
+        self.grid = _marked(self.points, self.names, self.grid.shape)
+        return True
+
+
+class Closings:
+    """The points that are closed at any tick of a run that is over.
+
+    Attributes:
+        points: Flat indices of each closure's points, by name.
+    """
+
+    def __init__(self, closures: Sequence[ClosureSpec], terrain: Terrain, events: Iterable[Event]) -> None:
+        """Sort the events by tick.
+
+        Args:
+            closures: The scenario's.
+            terrain: The ground with nothing closed.
+            events: The journal's, in order.
+        """
+        start = ClosedPoints(closures, terrain)
+        self.points = start.points
+        self._shape = terrain.shape
+        self._ticks: list[int] = [0]
+        self._names: list[frozenset[str]] = [frozenset()]
+        for event in events:
+            if start.take(event):
+                self._ticks.append(event.k)
+                self._names.append(frozenset(start.names))
+        self._grid: tuple[frozenset[str], BoolGrid] = frozenset(), start.grid
+
+    def names(self, k: int) -> frozenset[str]:
+        """Return the closures that are closed in a tick."""
+        return self._names[bisect_right(self._ticks, k) - 1]
+
+    def grid(self, k: int) -> BoolGrid:
+        """Return the points that are closed in a tick, bool (height, width)."""
+        names = self.names(k)
+        if names != self._grid[0]:
+            self._grid = names, _marked(self.points, names, self._shape)
+        return self._grid[1]
+
+
+def _marked(points: Mapping[str, NDArray[np.int64]], names: Iterable[str], shape: tuple[int, ...]) -> BoolGrid:
+    """Return a grid of the points of some closures."""
+    grid = np.zeros(shape, dtype=np.bool_)
+    for name in names:
+        grid.reshape(-1)[points[name]] = True
+    return grid

@@ -1,0 +1,89 @@
+"""The scenario's closures: doors and boxes, ground that is closed at times.
+
+    closures:
+      - {name: gate, polygon: [[2, 2], [3, 2], [3, 4], [2, 4]], closed: [[600, 900], [1800, 2400]]}
+      - {name: door, polygon: [[8, 2], [9, 2], [9, 3], [8, 3]], closes: 0.002, opens: 0.01}
+
+While a closure is closed, no body may enter it and no sensor sees into it or through it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Any, Self
+
+from pydantic import Field, ValidationInfo, model_validator
+
+from patrol.scenario.zones import has_area, listed_in_file
+from patrol.values.section import Section, wrong
+from patrol.values.types import Name, NotNegative, Polygon, Positive, at_least, at_most
+
+MOST_CLOSURES = 256
+
+MOST_TIMES = 10_000
+"""Times at which one closure closes, at most."""
+
+Span = tuple[NotNegative, NotNegative]
+Times = Annotated[
+    tuple[Span, ...],
+    Field(json_schema_extra={"minItems": 1, "maxItems": MOST_TIMES}),
+    at_least(1, "spans [from, to]"),
+    at_most(MOST_TIMES, "spans"),
+]
+
+
+class ClosureSpec(Section):
+    """A closure: where it is, and when it is closed."""
+
+    name: Name = Field(description="of the closure")
+    polygon: Polygon = Field(description="m, [[x, y], ...]")
+    closed: Times | None = Field(None, description="s, [[from, to], ...] in which it is closed")
+    closes: Positive | None = Field(None, description="times per second at which it closes while open, at random")
+    opens: Positive | None = Field(None, description="times per second at which it opens while closed, at random")
+
+    @model_validator(mode="after")
+    def _closes_in_one_way(self) -> Self:
+        if not has_area(self.polygon):
+            raise wrong("polygon", f"{self.name}: its corners lie on one line, so it has no area; correct them")
+        by_rates = self.closes is not None or self.opens is not None
+        if by_rates == (self.closed is not None):
+            raise wrong("", f"{self.name}: give either closed: [[from, to], ...] or the rates closes and opens")
+        if by_rates and (self.closes is None or self.opens is None):
+            missing = "closes" if self.closes is None else "opens"
+            raise wrong(missing, f"{self.name}: is missing beside the other rate; give it, per second")
+        before = 0.0
+        for number, (first, end) in enumerate(self.closed or ()):
+            if end <= first:
+                raise wrong(f"closed.{number}", f"{self.name}: ends at {end:g} s, not after its begin; correct it")
+            if number and first <= before:
+                raise wrong(
+                    f"closed.{number}", f"{self.name}: begins before the one before it is over; sort or join them"
+                )
+            before = end
+        return self
+
+
+Closures = Annotated[
+    tuple[ClosureSpec, ...],
+    Field(json_schema_extra={"maxItems": MOST_CLOSURES}),
+    at_most(MOST_CLOSURES, "closures"),
+]
+
+
+def closures_in_file(value: Any, info: ValidationInfo) -> Any:
+    """Read the list of closures that a field names by its file; leave any other value as it is.
+
+    Args:
+        value: The field's value.
+        info: Of the validation.
+    """
+    example = "{name: door, polygon: ..., closed: [[60, 90]]}"
+    return listed_in_file(value, info, "closures", example)
+
+
+def check_names(closures: Sequence[ClosureSpec]) -> None:
+    """Refuse two closures of one name."""
+    names = [closure.name for closure in closures]
+    for number, name in enumerate(names):
+        if name in names[:number]:
+            raise wrong(f"closures.{number}.name", f"{name} is the name of another closure too; rename one")

@@ -1,0 +1,101 @@
+"""A robot's belief in blocked ground."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from agent.belief.blocked import Blocked
+from agent.belief.posts import Posts
+from patrol.exchange import Sensed
+from patrol.ground.closed import ChangingFootprint
+from patrol.ground.fields import compute_fields
+from patrol.ground.sensors import footprint_of
+from patrol.ground.terrain import Terrain
+from patrol.pose import Pose
+
+MEMORY = 20
+ROOM = np.ones((11, 30), dtype=np.bool_)
+ROOM[:, 14] = False
+ROOM[4:7, 14] = True  # a doorway of three points between two rooms
+TERRAIN = Terrain("two rooms", ROOM, 1.0)
+DOOR = tuple(row * 30 + 14 for row in (4, 5, 6))
+BEFORE = Pose(5.5, 5.5, 0.0)
+"""From here the robot sees the doorway."""
+
+
+@pytest.fixture
+def blocked() -> Blocked:
+    """The belief of a robot in the left room, with a sensor of 10 m."""
+    footprint = ChangingFootprint(lambda ground: footprint_of(ground, 10.0), TERRAIN)
+    return Blocked(footprint, compute_fields(TERRAIN, 0.4, 10.0, True, [BEFORE]), 0.4, MEMORY)
+
+
+def test_what_is_seen_blocked_is_left_out_with_all_behind_it(blocked: Blocked) -> None:
+    blocked.sense(Sensed(0, BEFORE, blocked=DOOR))
+    blocked.stand_at((5, 5))
+    assert np.flatnonzero(blocked.grid).tolist() == list(DOOR)
+    assert blocked.area is not None
+    assert blocked.left_out is not None
+    assert blocked.left_out[:, 15:].all()
+    assert not blocked.left_out[:, 1:12].any()
+
+
+def test_a_point_seen_free_is_forgotten_at_once(blocked: Blocked) -> None:
+    blocked.sense(Sensed(0, BEFORE, blocked=DOOR))
+    blocked.sense(Sensed(1, BEFORE))
+    assert not blocked.grid.any()
+    assert blocked.area is None
+    assert blocked.left_out is None
+
+
+def test_a_closing_that_never_was_is_forgotten_when_the_memory_ends(blocked: Blocked) -> None:
+    """Such as another robot's body in a doorway that this one does not see again."""
+    away = Pose(1.5, 1.5, 0.0)
+    blocked.sense(Sensed(0, BEFORE, blocked=DOOR))
+    blocked.sense(Sensed(MEMORY, away))
+    assert blocked.grid.any()
+    blocked.sense(Sensed(MEMORY + 1, away))
+    assert not blocked.grid.any()
+    assert blocked.area is None
+
+
+def test_layers_behind_a_box_that_has_gone_are_forgotten_one_after_the_other(blocked: Blocked) -> None:
+    box = tuple(row * 30 + col for row in (4, 5, 6) for col in (8, 9, 10))
+    blocked.sense(Sensed(0, BEFORE, blocked=box))
+    blocked.sense(Sensed(1, BEFORE))
+    assert not blocked.grid.any()
+
+
+def test_a_robot_that_is_shut_in_sees_its_own_side(blocked: Blocked) -> None:
+    blocked.sense(Sensed(0, Pose(20.5, 5.5, 0.0), blocked=DOOR))
+    blocked.stand_at((5, 20))
+    assert blocked.left_out is not None
+    assert blocked.left_out[:, 1:14][TERRAIN.passable[:, 1:14]].all()
+    assert not blocked.left_out[:, 17:].any()
+
+
+def test_new_places_to_stand_are_found_for_what_is_in_sight_past_a_box() -> None:
+    footprint = ChangingFootprint(lambda ground: footprint_of(ground, 10.0), TERRAIN)
+    fields = compute_fields(TERRAIN, 0.4, 10.0, True, [BEFORE])
+    posts = Posts(fields.proxy)
+    belief = Blocked(footprint, fields, 0.4, MEMORY, posts)
+    usual = posts.rows.tolist()
+    box = tuple(row * 30 + 14 for row in (5, 6))  # leaves a gap through which no body fits
+    belief.sense(Sensed(0, BEFORE, blocked=box))
+    belief.stand_at((5, 5))
+    assert belief.left_out is not None
+    assert belief.stands is not None
+    assert not belief.left_out[4, 18]
+    assert belief.left_out[9, 15]
+    stand = divmod(int(belief.stands[4 * 30 + 18]), 30)
+    assert stand[1] < 14
+    assert [4, 18, *stand] in posts.rows.tolist()
+    belief.sense(Sensed(1, BEFORE))
+    assert posts.rows.tolist() == usual
+    assert belief.stands is None
+
+
+def test_indices_off_the_terrain_are_ignored(blocked: Blocked) -> None:
+    blocked.sense(Sensed(0, BEFORE, blocked=(10**6,)))
+    assert not blocked.grid.any()

@@ -1,0 +1,60 @@
+"""Whole fleets among doors and boxes that close."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from experiments.inprocess import Outcome, run_in_process
+from patrol.prepare import prepare
+from patrol.scenario import load_scenario
+
+WALL = {"name": "wall", "polygon": [[48, 0], [50, 0], [50, 88], [48, 88]]}
+BOX = {"name": "box", "polygon": [[20, 20], [26, 20], [26, 26], [20, 26]], "closes": 0.05, "opens": 0.05}
+
+
+def ran(*closures: dict[str, Any], duration: float = 150.0, count: int = 3, **more: Any) -> Outcome:
+    robots = {"count": count, "model": "holonomic", "radius": 0.4, "speed": 4.0, "turning_radius": 1.5}
+    given: dict[str, Any] = {"terrain": {"builtin": "yards"}, "point": 1.0, "duration": duration, "robots": robots}
+    given["robots"] |= more.pop("robots", {})
+    return run_in_process(prepare(load_scenario(given | {"closures": list(closures)} | more)))
+
+
+@pytest.mark.parametrize("model", ["holonomic", "differential", "car"])
+def test_bodies_of_all_models_keep_out_and_go_on(model: str) -> None:
+    outcome = ran({**WALL, "closed": [[20, 60], [90, 110]]}, BOX, robots={"model": model})
+    assert outcome.verdict.valid, outcome.verdict.failed
+    summary = outcome.summary
+    assert summary.closures["wall"].closings == 2
+    assert summary.closures["wall"].closed_s <= 60.0
+    assert summary.closures["box"].closings > 0
+    assert summary.seen_share is not None
+    assert summary.seen_share > 0.99
+    assert not [line for line in outcome.verdict.warnings if "trapped" in line]
+
+
+def test_ground_behind_a_wall_is_closed_out_and_reported() -> None:
+    outcome = ran({**WALL, "closed": [[0, 230]]}, robots={"starts": [[8, 10], [8, 80], [10, 44]]}, duration=240.0)
+    assert outcome.verdict.valid, outcome.verdict.failed
+    summary = outcome.summary
+    assert summary.closed_out_share is not None
+    assert summary.mfow_open_max_s is not None
+    assert summary.mfow_max_s is not None
+    assert 0.3 < summary.closed_out_share < 0.7
+    assert summary.mfow_max_s > 230.0
+    assert summary.mfow_open_max_s < 190.0
+    assert not outcome.verdict.warnings
+
+
+@pytest.mark.parametrize("policy", ["potential-field", "sebs", "cr", "even-tour"])
+def test_other_policies_keep_going_too(policy: str) -> None:
+    outcome = ran({**WALL, "closed": [[20, 60]]}, BOX, patrol={"policy": policy}, duration=120.0)
+    assert outcome.verdict.valid, outcome.verdict.failed
+
+
+def test_a_closure_that_never_closes_changes_nothing_but_what_is_shared() -> None:
+    never = {**BOX, "closes": 1e-9, "opens": 1.0}
+    open_run, closures_run = ran(), ran(never)
+    traces = [outcome.journal.end.trace_hash for outcome in (open_run, closures_run) if outcome.journal.end]
+    assert traces[0] == traces[1]

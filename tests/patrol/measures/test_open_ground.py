@@ -1,0 +1,87 @@
+"""The ground that is open to view, and the ages that count only the time in which it was."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from patrol.closures import ClosedPoints, Closings
+from patrol.ground.closed import ChangingTerrain
+from patrol.ground.terrain import Terrain
+from patrol.journal import Event
+from patrol.measures.open_ground import OpenAges, OpenGround
+from patrol.prepare import Prepared, prepare
+from patrol.scenario import load_scenario
+
+WALL = {"name": "wall", "polygon": [[50, 0], [51, 0], [51, 88], [50, 88]], "closed": [[10, 20]]}
+WEST, EAST = (20.5, 40.5), (80.5, 40.5)
+
+
+@pytest.fixture(scope="module")
+def halves() -> Prepared:
+    """The terrain `open` for two robots, with a wall between its halves at times."""
+    robots = {"count": 2, "model": "holonomic", "radius": 0.4, "starts": [list(WEST), list(EAST)]}
+    given = {"terrain": {"builtin": "open"}, "point": 1.0, "robots": robots, "closures": [WALL]}
+    return prepare(load_scenario(given))
+
+
+def closed(prepared: Prepared) -> Terrain:
+    points = ClosedPoints(prepared.scenario.closures, prepared.terrain)
+    points.take(Event(0, "closed", None, "wall"))
+    ground = ChangingTerrain(prepared.terrain)
+    ground.close(points.grid)
+    return ground
+
+
+def test_a_half_without_a_robot_is_closed_out(halves: Prepared) -> None:
+    ground = OpenGround(halves)
+    ground.tick(0, halves.terrain, (), {1: WEST})
+    assert not ground.closed_out.any()
+    ground.tick(1, closed(halves), {"wall"}, {1: WEST})
+    assert ground.closed_out[40, 80]
+    assert not ground.closed_out[40, 20]
+    assert not ground.closed_out[40, 49]  # beside the wall, in sight from where a body fits
+    assert ground.closed_out[40, 50]
+    ground.tick(2, closed(halves), {"wall"}, {1: WEST, 2: EAST})
+    assert not ground.closed_out[40, 80]
+    assert ground.closed_out[40, 50]
+    ground.tick(3, halves.terrain, (), {1: WEST})
+    assert not ground.closed_out.any()
+
+
+def test_a_robot_is_not_asked_to_see_what_it_cannot_get_to(halves: Prepared) -> None:
+    ground, seen = OpenGround(halves), np.full(halves.terrain.shape, 3, dtype=np.int32)
+    both = {1: WEST, 2: EAST}
+    ground.tick(5, closed(halves), {"wall"}, both)
+    now = ground.last_seen_or_out(1, 8, seen)
+    assert now[40, 80] == 8
+    assert now[40, 20] == 3
+    ground.tick(10, halves.terrain, (), both)
+    later = ground.last_seen_or_out(1, 12, seen)
+    assert later[40, 80] == 9
+    assert later[40, 20] == 3
+
+
+def test_ages_stand_still_while_a_point_is_closed_out() -> None:
+    patrolled = np.ones((1, 2), dtype=np.bool_)
+    out, seen = np.array([[False, True]]), np.array([[0, 0]], dtype=np.int32)
+    none = np.zeros((1, 2), dtype=np.bool_)
+    ages = OpenAges(patrolled)
+    for k in range(1, 11):
+        seen[0, 0] = k
+        ages.tick(k, out if 3 <= k <= 6 else none, seen)
+    assert ages.greatest == [1, 2, 2, 2, 2, 2, 3, 4, 5, 6]
+    assert ages.closed_share == [0.0, 0.0, 0.5, 0.5, 0.5, 0.5, 0.0, 0.0, 0.0, 0.0]
+    seen[0, 1] = 11
+    ages.tick(11, none, seen)
+    ages.tick(12, none, seen)
+    assert ages.greatest[-2:] == [1, 2]
+
+
+def test_closings_say_what_is_closed_at_any_tick(halves: Prepared) -> None:
+    events = [Event(4, "closed", None, "wall"), Event(4, "dead", 1, "wall"), Event(9, "opened", None, "wall")]
+    closings = Closings(halves.scenario.closures, halves.terrain, events)
+    assert [len(closings.names(k)) for k in (0, 3, 4, 8, 9, 20)] == [0, 0, 1, 1, 0, 0]
+    assert closings.grid(8)[40, 50]
+    assert not closings.grid(9).any()
+    assert not closings.grid(0).any()

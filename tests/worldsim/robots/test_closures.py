@@ -1,0 +1,71 @@
+"""Closures in the world: when they close, what they stop and what robots see of them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from patrol.exchange import Reply, Sensed
+from patrol.journal import Event
+from patrol.pose import Velocity
+
+if TYPE_CHECKING:
+    from tests.worldsim.conftest import Lab
+
+DISC = {"model": "holonomic", "radius": 0.4}
+STRIP = [[8.0, 0.0], [9.0, 0.0], [9.0, 15.0], [8.0, 15.0]]
+
+
+def strip(**when: Any) -> dict[str, Any]:
+    return {"name": "strip", "polygon": STRIP} | when
+
+
+def tick(world: Any, vx: float) -> tuple[list[Event], Sensed]:
+    """One tick in which robot 1 drives along x."""
+    events = list(world.close_and_open())
+    sensed = world.begin_tick()[1]
+    world.exchange({1: ()})
+    world.end_tick({1: Reply(Velocity(vx, 0.0), "", None, 0.0, 0)})
+    return events, sensed
+
+
+def test_a_closed_closure_stops_a_body_that_sees_and_bumps_into_it(lab: Lab) -> None:
+    world = lab.world([DISC], [(6.0, 7.0, 0.0)], duration=20.0, closures=[strip(closed=[[1, 6]])])
+    for _ in range(2):
+        events, sensed = tick(world, 1.0)
+        assert not events
+        assert not sensed.blocked
+    events, sensed = tick(world, 1.0)
+    assert [(event.k, event.kind, event.detail) for event in events] == [(2, "closed", "strip")]
+    assert sensed.blocked
+    width = world.terrain.width
+    column = int(8.0 / world.terrain.point)
+    assert {index % width for index in sensed.blocked} == {column}
+    for _ in range(8):
+        tick(world, 1.0)
+    assert world.bodies[1].pose.x <= 7.6
+    assert world.bodies[1].collisions > 0
+    opened = [event.kind for _ in range(4) for event in tick(world, 1.0)[0]]
+    assert opened == ["opened"]
+    assert world.bodies[1].pose.x > 7.6
+
+
+def test_a_closure_waits_until_bodies_are_clear_of_it(lab: Lab) -> None:
+    world = lab.world([DISC], [(6.0, 7.0, 0.0)], duration=20.0, closures=[strip(closed=[[2, 15]])])
+    happened = [event for _ in range(12) for event in tick(world, 1.0)[0]]
+    waited, closed = happened
+    assert waited == Event(4, "waiting", 1, "strip waits to close: r1 in it")
+    assert (closed.kind, closed.detail) == ("closed", "strip")
+    assert closed.k > 4
+    assert world.bodies[1].pose.x >= 9.4
+
+
+def test_rates_close_and_open_as_often_as_they_say(lab: Lab) -> None:
+    corner = [[18.0, 13.0], [19.0, 13.0], [19.0, 14.0], [18.0, 14.0]]
+    door = {"name": "door", "polygon": corner, "closes": 0.2, "opens": 0.4}
+    world = lab.world([DISC], [(3.0, 3.0, 0.0)], duration=2000.0, closures=[door])
+    closed = 0
+    for k in range(4000):
+        world.tick = k
+        list(world.close_and_open())
+        closed += len(world.closures.closed)
+    assert 0.28 < closed / 4000 < 0.39  # a third of the time

@@ -1,0 +1,69 @@
+"""The verdict's check of closures, and that of the ground as it was in each tick."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from patrol.journal import Event
+from worldsim.verdict.judge import judge
+
+if TYPE_CHECKING:
+    from tests.worldsim.conftest import Lab
+
+DISC = {"model": "holonomic", "radius": 0.4}
+BOX = {"name": "box", "polygon": [[14.0, 10.0], [16.0, 10.0], [16.0, 12.0], [14.0, 12.0]]}
+
+
+def failed(lab: Lab, change: Any = None, when: Any = None) -> dict[str, str]:
+    """The failed checks of a run of 10 s with a box that closes at tick 4 and opens at tick 12, after a change."""
+    world = lab.world([DISC], [(3.0, 3.0, 0.0)], duration=10.0, closures=[{**BOX, **(when or {"closed": [[2, 6]]})}])
+    journal = lab.run(world)
+    if change is not None:
+        change(journal)
+    verdict = judge(journal, {}, world.prepared)
+    assert "closures" in {check.name for check in verdict.checks}
+    return {check.name: check.detail for check in verdict.failed}
+
+
+def test_a_run_as_asked_passes(lab: Lab) -> None:
+    assert failed(lab) == {}
+    assert failed(lab, when={"closes": 0.5, "opens": 0.5}) == {}
+
+
+@pytest.mark.parametrize(("x", "caught"), [(14.5, True), (13.7, True), (13.5, False)])
+def test_a_body_in_a_closed_closure_is_caught(lab: Lab, x: float, caught: bool) -> None:
+    def move(journal: Any) -> None:
+        record = journal.records[8]
+        journal.records[8] = replace(record, robots=(replace(record.robots[0], x=x, y=11.0),))
+
+    problems = failed(lab, move)
+    assert ("closures" in problems) == caught
+    assert ("bodies apart" in problems) == caught
+    if caught:
+        assert problems["closures"].startswith(f"r1 is in box at tick 8, which is closed, at ({x:.3f}, 11.000)")
+
+
+@pytest.mark.parametrize(
+    ("events", "message"),
+    [
+        ((), "box is open at tick 4, when it is to be closed and nobody is in it"),
+        (((6, "closed"), (12, "opened")), "box is open at tick 4, when it is to be closed and nobody is in it"),
+        (((3, "closed"), (12, "opened")), "box is closed at tick 3, when it is to be open"),
+        (((4, "closed"),), "box is closed at tick 12, when it is to be open"),
+        (((4, "closed"), (8, "opened")), "box is open at tick 8, when it is to be closed and nobody is in it"),
+    ],
+)
+def test_closings_at_other_times_are_caught(lab: Lab, events: tuple[tuple[int, str], ...], message: str) -> None:
+    def retell(journal: Any) -> None:
+        others = [event for event in journal.events if event.detail != "box"]
+        journal.events = (*others, *(Event(k, kind, None, "box") for k, kind in events))
+
+    assert failed(lab, retell)["closures"] == message
+
+
+def test_without_closures_there_is_no_such_check(lab: Lab) -> None:
+    world = lab.world([DISC], [(3.0, 3.0, 0.0)], duration=2.0)
+    assert "closures" not in {check.name for check in judge(lab.run(world), {}, world.prepared).checks}

@@ -1,0 +1,127 @@
+"""The scenario's closures in the world: when they close and open, and what robots see of them.
+
+A closure never closes on a body: it waits until all bodies are clear of its points, and the journal says so.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from patrol.closures import ClosedPoints
+from patrol.exchange import MOST_BLOCKED
+from patrol.ground.closed import ChangingFootprint, faces
+from patrol.journal import Event
+from patrol.journal.records import CLOSED, OPENED
+from patrol.radio.message import as_received
+from patrol.random import Purpose, draw
+from worldsim.faults.lifecycle import WAITING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from numpy.typing import NDArray
+
+    from patrol.ground.terrain import Terrain
+    from patrol.scenario import ClosureSpec, Scenario
+    from worldsim.robots.bodies import Body
+
+
+class Closures:
+    """The closures of a world, tick by tick."""
+
+    def __init__(self, scenario: Scenario, terrain: Terrain) -> None:
+        """Begin with all of them open.
+
+        Args:
+            scenario: The run's.
+            terrain: The ground with nothing closed.
+        """
+        self._specs = scenario.closures
+        self._terrain = terrain
+        self._seed, self._step = scenario.seed, scenario.step
+        self._closed = ClosedPoints(scenario.closures, terrain)
+        self._drawn = [False] * len(scenario.closures)
+        self._waiting: set[str] = set()
+
+    @property
+    def closed(self) -> frozenset[str]:
+        """Names of the closures that are closed."""
+        return frozenset(self._closed.names)
+
+    def tick(self, k: int, bodies: Mapping[int, Body], footprint: ChangingFootprint) -> Iterator[Event]:
+        """Close and open what is due before a tick; call it once for each tick.
+
+        Args:
+            k: The tick.
+            bodies: By robot number.
+            footprint: The robots' sensor, on the ground where bodies move.
+
+        Yields:
+            What happened.
+        """
+        happened = list(self._due(k, bodies))
+        for event in happened:
+            self._closed.take(event)
+        footprint.close(self._closed.grid)
+        yield from happened
+
+    def blocked(self, body: Body, footprint: ChangingFootprint) -> tuple[int, ...]:
+        """Return what a robot sees blocked or has bumped into: `Sensed.blocked`.
+
+        Args:
+            body: The robot's.
+            footprint: Its sensor.
+        """
+        grid = self._closed.grid
+        if not self._closed.names:
+            return ()
+        shown = faces(footprint.visible(as_received(body.pose)), grid)
+        if body.bumped:
+            reach = body.spec.radius + body.spec.speed * self._step + self._terrain.point
+            points = np.flatnonzero(grid)
+            shown = np.union1d(shown, points[self._gaps(points, body) <= reach])
+        return tuple(shown[:MOST_BLOCKED].tolist())
+
+    def _due(self, k: int, bodies: Mapping[int, Body]) -> Iterator[Event]:
+        for number, spec in enumerate(self._specs):
+            is_closed = spec.name in self._closed.names
+            if not self._is_wanted(number, spec, k):
+                self._waiting.discard(spec.name)
+                if is_closed:
+                    yield Event(k, OPENED, None, spec.name)
+            elif not is_closed:
+                points = self._closed.points[spec.name]
+                in_the_way = [body for body in bodies.values() if body.present and self._overlaps(points, body)]
+                if not in_the_way:
+                    self._waiting.discard(spec.name)
+                    yield Event(k, CLOSED, None, spec.name)
+                elif spec.name not in self._waiting:
+                    self._waiting.add(spec.name)
+                    names = ", ".join(body.spec.name for body in in_the_way)
+                    yield Event(k, WAITING, in_the_way[0].spec.number, f"{spec.name} waits to close: {names} in it")
+
+    def _is_wanted(self, number: int, spec: ClosureSpec, k: int) -> bool:
+        """Return True if a closure is to be closed in a tick, by its times or by draws."""
+        if spec.closed is not None:
+            return any(first <= k * self._step < end for first, end in spec.closed)
+        assert spec.closes is not None
+        assert spec.opens is not None
+        rate = spec.opens if self._drawn[number] else spec.closes
+        if draw(self._seed, Purpose.CLOSURE, number, k) < -math.expm1(-rate * self._step):
+            self._drawn[number] = not self._drawn[number]
+        return self._drawn[number]
+
+    def _overlaps(self, points: NDArray[np.int64], body: Body) -> bool:
+        return bool((self._gaps(points, body) < body.spec.radius).any())
+
+    def _gaps(self, points: NDArray[np.int64], body: Body) -> NDArray[np.float64]:
+        """Return the distance of each point's square from a body's centre, m."""
+        terrain = self._terrain
+        rows, cols = np.divmod(points, terrain.width)
+        half = 0.5 * terrain.point
+        across = np.abs(terrain.origin[0] + cols * terrain.point + half - body.pose.x) - half
+        up = np.abs(terrain.origin[1] + rows * terrain.point + half - body.pose.y) - half
+        return np.hypot(np.maximum(across, 0.0), np.maximum(up, 0.0))

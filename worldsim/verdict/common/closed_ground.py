@@ -1,0 +1,57 @@
+"""The ground of a judged run as it is in each tick, with what is closed by the journal's events."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from patrol.closures import ClosedPoints
+from patrol.ground.closed import ChangingFootprint
+from patrol.prepare import sensor_footprint
+from worldsim.verdict.common.check import JournalReading
+
+if TYPE_CHECKING:
+    from patrol.ground.footprint import Footprint
+    from patrol.ground.terrain import Terrain
+    from patrol.journal import TickRecord
+    from worldsim.verdict.common.check import JudgedRun, Readings
+
+
+class ClosedGround(JournalReading):
+    """The ground, tick by tick. Without closures it never changes.
+
+    Attributes:
+        closed: The points that are closed.
+        changed: Whether something closed or opened before this tick.
+    """
+
+    def __init__(self, run: JudgedRun, readings: Readings) -> None:
+        super().__init__(run, readings)
+        self.closed = ClosedPoints(run.prepared.scenario.closures, run.prepared.terrain)
+        self.changed = False
+        self._events = 0
+
+    @cached_property
+    def footprint(self) -> Footprint:
+        """The robots' sensor on the ground as it is."""
+        footprint = sensor_footprint(self._run.prepared.scenario, self._run.prepared.terrain)
+        if isinstance(footprint, ChangingFootprint):
+            footprint.close(self.closed.grid)
+        return footprint
+
+    @property
+    def terrain(self) -> Terrain:
+        """The ground as it is, for bodies."""
+        return self.footprint.terrain if self.closed.points else self._run.prepared.terrain
+
+    def tick(self, record: TickRecord) -> None:
+        """Take in the events before a tick."""
+        if not self.closed.points:
+            return
+        events = self._run.journal.events
+        self.changed = False
+        while self._events < len(events) and events[self._events].k <= record.k:
+            self.changed |= self.closed.take(events[self._events])
+            self._events += 1
+        if self.changed and isinstance(self.footprint, ChangingFootprint):
+            self.footprint.close(self.closed.grid)

@@ -1,0 +1,91 @@
+"""The ages of the ground while it was open to view, recomputed from the poses and the closures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from patrol.journal import Status
+from patrol.measures.open_ground import OpenAges, OpenGround
+from worldsim.verdict.common.check import JournalReading
+from worldsim.verdict.common.closed_ground import ClosedGround
+from worldsim.verdict.common.robots_there import RobotsThere
+from worldsim.verdict.common.true_fog import TrueFog
+
+if TYPE_CHECKING:
+    from patrol.journal import TickRecord
+    from worldsim.verdict.common.check import JudgedRun, Readings
+
+
+@dataclass(frozen=True, slots=True)
+class OpenFacts:
+    """The figures of a run with closures.
+
+    Attributes:
+        mfow_open_mean_s: Mean over all ticks of the greatest open age, s.
+        mfow_open_late_mean_s: The same over the second half.
+        mfow_open_max_s: The greatest of them.
+        closed_out_share: Share of ground times time that was closed out.
+    """
+
+    mfow_open_mean_s: float
+    mfow_open_late_mean_s: float
+    mfow_open_max_s: float
+    closed_out_share: float
+
+
+class GroundOpen(JournalReading):
+    """The ground that is open to view, tick by tick; nothing of it is known where the scenario has no closures.
+
+    Attributes:
+        open_ground: What each robot can get to and see; None without closures.
+    """
+
+    needs = (RobotsThere, ClosedGround)
+
+    def __init__(self, run: JudgedRun, readings: Readings) -> None:
+        super().__init__(run, readings)
+        self._ground = readings[ClosedGround]
+        self.open_ground = OpenGround(run.prepared) if run.prepared.scenario.closures else None
+
+    def tick(self, record: TickRecord) -> None:
+        """Take in the places of the robots."""
+        if self.open_ground is not None:
+            places = {row.number: (row.x, row.y) for row in record.robots if row.status is Status.ALIVE}
+            self.open_ground.tick(record.k, self._ground.terrain, self._ground.closed.names, places)
+
+
+class AgesOpen(JournalReading):
+    """The ages of the ground while it was open to view, tick by tick."""
+
+    needs = (RobotsThere, GroundOpen, TrueFog)
+
+    def __init__(self, run: JudgedRun, readings: Readings) -> None:
+        super().__init__(run, readings)
+        self._ground = readings[GroundOpen]
+        self._fog = readings[TrueFog].fog
+        self._ages = OpenAges(run.prepared.patrolled)
+
+    @classmethod
+    def applies(cls, run: JudgedRun) -> bool:
+        """Return True if the scenario has closures."""
+        return bool(run.prepared.scenario.closures)
+
+    def tick(self, record: TickRecord) -> None:
+        """Look at the fog after the tick's observations."""
+        assert self._ground.open_ground is not None
+        self._ages.tick(record.k, self._ground.open_ground.closed_out, self._fog.last_seen)
+
+    def facts(self) -> OpenFacts | None:
+        """Return the figures; None before the first tick."""
+        ages = np.array(self._ages.greatest) * self._run.step
+        if not ages.size:
+            return None
+        return OpenFacts(
+            mfow_open_mean_s=float(ages.mean()),
+            mfow_open_late_mean_s=float(ages[ages.size // 2 :].mean()),
+            mfow_open_max_s=float(ages.max()),
+            closed_out_share=float(np.mean(self._ages.closed_share)),
+        )
