@@ -43,6 +43,11 @@ ELSEWHERE = "elsewhere"
 """What figures call the ground in no zone."""
 
 Cells = Annotated[str, Field(max_length=MOST_TEXT), expecting("the cells of a mask, as fogwatch writes them")]
+Weight = Annotated[
+    float,
+    Field(ge=LEAST_WEIGHT, le=MOST_WEIGHT, strict=True),
+    expecting(f"a number from {LEAST_WEIGHT:g} to {MOST_WEIGHT:g}", bare=True),
+]
 Side = Annotated[int, Field(ge=1, le=MOST_CELLS, strict=True), expecting("a number of cells above 0")]
 
 
@@ -112,7 +117,7 @@ class ZoneSpec(Section):
     polygon: Polygon | None = Field(None, description="m, [[x, y], ...]")
     mask: MaskSpec | None = Field(None, description="FILE.yaml in the format of Nav2's costmap filters, instead")
     keep_out: Flag | None = Field(None, description="true: no body may enter")
-    weight: Positive | None = Field(None, description="a point's age counts so many times; 1 elsewhere")
+    weight: Weight | None = Field(None, description="a point's age counts so many times; 1 elsewhere")
     age: Positive | None = Field(None, description="s, that no point of it should exceed")
 
     @field_validator("mask", mode="before")
@@ -138,8 +143,6 @@ class ZoneSpec(Section):
         rules = [rule for rule in (self.keep_out, self.weight, self.age) if rule is not None]
         if len(rules) != 1:
             raise wrong("", f"{self.name}: exactly one is needed: keep_out: true, a weight or an age")
-        if self.weight is not None and not LEAST_WEIGHT <= self.weight <= MOST_WEIGHT:
-            raise wrong("weight", f"give a number from {LEAST_WEIGHT:g} to {MOST_WEIGHT:g}", self.weight)
         return self
 
     @property

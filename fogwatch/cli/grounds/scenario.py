@@ -84,6 +84,8 @@ def check(what: What, settings: Settings = None) -> None:
     typer.echo(f"  {area:.0f} m² to patrol on {prepared.terrain.name}, points of {scenario.point:g} m")
     ticks = "1 tick" if scenario.ticks == 1 else f"{scenario.ticks} ticks"
     typer.echo(f"  {scenario.duration:g} s in {ticks} of {scenario.step:g} s")
+    if not scenario.docks and any(spec.battery is not None for spec in scenario.roster):
+        typer.echo("  no docks, so batteries are never charged")
     for line in _faults(scenario):
         typer.echo(f"  {line}")
     typer.echo(f"  scenario hash {digest}")

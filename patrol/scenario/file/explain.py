@@ -115,7 +115,7 @@ def _describe(
         case "crossed":
             return f"{where}{context['value']}: {context['problem']}"
     expected = _expected(problem, section)
-    if context.get("bare") and note:
+    if note and (context.get("bare") or problem["type"] == "tuple_type"):
         expected = f"{expected} ({note})"
     return f"{where} = {quoted(problem['input'])}: {expected}"
 

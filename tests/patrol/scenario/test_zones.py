@@ -81,8 +81,8 @@ def test_hashes() -> None:
 @pytest.mark.parametrize(
     ("zones", "message"),
     [
-        ([zone(weight=0)], r"zones\.0\.weight = 0: expected a number above 0"),
-        ([zone(weight=1e6)], r"zones\.0\.weight = 1e\+06: give a number from 0\.001 to 1000"),
+        ([zone(weight=0)], r"zones\.0\.weight = 0: expected a number from 0\.001 to 1000"),
+        ([zone(weight=1e6)], r"zones\.0\.weight = 1000000\.0: expected a number from 0\.001 to 1000"),
         ([zone(polygon=SQUARE[:2], weight=2)], r"zones\.0\.polygon = .*: expected 3 or more corners"),
         (
             [zone(polygon=[[2, 2], [30, 2], [50, 2]], weight=2)],
