@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from agent.robots.ros2.pose.initial import InitialPose
     from agent.robots.ros2.rivals import Rivals
     from agent.robots.ros2.settings import DriveSettings
+    from patrol.ground.terrain import Terrain
     from patrol.pose import Pose
     from patrol.ros2.link import ZenohRos2Link
     from patrol.ros2.ports import Ros2Link
@@ -104,12 +105,17 @@ def _run(process: ProcessContext) -> int:
         raise BadInput(f"{options.scenario}: closures: a ROS 2 robot reports nothing blocked here; drop them")
     if scenario is not None and any(spec.battery is not None for spec in scenario.roster):
         raise BadInput(f"{options.scenario}: robots.battery: a ROS 2 robot reports no charge here; drop it and docks")
-    _check_map(options, name, scenario, overrides)
+    terrain = _check_map(options, name, scenario, overrides)
     for spec in () if scenario is None else scenario.roster:
         if spec.name == name:
             settings = settings.of_body(spec.model, spec.limits)
             if options.start == SCENARIO_START:
                 settings = _started(settings, spec)
+            break
+    else:
+        if options.start == SCENARIO_START:
+            raise BadInput(f"--start scenario: {name} is not in {options.scenario}; give --name, or a pose")
+    _check_start(settings, terrain)
     link = _link(process)
     process.closing.callback(link.close)
     factor = 1.0 if scenario is None or scenario.factor is None else scenario.factor
@@ -170,15 +176,31 @@ def _alone(hardware: Hardware, process: ProcessContext) -> Rivals:
     return rivals.watch()
 
 
-def _check_map(options: argparse.Namespace, name: str, scenario: Scenario | None, overrides: dict[str, object]) -> None:
-    """Say what is wrong with the map, if it is given, before anything waits for the robot."""
+def _check_map(
+    options: argparse.Namespace, name: str, scenario: Scenario | None, overrides: dict[str, object]
+) -> Terrain | None:
+    """Say what is wrong with the map, if it is given, before anything waits for the robot; return the map."""
     from patrol.ground.maps import load_terrain
     from patrol.pose import Pose
 
     if scenario is None and options.map is not None:
         scenario = _scenario(options, name, options.map, Pose(0.0, 0.0, 0.0), overrides)
-    if scenario is not None:
-        load_terrain(scenario.terrain, scenario.point, Path(), zones=scenario.zones)
+    if scenario is None:
+        return None
+    return load_terrain(scenario.terrain, scenario.point, Path(), zones=scenario.zones)
+
+
+def _check_start(settings: DriveSettings, terrain: Terrain | None) -> None:
+    """Refuse a start off the map, before the robot's localisation is told."""
+    start = settings.localisation.start
+    if start is None or terrain is None:
+        return
+    xmin, ymin, xmax, ymax = terrain.bounds
+    if not (xmin <= start.x <= xmax and ymin <= start.y <= ymax):
+        raise BadInput(
+            f"--start: ({start.x:g}, {start.y:g}) is not on {terrain.name}, which spans x {xmin:g} to {xmax:g} m and "
+            f"y {ymin:g} to {ymax:g} m"
+        )
 
 
 def _link(process: ProcessContext) -> ZenohRos2Link:
@@ -227,7 +249,11 @@ def _found(hardware: Hardware, link: ZenohRos2Link, process: ProcessContext) -> 
         doubt = hardware.why if fix is None else "" if initial is None else initial.doubt(fix.pose, now)
         if fix is not None and not doubt:
             return fix.pose
+        if fix is not None and initial is not None and not initial.was_told:
+            raise BadInput(f"--start: the robot is localised already, and {doubt}")
         if initial is not None:
+            if not initial.was_told and hardware.stamp_ns():
+                process.log.info("tells the robot's localisation where --start says it is")
             initial.tell(hardware.stamp_ns(), now)
         if now - reported_at < SAY_S and now - began < wait_s:
             continue

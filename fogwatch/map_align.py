@@ -35,6 +35,9 @@ LEAST_AGREEMENT = 0.5
 """Share of the walls that must agree where maps lie on each other."""
 LEAST_LEAD = 0.1
 """By how much the best place must agree better than every other one."""
+LEAST_WALLS = 10
+"""Points of wall of a map at least."""
+
 LEAST_COMMON = 0.6
 """Share of a map's walls that counts as common at least: fewer that agree prove little."""
 
@@ -108,8 +111,8 @@ def wall_map(terrain: Terrain) -> WallMap:
         says = read_map_file(terrain.source)
         occupied = touched_points(marked_cells(says), says.resolution, point, terrain.shape)
     walls = occupied & _grown(free) & ~free
-    if not walls.any():
-        raise BadInput(f"{terrain.name}: shows no wall beside free ground, so nothing can be laid on another map's")
+    if (count := np.count_nonzero(walls)) < LEAST_WALLS:
+        raise BadInput(f"{terrain.name}: shows {count} points of wall beside free ground; {LEAST_WALLS} are needed")
     return WallMap(walls, free | walls, point, origin)
 
 

@@ -92,11 +92,11 @@ class Closings:
         self._shape = terrain.shape
         self._ticks: list[int] = [0]
         self._names: list[frozenset[str]] = [frozenset()]
+        self._grid: tuple[frozenset[str], BoolGrid] = frozenset(), start.grid
         for event in events:
             if start.take(event):
                 self._ticks.append(event.k)
                 self._names.append(frozenset(start.names))
-        self._grid: tuple[frozenset[str], BoolGrid] = frozenset(), start.grid
 
     def names(self, k: int) -> frozenset[str]:
         """Return the closures that are closed in a tick."""

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.routes.ground import Area
+from patrol.exchange import MOST_BLOCKED
 from patrol.ground.closed import ChangingFootprint, faces
 from patrol.ground.fields import StaticFields, clearance_levels, needed_level, parts_of, proxies_of
 from patrol.radio.message import as_received
@@ -88,7 +89,11 @@ class Blocked:
         grid = (self._seen_at != UNSEEN) & (self._seen_at >= sensed.k - self._memory)
         self._footprint.close(grid)
         here = as_received(sensed.pose)
-        while (free := np.setdiff1d(faces(self._footprint.visible(here), grid), known)).size:
+        # A full list may leave out points that are blocked.
+        while (
+            len(sensed.blocked) < MOST_BLOCKED
+            and (free := np.setdiff1d(faces(self._footprint.visible(here), grid), known)).size
+        ):
             grid.reshape(-1)[free] = False
             self._footprint.close(grid)
         self._seen_at[~grid] = UNSEEN

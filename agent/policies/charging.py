@@ -257,7 +257,7 @@ class Charging:
         nearest = best if best is not None else self._nearest(view)
         if nearest is None:
             return False
-        direct_m = self._way(view, nearest)
+        direct_m = self._open_length(nearest, (view.pose.x, view.pose.y), view)
         way_m = DETOUR * direct_m + 2.0 * view.stride
         left_j = (charge - battery.reserve) * battery.capacity_j
         if left_j <= way_m * self._use_per_m:
@@ -343,13 +343,14 @@ class Charging:
         return self._length(index, (view.pose.x, view.pose.y), view)
 
     def _length(self, index: int, spot: Spot, view: View) -> float:
-        """Return the length of the way from x and y in m to a dock, m; as the crow flies where no way is known.
-
-        A dock that the robot believes shut out is as far as can be, so that it goes to another one.
-        """
-        dock = self._docks[index]
-        if view.fog.left_out is not None and view.fog.left_out[dock.point]:
+        """Return `_open_length`; of a dock that the robot believes shut out `SHUT_OUT_M`, so that it takes another."""
+        if view.fog.left_out is not None and view.fog.left_out[self._docks[index].point]:
             return SHUT_OUT_M
+        return self._open_length(index, spot, view)
+
+    def _open_length(self, index: int, spot: Spot, view: View) -> float:
+        """Return the length of the way from x and y in m to a dock, m; as the crow flies where no way is known."""
+        dock = self._docks[index]
         length = float(dock.ways[view.point_of(spot)])
         return length if math.isfinite(length) else math.dist(dock.place, spot)
 

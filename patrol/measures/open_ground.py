@@ -1,8 +1,8 @@
 """The ground that robots can see with what is closed now, and the ages of points while they were open to view.
 
-A point is *closed out* while no robot gets to a place from which it could be seen, because of what is closed. For
-example, when the door of a room closes behind all robots, the room is closed out until the door opens, but for what is
-in sight through a gap or a window; while one robot is inside, it is not.
+A point is *closed out* while no robot gets to a place from which it could be seen, and one would with nothing closed.
+For example, when the door of a room closes behind all robots, the room is closed out until the door opens, but for what
+is in sight through a gap or a window; while one robot is inside, it is not.
 
 The *open age* of a point counts the ticks since it was last seen in which it was not closed out.
 """
@@ -34,7 +34,8 @@ class OpenGround:
     nothing is computed in other ticks.
 
     Attributes:
-        closed_out: bool (height, width), the patrolled points that no robot can get to and see.
+        closed_out: bool (height, width), the patrolled points that no robot can get to and see, and one could with
+            nothing closed. Without robots there are none.
     """
 
     def __init__(self, prepared: Prepared) -> None:
@@ -65,14 +66,16 @@ class OpenGround:
         for number, out in self._out.items():
             last_out = self._last_out.setdefault(number, np.full(out.shape, NEVER_OUT, dtype=np.int32))
             last_out[out] = k - 1
-        patrolled = self._prepared.patrolled
         self._out = {}
         if not closed:
             self.closed_out = np.zeros(terrain.shape, dtype=np.bool_)
             return
-        seen = self._seen(terrain, places)
-        self._out = {number: patrolled & ~seen[number] for number in places}
-        self.closed_out = np.logical_and.reduce([patrolled, *self._out.values()])
+        patrolled = self._prepared.patrolled
+        would, seen = self._seen(self._prepared.terrain, places), self._seen(terrain, places)
+        self._out = {number: patrolled & would[number] & ~seen[number] for number in places}
+        nobody = np.zeros(terrain.shape, dtype=np.bool_)
+        self.closed_out = np.logical_or.reduce([nobody, *self._out.values()])
+        self.closed_out &= ~np.logical_or.reduce([nobody, *seen.values()])
 
     def last_seen_or_out(self, number: int, k: int, last_seen: NDArray[np.int32]) -> NDArray[np.int32]:
         """Return when a robot last had no reason to go and see each point, int32 (height, width).

@@ -6,6 +6,7 @@ other modules import.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
@@ -166,13 +167,17 @@ class Scenario(Section):
             if self.patrol.blocked_memory != PatrolSpec.model_fields["blocked_memory"].default:
                 raise wrong("patrol.blocked_memory", "there are no closures, so nothing is seen blocked; drop it")
             return
-        if self.patrol.paths == "regions":
-            limit = "regions: they are cut from the map and know no closures; set it to wave, or drop closures"
+        if self.patrol.paths != "wave":
+            limit = f"{self.patrol.paths} knows the map and no closures; set it to wave, or drop closures"
             raise wrong("patrol.options.paths", limit)
         for number, closure in enumerate(self.closures):
             if closure.closed is not None and (first := closure.closed[0][0]) >= self.duration:
                 limit = f"{closure.name} closes at {first:g} s, and the run ends at {self.duration:g} s; correct it"
                 raise wrong(f"closures.{number}.closed", limit)
+            for first, end in closure.closed or ():
+                if math.ceil(first / self.step) * self.step >= end:
+                    limit = f"{closure.name}: {first:g} to {end:g} s holds no tick of {self.step:g} s; make it longer"
+                    raise wrong(f"closures.{number}.closed", limit)
 
     def _check_roster(self) -> None:
         if all(spec.spare for spec in self.roster):

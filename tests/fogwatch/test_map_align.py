@@ -126,7 +126,7 @@ def test_landmarks_that_say_nothing_of_the_turn_are_refused(
 
 
 def test_a_ground_without_walls_is_refused() -> None:
-    with pytest.raises(BadInput, match=r"shows no wall"):
+    with pytest.raises(BadInput, match=r"shows 0 points of wall"):
         wall_map(Terrain("none", np.zeros((4, 4), dtype=np.bool_), POINT))
 
 

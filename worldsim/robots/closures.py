@@ -82,8 +82,9 @@ class Closures:
         if body.bumped:
             reach = body.spec.radius + body.spec.speed * self._step + self._terrain.point
             points = np.flatnonzero(grid)
-            shown = np.union1d(shown, points[self._gaps(points, body) <= reach])
-        return tuple(shown[:MOST_BLOCKED].tolist())
+            felt = points[self._gaps(points, body) <= reach]
+            shown = np.concatenate([felt, np.setdiff1d(shown, felt)])
+        return tuple(sorted(shown[:MOST_BLOCKED].tolist()))
 
     def _due(self, k: int, bodies: Mapping[int, Body]) -> Iterator[Event]:
         for number, spec in enumerate(self._specs):

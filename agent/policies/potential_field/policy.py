@@ -76,7 +76,8 @@ class PotentialField:
         rivals = [(row, col) for row, col in view.ground.static.join_each(self._separation.rivals(view)).tolist()]
         fog = view.fog
         dilated = partial(fog.dilated_around, (start[0] - 1, start[1] - 1))
-        pull = self._field.pull(view.ground, *start, fog.last_seen, dilated, view.tick, view.mfow, rivals, fog.looked)
+        seen = fog.last_seen if fog.left_out is None else np.where(fog.left_out, np.int32(view.tick), fog.last_seen)
+        pull = self._field.pull(view.ground, *start, seen, dilated, view.tick, view.mfow, rivals, fog.looked)
         if self._fuzzy is not None:
             np.multiply(pull.sums, self._fuzzy.coefficients(start[0] - 1, start[1] - 1), out=pull.sums)
         if "repulsion" in self._options.separations:

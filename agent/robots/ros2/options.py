@@ -190,13 +190,13 @@ def drive_settings(options: argparse.Namespace) -> DriveSettings:
     start, variances = None, VARIANCES
     if options.start == SCENARIO_START and options.scenario is None:
         raise BadInput("--start scenario: there is none; give --scenario, or a pose")
-    if options.start is not None and Path(options.start).is_file():
+    if options.start not in {None, SCENARIO_START} and _is_file(options.start):
         from agent.robots.ros2.pose.initial import read_initial_pose
 
-        there, variances = read_initial_pose(Path(options.start), "--start")
+        there, variances = read_initial_pose(Path(options.start), "--start", options.map_frame)
         start = composed(transform, there)
     elif options.start not in {None, SCENARIO_START}:
-        start = _pose("--start", options.start, " or a file that exists")
+        start = _pose("--start", options.start, ", or a file that exists")
     turning_radius = TURNING_RADIUS if options.turning_radius is None else options.turning_radius
     limits = Limits(options.speed, options.radius, turning_radius)
     return DriveSettings(
@@ -242,6 +242,13 @@ def domain_of(options: argparse.Namespace) -> int:
 def _check(option: str, value: float, least: float, most: float) -> None:
     if not math.isfinite(value) or not least <= value <= most:
         raise BadInput(f"{option} {value:g}: out of range; give {least:g} to {most:g}")
+
+
+def _is_file(name: str) -> bool:
+    try:
+        return Path(name).is_file()
+    except OSError:  # such as a name that is too long
+        return False
 
 
 def _pose(option: str, text: str, otherwise: str = "") -> Pose:

@@ -17,6 +17,7 @@ from patrol.process.starting.warmup import warm
 
 if TYPE_CHECKING:
     from fogwatch.map_align import Place, WallMap
+    from patrol.ground.terrain import Terrain
     from patrol.pose import Pose
 
 EXAMPLES = [
@@ -26,6 +27,9 @@ EXAMPLES = [
 
 MOST_OFF_M = 10.0
 """The largest tolerance of landmarks, m."""
+
+APART_TOLERANCES = 10.0
+"""Distance of the farthest two landmarks at least, in tolerances."""
 
 
 def align(
@@ -52,6 +56,8 @@ def align(
     if tolerance > MOST_OFF_M:
         raise BadInput(f"--tolerance = {tolerance:g}: allows anything; give at most {MOST_OFF_M:g}, in m")
     pairs = [_pair(text) for text in landmark or []]
+    if picture is not None and picture.suffix.lower() != ".png":
+        raise BadInput(f"--picture {picture}: expected a name that ends in .png")
     warm(("patrol",), lambda line: typer.echo(line, err=True), SELDOM)
     from fogwatch.map_align import (  # here: its library takes a while
         LEAST_AGREEMENT,
@@ -64,9 +70,12 @@ def align(
     )
 
     terrain_a, terrain_b = named_terrain(own, point), named_terrain(ours, point)
+    if picture is not None:
+        _check_picture(picture, (terrain_a, terrain_b))
     a, b = wall_map(terrain_a), wall_map(terrain_b)
     names = terrain_a.name, terrain_b.name
     if pairs:
+        _check_places(pairs, (terrain_a, terrain_b), tolerance)
         transform, off_m = fit_landmarks(pairs)
         for number, (text, off) in enumerate(zip(landmark or [], off_m, strict=True), start=1):
             typer.echo(printable(f"landmark {number}, {text}: off by {off:.2f} m"))
@@ -93,6 +102,33 @@ def align(
     turned = f"turned by {transform.heading:.4f} rad ({math.degrees(transform.heading):.1f} degrees)"
     typer.echo(printable(f"{own} on {ours}: its (0, 0) is at ({transform.x:.3f}, {transform.y:.3f}) m, {turned}"))
     typer.echo(f"--transform={spelled(transform)}")
+
+
+def _check_places(pairs: list[tuple[Place, Place]], terrains: tuple[Terrain, Terrain], tolerance: float) -> None:
+    """Refuse landmarks off their map, and landmarks so near to each other that they say little of the turn."""
+    for terrain, places in zip(terrains, zip(*pairs, strict=True), strict=True):
+        xmin, ymin, xmax, ymax = terrain.bounds
+        for x, y in places:
+            if not (xmin <= x <= xmax and ymin <= y <= ymax):
+                span = f"spans x {xmin:g} to {xmax:g} m and y {ymin:g} to {ymax:g} m"
+                raise BadInput(f"--landmark: ({x:g}, {y:g}) is not on {terrain.name}, which {span}")
+    apart = max(math.dist(one, other) for one, _ in pairs for other, _ in pairs)
+    if len(pairs) > 1 and apart < APART_TOLERANCES * tolerance:
+        least = APART_TOLERANCES * tolerance
+        raise BadInput(
+            f"--landmark: all lie within {apart:.2f} m on A; give some at least {least:g} m apart, or a smaller --tolerance"
+        )
+
+
+def _check_picture(picture: Path, terrains: tuple[Terrain, Terrain]) -> None:
+    """Refuse to draw over a map's own files."""
+    from patrol.ground.map_file import read_map_file
+
+    for terrain in terrains:
+        if terrain.source is not None:
+            image = read_map_file(terrain.source).image
+            if picture.resolve() in (image.resolve(), Path(terrain.source).resolve()):
+                raise BadInput(f"--picture {picture}: is a file of the map {terrain.name}; give another name")
 
 
 def _draw(

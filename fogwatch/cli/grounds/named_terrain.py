@@ -21,7 +21,11 @@ def named_terrain(what: str, point: float) -> Terrain:
     """
     if what in LAYOUTS:
         return builtin_terrain(what, point)
-    if not Path(what).exists():
+    try:
+        is_there = Path(what).exists()
+    except OSError:  # such as a name that is too long
+        is_there = False
+    if not is_there:
         raise BadInput(f"{what}: no such map file, and no built-in terrain; {did_you_mean(what, tuple(LAYOUTS))}")
     from patrol.ground.maps import read_terrain
 

@@ -49,6 +49,14 @@ def test_a_half_without_a_robot_is_closed_out(halves: Prepared) -> None:
     assert not ground.closed_out.any()
 
 
+def test_without_robots_nothing_is_closed_out(halves: Prepared) -> None:
+    ground = OpenGround(halves)
+    ground.tick(0, closed(halves), {"wall"}, {1: WEST})
+    assert ground.closed_out.any()
+    ground.tick(1, closed(halves), {"wall"}, {})
+    assert not ground.closed_out.any()
+
+
 def test_a_robot_is_not_asked_to_see_what_it_cannot_get_to(halves: Prepared) -> None:
     ground, seen = OpenGround(halves), np.full(halves.terrain.shape, 3, dtype=np.int32)
     both = {1: WEST, 2: EAST}
@@ -80,6 +88,7 @@ def test_ages_stand_still_while_a_point_is_closed_out() -> None:
 
 def test_closings_say_what_is_closed_at_any_tick(halves: Prepared) -> None:
     events = [Event(4, "closed", None, "wall"), Event(4, "dead", 1, "wall"), Event(9, "opened", None, "wall")]
+    assert not Closings(halves.scenario.closures, halves.terrain, events[:1]).grid(0).any(), "closed at the end"
     closings = Closings(halves.scenario.closures, halves.terrain, events)
     assert [len(closings.names(k)) for k in (0, 3, 4, 8, 9, 20)] == [0, 0, 1, 1, 0, 0]
     assert closings.grid(8)[40, 50]

@@ -70,7 +70,7 @@ def test_settings_without_effect_or_support_are_refused() -> None:
     with pytest.raises(BadInput, match=r"patrol\.blocked_memory: there are no closures, so nothing is seen blocked"):
         load_scenario(YARDS | {"patrol": {"blocked_memory": 30}})
     regions = {"policy": "potential-field", "options": {"paths": "regions"}}
-    with pytest.raises(BadInput, match=r"patrol\.options\.paths: regions: they are cut from the map"):
+    with pytest.raises(BadInput, match=r"patrol\.options\.paths: regions knows the map and no closures"):
         load_scenario(YARDS | {"patrol": regions, "closures": [closure()]})
 
 

@@ -137,7 +137,9 @@ class ProgressCheck(Check):
     def __init__(self, run: JudgedRun, readings: Readings) -> None:
         super().__init__(run, readings)
         self._fog = readings[TrueFog].fog
-        self._traps = Traps(run.prepared, readings[GroundOpen].open_ground)
+        self._open_ground = readings[GroundOpen].open_ground
+        self._was_closed_out = False
+        self._traps = Traps(run.prepared, self._open_ground)
         self._found: dict[tuple[int, int], Trap] = {}
         self._stays: dict[int, tuple[int, Stay]] = {}
         self._patrolled: Counter[int] = Counter()
@@ -164,6 +166,7 @@ class ProgressCheck(Check):
                 assert stay is not None
                 self._stays[number] = k - since, stay
         self._seen.append(fog.seen)
+        self._was_closed_out |= self._open_ground is not None and bool(self._open_ground.closed_out.any())
         age = fog.mfow(k)
         if self._worst is None or age > self._worst[0]:
             point = fog.stalest()
@@ -256,8 +259,8 @@ class ProgressCheck(Check):
 
     def _about_fog(self) -> tuple[list[str], str]:
         """Warnings about the fog at the end, and without any what was found."""
-        if self._run.prepared.scenario.closures:
-            return [], "the fog is not judged, as ground was closed out; mfow_open_max_s says how old open ground got"
+        if self._was_closed_out:
+            return [], self._behind_closures()
         end, never = self.facts().end, self._fog.points - self._fog.seen
         took_s = self._end * self._run.step
         assert end is not None
@@ -272,6 +275,17 @@ class ProgressCheck(Check):
         if took_s < least_s:
             return [], f"the fog is not judged: the run takes {took_s:g} s, and it would have to take {least_s:.0f} s"
         return [self._never(never, took_s) if never else self._stale(end)], ""
+
+    def _behind_closures(self) -> str:
+        """Return what is said of the fog where ground was closed out."""
+        assert self._open_ground is not None
+        missing = (self._fog.last_seen == NEVER) & (self._fog.patrolled != 0)
+        said = "the fog is not judged, as ground was closed out; mfow_open_max_s says how old open ground got"
+        if not missing.any():
+            return said
+        area = self._run.prepared.terrain.point_area
+        never, out = (area * np.count_nonzero(points) for points in (missing, missing & self._open_ground.closed_out))
+        return f"{said}; {never:.0f} m² were never seen, of which {out:.0f} m² are closed out at the end"
 
     def _without_tour(self, never: int, took_s: float) -> tuple[list[str], str]:
         """Return the same where there is no tour to compare with: only ground that was never seen is judged."""

@@ -1,7 +1,8 @@
 """Where a robot stands at first: read from a command line or a file of ROS, and told to its localisation.
 
-AMCL says nothing, or something wrong, until it is told on ``initialpose`` where the robot is; RViz does that with a
-click. A message that is sent before AMCL listens is lost, so it is repeated until the localisation agrees:
+AMCL says nothing until it is told on ``initialpose`` where the robot is; RViz does that with a click. A message that is
+sent before AMCL listens is lost, so it is repeated until the localisation agrees. A localisation that knows where the
+robot is already is told nothing: it would believe a wrong place too.
 
     tell (1.5, 2, 0)    ... no transform yet ...    tell again    ... map -> odom comes, 0.1 m off: the robot is found
 """
@@ -62,6 +63,11 @@ class InitialPose:
             self._sender.send(PoseWithCovarianceStamped(stamp_ns, told.frame, told.pose, told.variances))
             self._first_s, self._last_s = min(self._first_s, moment_s), moment_s
 
+    @property
+    def was_told(self) -> bool:
+        """Whether the pose was sent. From then on the localisation says what it was told, be it right or not."""
+        return not math.isinf(self._first_s)
+
     def doubt(self, pose: Pose, moment_s: float) -> str:
         """Tell why the localisation does not agree, in one line; empty if it does.
 
@@ -69,7 +75,7 @@ class InitialPose:
             pose: Where it says that the robot is, on our map.
             moment_s: Our time, s.
         """
-        if moment_s - self._first_s < SETTLED_S or math.isinf(self._first_s):
+        if self.was_told and moment_s - self._first_s < SETTLED_S:
             return "its localisation has just been told where it is"
         away_m = math.dist((pose.x, pose.y), (self._start.x, self._start.y))
         turned = abs(wrap(pose.heading - self._start.heading))
@@ -78,11 +84,11 @@ class InitialPose:
         where = f"({pose.x:.2f}, {pose.y:.2f}, {pose.heading:.2f})"
         return (
             f"its localisation has it at {where}, {away_m:.2f} m and {turned:.2f} rad from --start; "
-            "correct --start, or see whether its localisation takes poses on initialpose"
+            "correct --start or leave it out, or see whether its localisation takes poses on initialpose"
         )
 
 
-def read_initial_pose(path: Path, option: str) -> tuple[Pose, Variances]:
+def read_initial_pose(path: Path, option: str, frame: str) -> tuple[Pose, Variances]:
     """Read a pose on the robot's map from a file of ROS, in one of two forms.
 
     A message, as ``ros2 topic echo --once /amcl_pose > pose.yaml`` writes it; of several the last counts. Or parameters
@@ -91,6 +97,7 @@ def read_initial_pose(path: Path, option: str) -> tuple[Pose, Variances]:
     Args:
         path: The file.
         option: What gave it, for errors.
+        frame: Of the robot's map, which a message has to be in.
 
     Returns:
         The pose, and its variances: those of a message as far as they are above 0, otherwise RViz's.
@@ -102,7 +109,7 @@ def read_initial_pose(path: Path, option: str) -> tuple[Pose, Variances]:
     messages = [text for text in re.split(r"^---\s*$", read_text(path, POSE), flags=re.MULTILINE) if text.strip()]
     says = parse_yaml(messages[-1], str(path)) if messages else None
     if isinstance(says, Mapping) and isinstance(says.get("pose"), Mapping):
-        return _of_message(where, says)
+        return _of_message(where, says, frame)
     found = list(_initial_poses(says, ""))
     if len(found) > 1:
         names = ", ".join(name for name, _ in found)
@@ -115,8 +122,12 @@ def read_initial_pose(path: Path, option: str) -> tuple[Pose, Variances]:
     return Pose(x, y, wrap(yaw)), VARIANCES
 
 
-def _of_message(where: str, says: Mapping[str, Any]) -> tuple[Pose, Variances]:
+def _of_message(where: str, says: Mapping[str, Any], frame: str) -> tuple[Pose, Variances]:
     """Return pose and variances of a PoseWithCovarianceStamped, or of a PoseStamped, which has no variances."""
+    header = says.get("header")
+    given = header.get("frame_id", frame) if isinstance(header, Mapping) else frame
+    if given != frame:
+        raise BadInput(f"{where}: header.frame_id = {quoted(given)}: expected {frame}, the robot's map; echo amcl_pose")
     outer, within = says["pose"], "pose"
     if isinstance(outer.get("pose"), Mapping):
         outer, within, covariance = outer["pose"], "pose.pose", outer.get("covariance")
@@ -158,5 +169,5 @@ def _mapping(where: str, says: Mapping[str, Any], key: str) -> Mapping[str, Any]
 def _number(where: str, says: Mapping[Any, Any], key: Any) -> float:
     value = says.get(key)
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise BadInput(f"{where}.{key} = {quoted(value)}: expected a finite number, in m or rad")
+        raise BadInput(f"{where}.{key} = {quoted(value)}: expected a finite number")
     return float(value)

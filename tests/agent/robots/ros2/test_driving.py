@@ -311,13 +311,20 @@ def test_a_robot_stands_where_its_scenario_says(endpoint: str, tmp_path: Path) -
         made.drives()
 
 
-def test_a_robot_that_its_localisation_has_elsewhere_is_not_driven(endpoint: str, tmp_path: Path) -> None:
-    """It was localised before, and takes no pose where it is not."""
+def test_a_localised_robot_is_not_told_another_place(endpoint: str, tmp_path: Path) -> None:
+    """Its localisation would believe it, and then agree."""
     with bench(endpoint, "rmw_zenoh", tmp_path) as made:
-        agent = made.agent("--start", "6,4.5,0", "--topic", "initialpose=elsewhere", "--wait", "4")
+        agent = made.agent("--start", "6,4.5,0")
         assert agent.wait(PATIENCE_S) == 2
         made.until(lambda: any("its localisation has it at (1." in line for line in made.said))
+        assert not any("tells the robot's localisation" in line for line in made.said)
         assert made.robot.commands == 0
+
+
+def test_a_start_off_the_map_is_not_told(endpoint: str, tmp_path: Path) -> None:
+    with bench(endpoint, "rmw_zenoh", tmp_path, Habits(is_lost=True)) as made:
+        assert made.agent("--start", "500,500,0").wait(PATIENCE_S) == 2
+        made.until(lambda: any("--start: (500, 500) is not on" in line for line in made.said))
 
 
 def test_a_map_may_come_from_the_robot(endpoint: str, tmp_path: Path) -> None:

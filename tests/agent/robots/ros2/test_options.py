@@ -103,7 +103,7 @@ def test_the_domain_is_the_environments_unless_it_is_given(monkeypatch: pytest.M
         (["--start", "1,2,inf"], "--start 1,2,inf: not finite"),
         (
             ["--start", "nowhere.yaml"],
-            "nowhere.yaml: not a pose; give X,Y,HEADING in m and rad, such as 1.5,2,0 or a file",
+            "nowhere.yaml: not a pose; give X,Y,HEADING in m and rad, such as 1.5,2,0, or a file",
         ),
         (["--start", "scenario"], "--start scenario: there is none; give --scenario, or a pose"),
         (["--transform", "1,2,0"], "--transform: places the robot's own map on ours; give ours with --map or"),

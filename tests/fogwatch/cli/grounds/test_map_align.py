@@ -55,7 +55,7 @@ def test_landmarks_that_agree_are_taken(maps: tuple[str, str]) -> None:
 
 
 def test_landmarks_where_few_walls_agree_are_warned_about(maps: tuple[str, str]) -> None:
-    told = output(*maps, "--landmark", "0,0=0,0", "--landmark", "5,0=0,5")
+    told = output(*maps, "--landmark", "0,2=0,0", "--landmark", "5,2=0,5")
     assert "few walls agree at these landmarks" in told
 
 
@@ -66,7 +66,9 @@ def test_landmarks_where_few_walls_agree_are_warned_about(maps: tuple[str, str])
         (["--landmark", "1,2=3,x"], "--landmark 1,2=3,x: expected AX,AY=BX,BY in m"),
         (["--landmark", "1,2=3,inf"], "--landmark 1,2=3,inf: expected AX,AY=BX,BY in m"),
         (["--landmark", "1,2=3,4"], "--landmark: one says nothing of the turn; give two or more"),
-        (["--landmark", "0,0=0,0", "--landmark", "5,0=7,0"], "off by 1.00 m, and --tolerance is 0.3 m; correct the"),
+        (["--landmark", "0,2=1,1", "--landmark", "5,2=8,1"], "off by 1.00 m, and --tolerance is 0.3 m; correct the"),
+        (["--landmark", "0,2=1,1", "--landmark", "1,2=2,1"], "--landmark: all lie within 1.00 m on A; give some at"),
+        (["--landmark", "1e308,2=1,1", "--landmark", "5,2=6,1"], "--landmark: (1e+308, 2) is not on own, which spans"),
         (["--point", "0"], "--point = 0: expected a finite number above 0, in m"),
         (["--tolerance", "99"], "--tolerance = 99: allows anything; give at most 10, in m"),
         (["--picture", "/none/such/folder.png"], "cannot be written"),
@@ -88,3 +90,10 @@ def test_a_symmetric_terrain_is_refused_and_still_drawn(tmp_path: Path) -> None:
 def test_a_map_that_is_not_there_is_refused() -> None:
     with pytest.raises(BadInput, match=r"nowhere\.yaml: no such map file"):
         output("nowhere.yaml", "yards")
+
+
+def test_a_picture_is_not_drawn_over_a_map(maps: tuple[str, str], tmp_path: Path) -> None:
+    before = (tmp_path / "room.png").read_bytes()
+    with pytest.raises(BadInput, match=r"room\.png: is a file of the map own"):
+        output(*maps, "--picture", str(tmp_path / "room.png"))
+    assert (tmp_path / "room.png").read_bytes() == before

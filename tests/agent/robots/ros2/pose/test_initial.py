@@ -48,7 +48,7 @@ def echoed(x: float = 1.5, heading: float = 0.5, variances: tuple[float, float, 
 def read(folder: Path, text: str) -> tuple[Pose, tuple[float, float, float]]:
     path = folder / "pose.yaml"
     path.write_text(text, encoding="utf-8")
-    return read_initial_pose(path, "--start")
+    return read_initial_pose(path, "--start", "map")
 
 
 @pytest.mark.parametrize(
@@ -104,7 +104,8 @@ def test_the_pose_is_told_until_the_localisation_agrees() -> None:
     start = Pose(1.5, 2.0, 3.0)
     initial = InitialPose(start, PoseWithCovarianceStamped(0, "map", start, VARIANCES), sender)
     told = hub.sent["/robot1/initialpose"]
-    assert initial.doubt(start, 0.0), "an old pose counts for nothing"
+    assert not initial.doubt(start, 0.0), "a localisation that agrees is told nothing"
+    assert not initial.was_told
     initial.tell(0, 0.0)
     assert not told, "the robot's time is unknown"
     for moment_s in (0.5, 1.0, 0.5 + AGAIN_S, 0.6 + AGAIN_S):
@@ -112,7 +113,13 @@ def test_the_pose_is_told_until_the_localisation_agrees() -> None:
     assert told == [PoseWithCovarianceStamped(7, "map", start, VARIANCES)] * 2
     assert decode(PoseWithCovarianceStamped, encode(told[0])) == told[0]
     now_s = 0.5 + SETTLED_S
+    assert initial.was_told
     assert initial.doubt(start, now_s - 0.1)
     assert initial.doubt(Pose(2.3, 2.0, -3.1), now_s) == ""
     assert "has it at (4.50, 6.00, 3.00), 5.00 m and 0.00 rad from --start" in initial.doubt(Pose(4.5, 6.0, 3.0), now_s)
     assert "1.00 rad from --start" in initial.doubt(Pose(1.5, 2.0, 2.0), now_s)
+
+
+def test_a_message_in_another_frame_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match=r'header\.frame_id = "odom": expected map'):
+        read(tmp_path, echoed().replace("frame_id: map", "frame_id: odom"))
