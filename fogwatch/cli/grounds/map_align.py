@@ -116,7 +116,8 @@ def _check_places(pairs: list[tuple[Place, Place]], terrains: tuple[Terrain, Ter
     if len(pairs) > 1 and apart < APART_TOLERANCES * tolerance:
         least = APART_TOLERANCES * tolerance
         raise BadInput(
-            f"--landmark: all lie within {apart:.2f} m on A; give some at least {least:g} m apart, or a smaller --tolerance"
+            f"--landmark: all lie within {apart:.2f} m on A; give some at least {least:g} m apart, "
+            "or a smaller --tolerance"
         )
 
 
