@@ -132,7 +132,7 @@ class Committed:
         self._progress_at = 0
         self._on_round = False
         self._may_be_away = bool(setup.docks)
-        self._ground_changes = setup.sight.changes
+        self._left_out_at: int | None = None
         self._decided_at = 0
 
     def _follow(self, laid_out: Round, followers: frozenset[int], team: float) -> None:
@@ -228,8 +228,9 @@ class Committed:
             self._join_crew(view, self.division)
         if self.ahead is None or self.spacing is None or self.periods is None:
             return False
-        # Robots that charge, or see ground blocked, would learn something else, and all have to choose the same.
-        certain = self.spacing.listen(view) and not self._may_be_away and not self._ground_changes
+        # A robot that charges learns nothing meanwhile, and all robots have to choose the same. One that has seen ground
+        # blocked learns nothing either; others may, but without experience fleets stay on rounds that do not pay.
+        certain = self.spacing.listen(view) and not self._may_be_away and not self._was_shut_out(view)
         team = self.spacing.team
         mfow = view.mfow if self.division is None else self.ahead.mfow(view)
         if not self.periods.update(view.tick, mfow, team, self.ahead.interval(team), certain=certain):
@@ -242,6 +243,13 @@ class Committed:
         if self.ahead.cursor is not None:
             self.spacing.note(view)
         return True
+
+    def _was_shut_out(self, view: View) -> bool:
+        """Return True if ground was left out in the last period: then the fog says little about the round."""
+        if view.fog.left_out is not None:
+            self._left_out_at = view.tick
+        at, periods = self._left_out_at, self.periods
+        return at is not None and periods is not None and view.tick - at <= periods.length
 
     def _chosen(self, view: View, start: Element) -> Way | None:
         """Commit to the next target, and return the way there; None where there is none that a way leads to."""
