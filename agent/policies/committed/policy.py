@@ -228,8 +228,8 @@ class Committed:
             self._join_crew(view, self.division)
         if self.ahead is None or self.spacing is None or self.periods is None:
             return False
-        # A robot that charges learns nothing meanwhile, and all robots have to choose the same. One that has seen ground
-        # blocked learns nothing either; others may, but without experience fleets stay on rounds that do not pay.
+        # A robot that charges learns nothing meanwhile, and all robots have to choose the same. One that has seen
+        # ground blocked learns nothing either; others may, since fleets without experience stay on bad rounds.
         certain = self.spacing.listen(view) and not self._may_be_away and not self._was_shut_out(view)
         team = self.spacing.team
         mfow = view.mfow if self.division is None else self.ahead.mfow(view)
