@@ -1,4 +1,4 @@
-"""Where one map, A, lies on another, B: by landmarks that both show, or by laying their walls on each other.
+"""The place of one map, A, on another, B: by landmarks that both show, or by laying their walls on each other.
 
 The result is a rigid transform, the pose of A's frame in B's. A place (2, 0) of A with the transform (10, 5, pi / 2) is
 the place (10, 7) of B.
@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.errors import BadInput
+from patrol.ground.fields import grown
 from patrol.ground.map_cells import marked_cells, touched_points
 from patrol.ground.map_file import read_map_file
 from patrol.ground.terrain import BoolGrid, Terrain
@@ -110,7 +111,7 @@ def wall_map(terrain: Terrain) -> WallMap:
     else:
         says = read_map_file(terrain.source)
         occupied = touched_points(marked_cells(says), says.resolution, point, terrain.shape)
-    walls = occupied & _grown(free) & ~free
+    walls = occupied & grown(free) & ~free
     if (count := np.count_nonzero(walls)) < LEAST_WALLS:
         raise BadInput(f"{terrain.name}: shows {count} points of wall beside free ground; {LEAST_WALLS} are needed")
     return WallMap(walls, free | walls, point, origin)
@@ -153,7 +154,7 @@ def agreement(a: WallMap, b: WallMap, transform: Pose) -> float:
     hits = common = 0.0
     for one, other, pose in ((a, b, transform), (b, a, inverted(transform))):
         places = moved(one.places(), pose)
-        near = _grown(other.walls)
+        near = grown(other.walls)
         hits += _count(near, other, places)
         common += max(_count(other.known | near, other, places), LEAST_COMMON * len(places))
     return hits / common
@@ -237,15 +238,15 @@ def _coarse(a: WallMap, centre: Places, b: WallMap, cell: float, radius: float) 
     shape = tuple(math.ceil(count * b.point / cell) for count in b.walls.shape)
     sizes = [16 * math.ceil((count + side) / 16) for count in shape]
     on_b, around_b = (_raster(b.places(mask) - np.array(b.origin), cell, shape) for mask in (b.walls, b.known))
-    walls_b, near_b, known_b = (np.fft.rfft2(mask, sizes) for mask in (on_b, _grown(on_b), around_b | _grown(on_b)))
+    walls_b, near_b, known_b = (np.fft.rfft2(mask, sizes) for mask in (on_b, grown(on_b), around_b | grown(on_b)))
     turns = math.ceil(2.0 * math.pi * radius / (1.5 * cell))
     middle = np.full(2, 0.5 * side * cell)
     peaks: list[tuple[float, Pose]] = []
     for turn in range(turns):
         heading = 2.0 * math.pi * turn / turns
         on_a, around_a = (_raster(_turned(some, heading) + middle, cell, (side, side)) for some in (walls, known))
-        near_a = _grown(on_a)
-        of_walls, of_near, of_known = (np.conj(np.fft.rfft2(mask, sizes)) for mask in (on_a, near_a, _grown(around_a)))
+        near_a = grown(on_a)
+        of_walls, of_near, of_known = (np.conj(np.fft.rfft2(mask, sizes)) for mask in (on_a, near_a, grown(around_a)))
         hits = np.fft.irfft2(of_walls * near_b + of_near * walls_b, sizes)
         common = np.maximum(np.fft.irfft2(of_walls * known_b, sizes), LEAST_COMMON * np.count_nonzero(on_a))
         common += np.maximum(np.fft.irfft2(of_known * walls_b, sizes), LEAST_COMMON * np.count_nonzero(on_b))
@@ -265,7 +266,7 @@ def _coarse(a: WallMap, centre: Places, b: WallMap, cell: float, radius: float) 
 
 
 class _Nearness:
-    """How near places are to a map's walls: 1 on them, falling evenly to 0 at a distance.
+    """The nearness of places to a map's walls: 1 on them, falling evenly to 0 at a distance.
 
     Args:
         walls: The map.
@@ -273,11 +274,11 @@ class _Nearness:
     """
 
     def __init__(self, walls: WallMap, reach: int) -> None:
-        grown = np.pad(walls.walls, reach + 1)
-        field = grown.astype(np.float64)
+        near = np.pad(walls.walls, reach + 1)
+        field = near.astype(np.float64)
         for _ in range(reach):
-            grown = _grown(grown)
-            field += grown
+            near = grown(near)
+            field += near
         self._field = field / (reach + 1.0)
         self._point = walls.point
         self._corner = np.array(walls.origin) - (reach + 1) * walls.point
@@ -331,17 +332,6 @@ def _raster(places: Places, cell: float, shape: tuple[int, ...]) -> BoolGrid:
     mask = np.zeros(shape, dtype=np.bool_)
     mask[cells[:, 1], cells[:, 0]] = True
     return mask
-
-
-def _grown(mask: BoolGrid) -> BoolGrid:
-    """Return a mask with all eight neighbours of its points."""
-    rows = mask.copy()
-    rows[1:] |= mask[:-1]
-    rows[:-1] |= mask[1:]
-    grown = rows.copy()
-    grown[:, 1:] |= rows[:, :-1]
-    grown[:, :-1] |= rows[:, 1:]
-    return grown
 
 
 def _count(mask: BoolGrid, of: WallMap, places: Places) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 
 from fogwatch.map_align import Place, WallMap, moved
 from fogwatch.pictures.drawing import Key, Layer, canvas, key_column, label, paint, painted, save
+from patrol.ground.fields import grown
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.palette import LIGHT, WALL
 from patrol.pose import Pose
@@ -42,7 +43,7 @@ def overlay_picture(
     sheet = _sheet(a, b, transform)
     walls_a, known_a = (_seen(sheet, a, mask, inverted(transform)) for mask in (a.walls, a.known))
     walls_b, known_b = (_seen(sheet, b, mask, Pose(0.0, 0.0, 0.0)) for mask in (b.walls, b.known))
-    near_a, near_b = _wide(walls_a), _wide(walls_b)
+    near_a, near_b = grown(walls_a), grown(walls_b)
     both = (walls_a & near_b) | (walls_b & near_a)
     both |= near_a & near_b & ~known_a & ~known_b  # the middle of a thick wall is on neither map
     layers = [
@@ -84,14 +85,3 @@ def _seen(sheet: Terrain, one: WallMap, mask: BoolGrid, pose: Pose) -> BoolGrid:
     row = np.floor((pose.y + sin * x + cos * y - one.origin[1]) / one.point).astype(np.int64)
     inside = (row >= 0) & (row < mask.shape[0]) & (col >= 0) & (col < mask.shape[1])
     return np.asarray(inside & mask[np.where(inside, row, 0), np.where(inside, col, 0)])
-
-
-def _wide(mask: BoolGrid) -> BoolGrid:
-    """Return a mask with all eight neighbours of its points."""
-    padded = np.pad(mask, 1)
-    height, width = mask.shape
-    wide = np.zeros_like(mask)
-    for up in range(3):
-        for across in range(3):
-            wide |= padded[up : up + height, across : across + width]
-    return wide

@@ -159,7 +159,7 @@ class Run:
 
     @cached_property
     def closings(self) -> Closings:
-        """What is closed at each tick."""
+        """The closures that are closed at each tick."""
         return Closings(self.prepared.scenario.closures, self.prepared.terrain, self.journal.events)
 
     @property

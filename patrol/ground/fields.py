@@ -165,6 +165,21 @@ def parts_of(mask: BoolGrid) -> tuple[IntGrid, int]:
     return labels, int(label_parts(np.ascontiguousarray(mask).view(np.uint8), labels, work))
 
 
+def grown(mask: BoolGrid) -> BoolGrid:
+    """Return a mask with all eight neighbours of its points.
+
+    Args:
+        mask: bool (h, w).
+    """
+    rows = mask.copy()
+    rows[1:] |= mask[:-1]
+    rows[:-1] |= mask[1:]
+    wide = rows.copy()
+    wide[:, 1:] |= rows[:, :-1]
+    wide[:, :-1] |= rows[:, 1:]
+    return wide
+
+
 def anchor(terrain: Terrain, cspace: BoolGrid, x: float, y: float) -> tuple[int, int] | None:
     """Return the C-space point through which a body joins the C-space.
 

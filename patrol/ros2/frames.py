@@ -5,12 +5,35 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from patrol.errors import BadInput
 from patrol.pose import Pose, wrap
 
 if TYPE_CHECKING:
     from patrol.ros2.messages import Twist
 
 _SMALL_TURN = 1e-6
+
+
+def pose_given(option: str, text: str, otherwise: str = "") -> Pose:
+    """Return the pose that an option of a command line gives.
+
+    Args:
+        option: The option, for errors.
+        text: X,Y,HEADING in m and rad.
+        otherwise: What else the option takes, for errors.
+
+    Raises:
+        BadInput: It is none.
+    """
+    try:
+        x, y, heading = (float(part) for part in text.split(","))
+    except ValueError:
+        raise BadInput(
+            f"{option} {text}: not a pose; give X,Y,HEADING in m and rad, such as 1.5,2,0{otherwise}"
+        ) from None
+    if not all(map(math.isfinite, (x, y, heading))):
+        raise BadInput(f"{option} {text}: not finite; give X,Y,HEADING in m and rad, such as 1.5,2,0")
+    return Pose(x, y, wrap(heading))
 
 
 def composed(outer: Pose, inner: Pose) -> Pose:

@@ -9,7 +9,6 @@ While a closure is closed, no body may enter it and no sensor sees into it or th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Annotated, Any, Self
 
 from pydantic import Field, ValidationInfo, model_validator
@@ -79,11 +78,3 @@ def closures_in_file(value: Any, info: ValidationInfo) -> Any:
     """
     example = "{name: door, polygon: ..., closed: [[60, 90]]}"
     return listed_in_file(value, info, "closures", example)
-
-
-def check_names(closures: Sequence[ClosureSpec]) -> None:
-    """Refuse two closures of one name."""
-    names = [closure.name for closure in closures]
-    for number, name in enumerate(names):
-        if name in names[:number]:
-            raise wrong(f"closures.{number}.name", f"{name} is the name of another closure too; rename one")

@@ -7,7 +7,7 @@ other modules import.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
@@ -18,7 +18,7 @@ from patrol.journal.records import MAX_TICKS
 from patrol.radio.allowance import Share
 from patrol.radio.message import MAX_TIME_MS
 from patrol.radio.units import ms_to_s, s_to_ms
-from patrol.scenario.closures import Closures, check_names, closures_in_file
+from patrol.scenario.closures import Closures, ClosureSpec, closures_in_file
 from patrol.scenario.faults.kinds import Faults
 from patrol.scenario.faults.nemesis_spec import NemesisSpec, room_for
 from patrol.scenario.faults.roster import check_faults
@@ -27,7 +27,7 @@ from patrol.scenario.policies import CommittedPatrol, PaperPatrol, Patrol, Patro
 from patrol.scenario.radio_spec import IdealRadio, Radio, check_radio_spec
 from patrol.scenario.robots import RobotSpec, roster_of
 from patrol.scenario.sections import DockSpec, IntruderSpec, RobotGroup, Robots, SensorSpec, TerrainSpec
-from patrol.scenario.zones import Zones, zones_in_file
+from patrol.scenario.zones import Zones, ZoneSpec, zones_in_file
 from patrol.values.section import Section, wrong
 from patrol.values.types import AUTO, BUILTINS, Name, Pace, Positive, Seed
 
@@ -141,11 +141,8 @@ class Scenario(Section):
         check_refinement(self.patrol, self.roster, self.lengths)
         if isinstance(self.patrol, PaperPatrol):
             check_letter(self.patrol, (spec.model for spec in self.roster), bool(self.intruders))
-        zones = [zone.name for zone in self.zones]
-        for number, name in enumerate(zones):
-            if name in zones[:number]:
-                raise wrong(f"zones.{number}.name", f"{name} is the name of another zone too; rename one")
-        check_names(self.closures)
+        _check_names("zone", self.zones)
+        _check_names("closure", self.closures)
         self._check_closures()
         names = [spec.name for spec in self.roster]
         check_faults(self.faults, names, self.spares, self.step, self.ticks, self.seed)
@@ -202,3 +199,11 @@ def _at(model: BaseModel, field: str) -> Any:
     for part in field.split("."):
         value = getattr(value, part)
     return value
+
+
+def _check_names(what: str, specs: Sequence[ZoneSpec | ClosureSpec]) -> None:
+    """Refuse two zones or two closures of one name."""
+    names = [spec.name for spec in specs]
+    for number, name in enumerate(names):
+        if name in names[:number]:
+            raise wrong(f"{what}s.{number}.name", f"{name} is the name of another {what} too; rename one")

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from patrol.errors import BadInput
-from patrol.pose import MODELS, Pose, wrap
+from patrol.pose import MODELS, Pose
 from patrol.process.options import ProcessParser
+from patrol.ros2.frames import pose_given
 from worldsim.ros2.node import DRIVES
 from worldsim.ros2.odometry import Errors
 
@@ -120,7 +121,7 @@ def starts_of(options: argparse.Namespace) -> list[Pose]:
     Raises:
         BadInput: One is no pose.
     """
-    return [_pose("--start", text) for text in options.start]
+    return [pose_given("--start", text) for text in options.start]
 
 
 def transform_of(options: argparse.Namespace) -> Pose:
@@ -132,17 +133,7 @@ def transform_of(options: argparse.Namespace) -> Pose:
     Raises:
         BadInput: It is no pose.
     """
-    return _pose("--transform", options.transform)
-
-
-def _pose(option: str, text: str) -> Pose:
-    try:
-        x, y, heading = (float(part) for part in text.split(","))
-    except ValueError:
-        raise BadInput(f"{option} {text}: not a pose; give X,Y,HEADING in m and rad, such as 1.5,2,0") from None
-    if not all(map(math.isfinite, (x, y, heading))):
-        raise BadInput(f"{option} {text}: not finite; give X,Y,HEADING in m and rad, such as 1.5,2,0")
-    return Pose(x, y, wrap(heading))
+    return pose_given("--transform", options.transform)
 
 
 def unplugged(options: argparse.Namespace, names: Sequence[str]) -> dict[str, float]:

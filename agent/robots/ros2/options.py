@@ -11,9 +11,9 @@ from pathlib import Path
 from agent.robots.ros2.pose.localisation import RADIUS, SAME_MAP, SPEED, VARIANCES, LocalisationSettings, Source
 from agent.robots.ros2.settings import DRIVES, TOPICS, DriveSettings, turn_rate_of
 from patrol.errors import BadInput, did_you_mean
-from patrol.pose import MODELS, Limits, Pose, wrap
+from patrol.pose import MODELS, Limits
 from patrol.process.options import ProcessParser
-from patrol.ros2.frames import composed
+from patrol.ros2.frames import composed, pose_given
 
 TURNING_RADIUS = 3.5
 """A car's tightest turn unless options say otherwise, m, as in scenarios."""
@@ -184,7 +184,7 @@ def drive_settings(options: argparse.Namespace) -> DriveSettings:
         raise BadInput("--write-scenario: needs --map, and no --scenario; leave it out")
     if options.drive == "ackermann" and options.scenario is None and options.model != "car":
         raise BadInput(f"--drive ackermann: steers a car, and --model is {options.model}; give --model car")
-    transform = SAME_MAP if options.transform is None else _pose("--transform", options.transform)
+    transform = SAME_MAP if options.transform is None else pose_given("--transform", options.transform)
     if options.transform is not None and options.map is None and options.scenario is None:
         raise BadInput("--transform: places the robot's own map on ours; give ours with --map or --scenario")
     start, variances = None, VARIANCES
@@ -196,7 +196,7 @@ def drive_settings(options: argparse.Namespace) -> DriveSettings:
         there, variances = read_initial_pose(Path(options.start), "--start", options.map_frame)
         start = composed(transform, there)
     elif options.start not in {None, SCENARIO_START}:
-        start = _pose("--start", options.start, ", or a file that exists")
+        start = pose_given("--start", options.start, ", or a file that exists")
     turning_radius = TURNING_RADIUS if options.turning_radius is None else options.turning_radius
     limits = Limits(options.speed, options.radius, turning_radius)
     return DriveSettings(
@@ -249,18 +249,6 @@ def _is_file(name: str) -> bool:
         return Path(name).is_file()
     except OSError:  # such as a name that is too long
         return False
-
-
-def _pose(option: str, text: str, otherwise: str = "") -> Pose:
-    try:
-        x, y, heading = (float(part) for part in text.split(","))
-    except ValueError:
-        raise BadInput(
-            f"{option} {text}: not a pose; give X,Y,HEADING in m and rad, such as 1.5,2,0{otherwise}"
-        ) from None
-    if not all(map(math.isfinite, (x, y, heading))):
-        raise BadInput(f"{option} {text}: not finite; give X,Y,HEADING in m and rad, such as 1.5,2,0")
-    return Pose(x, y, wrap(heading))
 
 
 def topics_given(given: Sequence[str]) -> dict[str, str]:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from patrol.ground.fields import clearance_levels, parts_of
+from patrol.ground.fields import clearance_levels, grown, parts_of
 from patrol.ground.terrain import BoolGrid, Terrain
 
 SMALLEST_M2 = 1.0
@@ -40,18 +40,7 @@ def narrow_passages(terrain: Terrain, reach: BoolGrid, width: float) -> list[Boo
         part = labels == label
         if np.count_nonzero(part) * terrain.point_area < SMALLEST_M2:
             continue
-        _, mouths = parts_of(_grown(part) & wide)
+        _, mouths = parts_of(grown(part) & wide)
         if mouths >= 2:
             found.append(part)
     return found
-
-
-def _grown(mask: BoolGrid) -> BoolGrid:
-    """Return a mask and its eight neighbours."""
-    framed = np.pad(mask, 1)
-    rows, cols = mask.shape
-    grown = mask.copy()
-    for up in range(3):
-        for across in range(3):
-            grown |= framed[up : up + rows, across : across + cols]
-    return grown

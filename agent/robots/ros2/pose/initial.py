@@ -1,4 +1,4 @@
-"""Where a robot stands at first: read from a command line or a file of ROS, and told to its localisation.
+"""The place where a robot stands at first: read from a command line or a file of ROS, and told to its localisation.
 
 AMCL says nothing until it is told on ``initialpose`` where the robot is; RViz does that with a click. A message that is
 sent before AMCL listens is lost, so it is repeated until the localisation agrees. A localisation that knows where the
