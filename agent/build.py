@@ -6,7 +6,7 @@ Robots' processes, fleets in one process, tests and benchmarks all come here, so
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -31,17 +31,20 @@ from agent.sender import Sending
 from agent.view import FogView
 from patrol.ground.closed import ChangingFootprint
 from patrol.ground.footprint import Footprint
+from patrol.ground.speed_limits import SpeedLimits
 from patrol.measures.best_tour import followers_of, round_of
 from patrol.measures.zoned import zoned_ground
 from patrol.prepare import inboxes_of, sensor_footprint
 from patrol.radio.prediction import Predictor
 from patrol.random import Purpose, draw
 from patrol.scenario.policies import COMMITTED
+from patrol.scenario.zones import in_force
 
 if TYPE_CHECKING:
     from agent.routes.path_window import PathWindow
     from patrol.ground.fields import StaticFields
     from patrol.ground.terrain import Terrain
+    from patrol.ground.tour.zoned import ZonedGround
     from patrol.prepare import Prepared
     from patrol.scenario import PatrolSpec, Scenario
     from patrol.scenario.lengths import BodyLengths
@@ -55,6 +58,7 @@ class Shared:
         footprint: The scenario's sensor on its terrain.
         psi: Of `psi_of`.
         radii: Of `radii_of`.
+        speed_limits: Of the scenario's slow zones.
         scratches: Working memory, one for each group of minds (`group_of`); those of one never think at the same time.
         beliefs: What they believe and have heard; None where each mind has its own, as in a process.
         areas: By the identity of a body's static fields, which live as long as the scenario, and the dilatation.
@@ -65,6 +69,7 @@ class Shared:
     footprint: Footprint
     psi: Psi
     radii: Mapping[int, float]
+    speed_limits: SpeedLimits
     scratches: Sequence[dict[str, PathWindow]] = field(default_factory=lambda: ({},))
     beliefs: Beliefs | None = None
     areas: dict[tuple[int, int], Area] = field(default_factory=dict)
@@ -119,7 +124,8 @@ def shared_by(
         inboxes = inboxes_of(scenario, [spec.number for spec in scenario.roster], prepared.terrain.bounds, key)
         beliefs = Beliefs(inboxes, sensor, shares=True, at_once=groups > 1)
     psi = psi_of(scenario, prepared.terrain)
-    return Shared(sensor, psi, radii_of(scenario), tuple({} for _ in range(groups)), beliefs)
+    limits = SpeedLimits(scenario.zones, prepared.terrain)
+    return Shared(sensor, psi, radii_of(scenario), limits, tuple({} for _ in range(groups)), beliefs)
 
 
 def radii_of(scenario: Scenario) -> Mapping[int, float]:
@@ -193,8 +199,9 @@ def build_mind(
             graph=lambda: prepared.graph,
             round=lambda: round_of(prepared, number),
             followers=lambda: followers_of(prepared, number),
-            zoned=lambda: zoned_ground(prepared),
+            zoned=zoned_of(prepared),
             fleet_chance=lambda question: draw(scenario.seed, Purpose.PERIOD, question),
+            zones=in_force(scenario.zones, 0.0),
             docks=scenario.docks,
             charged=tuple(robot.number for robot in scenario.roster if robot.battery is not None and not robot.spare),
         ),
@@ -222,6 +229,8 @@ def build_mind(
         memory=math.floor(patrol.contact_memory / scenario.step),
         sending=_sending(scenario, terrain),
         key=key,
+        zones=scenario.zones,
+        speed_limits=shared.speed_limits,
     )
     fog = FogView(belief, fields.patrolled, posts)
     blocked = None
@@ -229,6 +238,26 @@ def build_mind(
         memory = math.floor(patrol.blocked_memory / scenario.step)
         blocked = Blocked(sight, fields, spec.radius, memory, posts if moves_posts else None)
     return Mind(facts, belief, fog, ground, Routes(ground), policy, body, chance, blocked)
+
+
+def zoned_of(prepared: Prepared) -> Callable[[frozenset[str]], ZonedGround] | None:
+    """Return what gives the ground by the zones in force: `PolicySetup.zoned`.
+
+    Args:
+        prepared: The scenario with its terrain and fields.
+
+    Returns:
+        None where no zone ever has a weight or a wanted age.
+    """
+    if not any(zone.weighs for zone in prepared.scenario.zones):
+        return None
+
+    def ground(zones: frozenset[str]) -> ZonedGround:
+        zoned = zoned_ground(prepared, zones)
+        assert zoned is not None
+        return zoned
+
+    return ground
 
 
 def _rounds(scenario: Scenario, terrain: Terrain, lengths: BodyLengths, kind: PolicyKind) -> int:

@@ -18,9 +18,11 @@ from agent.routes.routes import Routes
 from agent.sender import Sender, Sending
 from agent.view import Draw, FogView, View
 from patrol.exchange import Sensed
-from patrol.pose import Pose
+from patrol.ground.speed_limits import SpeedLimits
+from patrol.pose import Pose, slowed
 from patrol.radio.message import MAX_CONTACTS, Position, as_received
-from patrol.scenario import RobotSpec
+from patrol.scenario import RobotSpec, ZoneSpec
+from patrol.scenario.zones import in_force
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +38,8 @@ class Facts:
         memory: Ticks for which an intruder is remembered after its last report.
         sending: When the fleet's robots send, and what.
         key: Of the fleet's tags, or None.
+        zones: The scenario's.
+        speed_limits: Of the slow ones among them.
     """
 
     spec: RobotSpec
@@ -46,6 +50,8 @@ class Facts:
     memory: int
     sending: Sending
     key: bytes | None
+    zones: Sequence[ZoneSpec]
+    speed_limits: SpeedLimits
 
 
 class Mind:
@@ -132,7 +138,7 @@ class Mind:
         choice = self.body.obey(intent, view)
         goal = choice.goal
         return Decision(
-            command=choice.command,
+            command=slowed(choice.command, self.facts.speed_limits.at(sensed.pose.x, sensed.pose.y, view.zones)),
             state=choice.state,
             direction=choice.bearing,
             goal=None if goal is None else goal.goal,
@@ -169,7 +175,15 @@ class Mind:
             routes=self._routes,
             chance=self._chance,
             charge=sensed.charge,
+            zones=self._zones_in_force(sensed),
         )
+
+    def _zones_in_force(self, sensed: Sensed) -> frozenset[str]:
+        """Return the names of the zones in force: by the world, where an operator has switched one, or by their times."""
+        zones = self.facts.zones
+        if sensed.zones is None:
+            return in_force(zones, sensed.k * self.facts.step)
+        return frozenset(zones[number].name for number in sensed.zones if number < len(zones))
 
     def _leave_out_blocked(self, blocked: Blocked, pose: Pose) -> None:
         """Close what is believed blocked for this tick, and leave what lies behind it out of the policy's fog."""

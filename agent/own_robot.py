@@ -203,6 +203,7 @@ def mind_of(process: ProcessContext, scenario: Scenario, spec: RobotSpec, incarn
     from agent.build import Shared, build_mind, radii_of
     from agent.ports import PolicyFailed
     from agent.psi import load_psi
+    from patrol.ground.speed_limits import SpeedLimits
     from patrol.own_sensor import allow_sensor
     from patrol.prepare import sensor_footprint
     from patrol.radio.fleet_key import fleet_key
@@ -210,7 +211,8 @@ def mind_of(process: ProcessContext, scenario: Scenario, spec: RobotSpec, incarn
     allow_sensor(scenario.sensor)
     prepared, shared = process.prepare(scenario), None
     if (static := process.static) is not None:
-        shared = Shared(sensor_footprint(scenario, prepared.terrain), load_psi(scenario, static), radii_of(scenario))
+        footprint, limits = sensor_footprint(scenario, prepared.terrain), SpeedLimits(scenario.zones, prepared.terrain)
+        shared = Shared(footprint, load_psi(scenario, static), radii_of(scenario), limits)
     try:
         return prepared, build_mind(prepared, spec.number, incarnation, fleet_key(scenario.radio.key), shared)
     except PolicyFailed as failed:

@@ -150,8 +150,10 @@ class PolicySetup:
         graph: Gives the terrain's graph, which is made when somebody first asks for it.
         round: Gives the tour that shows the robot all of its own ground, likewise; None where there is none.
         followers: Gives the numbers of all robots on rounds in the same part of the terrain, this one among them.
-        zoned: Gives the ground by the scenario's zones, likewise; None where all points count the same.
+        zoned: Gives the ground by the names of the zones in force (`View.zones`), likewise; None where all points
+            always count the same.
         fleet_chance: A random number in [0, 1) for a question 0, 1, ..., the same for all robots of the fleet.
+        zones: Names of the zones that are in force at tick 0.
         docks: The scenario's section `docks`.
         charged: Numbers of the robots that have a battery and are there from the start, ascending.
     """
@@ -173,8 +175,9 @@ class PolicySetup:
     graph: Callable[[], Graph]
     round: Callable[[], Round | None]
     followers: Callable[[], frozenset[int]]
-    zoned: Callable[[], ZonedGround | None]
+    zoned: Callable[[frozenset[str]], ZonedGround] | None
     fleet_chance: Callable[[int], float]
+    zones: frozenset[str] = frozenset()
     docks: tuple[DockSpec, ...] = ()
     charged: tuple[int, ...] = ()
 

@@ -126,6 +126,7 @@ class View:
         routes: Lengths of ways, from here and from elsewhere.
         chance: What `draw` asks.
         charge: Share of the robot's battery that is left; None for a robot without a battery.
+        zones: Names of the scenario's zones that are in force.
         charging: Numbers of the robots that stand at docks; they are not among `peers`.
     """
 
@@ -144,6 +145,7 @@ class View:
     routes: Routes
     chance: Draw
     charge: float | None = None
+    zones: frozenset[str] = frozenset()
     charging: frozenset[int] = frozenset()
 
     def draw(self, index: int = 0, purpose: Purpose = Purpose.POLICY) -> float:

@@ -21,7 +21,7 @@ from fogwatch.launch.limits import check_limits
 from fogwatch.launch.terminal.live_table import CallbackDisplay, RunDisplay, SilentDisplay
 from patrol.errors import BadInput
 from patrol.measures.best_tour import round_of
-from patrol.measures.zoned import zoned_ground
+from patrol.measures.zoned import prepare_zones
 from patrol.net.messages.telemetry import Metrics
 from patrol.own_sensor import allow_sensor
 from patrol.process.lifeline import InterruptedBySignal
@@ -420,7 +420,7 @@ def _write_static(prepared: Prepared, folder: RunFolder) -> None:
     try:
         if prepared.scenario.patrol.needs_rounds:
             round_of(prepared, 1)
-        zoned_ground(prepared)
+        prepare_zones(prepared)
         prepared.save(part)
         save_psi(prepared, part)
     except OSError as error:  # without a number where numpy could write a part only

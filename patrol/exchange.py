@@ -12,6 +12,9 @@ from patrol.pose import Command, Pose
 MOST_BLOCKED = 4096
 """Points that a robot is shown blocked in a tick, at most."""
 
+MOST_ZONES = 64
+"""Zones of a scenario, at most."""
+
 FIRST_INCARNATION = 1
 """The number of a robot's first process; each that is started in its place has the next."""
 
@@ -29,6 +32,8 @@ class Sensed:
         charge: Share of its battery's capacity that is left; None for a robot without a battery.
         blocked: The points that it sees or bumps into blocked although the map says that they are free: flat indices
             of the terrain's grid, ascending.
+        zones: The numbers, from 0, of the scenario's zones that are in force, once an operator has switched one; None: as
+            their times say.
     """
 
     k: int
@@ -38,6 +43,7 @@ class Sensed:
     clock_s: float = 0.0
     charge: float | None = None
     blocked: tuple[int, ...] = ()
+    zones: tuple[int, ...] | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -222,6 +222,22 @@ def is_halt(command: Command) -> bool:
     return command.speed_mps == 0.0 and not (isinstance(command, Twist) and command.turn_rate != 0.0)
 
 
+def slowed(command: Command, top_mps: float) -> Command:
+    """Return a command that leads along the same path, but at most at a given speed of the body's centre.
+
+    Args:
+        command: Finite.
+        top_mps: m/s.
+    """
+    if command.speed_mps <= top_mps:
+        return command
+    share = top_mps / command.speed_mps
+    if isinstance(command, Drive):
+        return Drive(command.speed * share, command.curvature)
+    first, second = command.numbers
+    return type(command)(first * share, second * share)
+
+
 def halted(model: str) -> Command:
     """Return the command that stops a body of this model."""
     return command_of(model, 0.0, 0.0)

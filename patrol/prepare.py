@@ -57,7 +57,7 @@ class Prepared:
         fields: By robot number.
         regions: By robot number, or None where paths do not lead through regions.
         rounds: By robot number, once somebody has asked for one (`patrol.measures.best_tour.round_of`).
-        zoned: The ground by its zones, likewise (`patrol.measures.zoned.zoned_ground`); at most one.
+        zoned: The ground by the names of the zones in force that weigh, likewise (`patrol.measures.zoned.zoned_ground`).
     """
 
     scenario: Scenario
@@ -66,7 +66,7 @@ class Prepared:
     fields: Mapping[int, StaticFields]
     regions: Mapping[int, RegionSplit] | None = None
     rounds: dict[int, Round | None] = field(default_factory=dict)
-    zoned: list[ZonedGround] = field(default_factory=list)
+    zoned: dict[frozenset[str], ZonedGround] = field(default_factory=dict)
 
     def regions_of(self, number: int) -> RegionSplit | None:
         """Return the split for a robot's body, or None where paths do not lead through regions.
@@ -128,8 +128,8 @@ class Prepared:
             if laid_out is not None and id(laid_out) not in kept:
                 kept[id(laid_out)] = f"round-{len(kept) + 1}"
                 laid_out.save(folder / kept[id(laid_out)])
-        for zoned in self.zoned:
-            zoned.save(folder / ZONED)
+        for number, zoned in enumerate(self.zoned.values()):
+            zoned.save(folder / f"{ZONED}-{number}")
         facts = {
             "name": self.terrain.name,
             "point": self.terrain.point,
@@ -137,6 +137,7 @@ class Prepared:
             "starts": [[start.x, start.y, start.heading] for start in self.starts],
             "fields": {str(number): places[id(fields)] for number, fields in self.fields.items()},
             "rounds": {str(number): laid_out and kept[id(laid_out)] for number, laid_out in self.rounds.items()},
+            "zoned": [sorted(names) for names in self.zoned],
         }
         (folder / FACTS).write_text(json.dumps(facts, indent=1), encoding="utf-8")
 
@@ -164,7 +165,10 @@ class Prepared:
             fields={int(number): bodies[part] for number, part in facts["fields"].items()},
             regions=_load_regions(scenario, folder, {int(number): part for number, part in facts["fields"].items()}),
             rounds={int(number): part and kept[part] for number, part in facts["rounds"].items()},
-            zoned=[ZonedGround.load(folder / ZONED)] if (folder / ZONED).exists() else [],
+            zoned={
+                frozenset(names): ZonedGround.load(folder / f"{ZONED}-{number}")
+                for number, names in enumerate(facts["zoned"])
+            },
         )
 
 

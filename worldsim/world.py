@@ -11,9 +11,11 @@ from patrol.exchange import FIRST_INCARNATION, Reply, Sensed
 from patrol.ground.closed import ChangingFootprint
 from patrol.journal import Event, RobotTick, Status, TickRecord
 from patrol.journal.records import FORGED
-from patrol.pose import Pose
+from patrol.ground.speed_limits import SpeedLimits
+from patrol.pose import Pose, slowed
 from patrol.prepare import check_intruder, sensor_footprint
 from patrol.radio.message import MAX_FRAMES
+from patrol.scenario.zones import in_force
 from worldsim.faults.timeline import Timeline
 from worldsim.radio.ether import Delivery, ether_of
 from worldsim.radio.models.found import model_of
@@ -87,6 +89,9 @@ class World:
         self.batteries = Batteries(scenario)
         self.truth = Truth(footprint or sensor_footprint(scenario, self.terrain), prepared.patrolled)
         self.closures = Closures(scenario, self.terrain)
+        self._speed_limits = SpeedLimits(scenario.zones, self.terrain)
+        self._zones: frozenset[str] = frozenset()
+        self._is_switched = False
         self._intruders = Intruders(scenario, self.truth.footprint)
         self.senses = Senses(scenario, self.timeline, self.terrain)
         self.noise = MotionNoise(scenario, self.timeline)
@@ -123,6 +128,8 @@ class World:
         self._to_observe = [(number, body.pose) for number, body in living.items()]
         contacts = {number: self._intruders.seen_by(self.tick, body.pose) for number, body in living.items()}
         k, senses, batteries = self.tick, self.senses, self.batteries
+        self._zones = in_force(self.scenario.zones, k * self.step)
+        zones = self._zones_switched()
         return {
             number: Sensed(
                 k,
@@ -132,6 +139,7 @@ class World:
                 senses.clock(number, k),
                 batteries.share(number),
                 self._blocked(body),
+                zones,
             )
             for number, body in living.items()
         }
@@ -140,6 +148,12 @@ class World:
         """Return what a robot sees closed."""
         footprint = self.truth.footprint
         return self.closures.blocked(body, footprint) if isinstance(footprint, ChangingFootprint) else ()
+
+    def _zones_switched(self) -> tuple[int, ...] | None:
+        """Return what robots learn of the zones: the numbers of those in force, where that is not as they know it."""
+        if not self._is_switched:
+            return None
+        return tuple(number for number, zone in enumerate(self.scenario.zones) if zone.name in self._zones)
 
     def observe(self) -> None:
         """Let all living bodies observe the ground, once in a tick that has begun; otherwise nothing happens."""
@@ -179,9 +193,11 @@ class World:
         """
         self.observe()
         for number in self.living:
-            self._obey(self.bodies[number], replies.get(number))
+            body = self.bodies[number]
+            self._obey(body, replies.get(number))
+            body.command = slowed(body.command, self._speed_limits.at(body.pose.x, body.pose.y, self._zones))
             if self.batteries.is_empty(number):
-                self.bodies[number].command = standstill(self.bodies[number].spec)
+                body.command = standstill(body.spec)
         before = {number: body.pose for number, body in self.bodies.items()}
         driven = self.noise.driven(self.tick, {number: self.bodies[number].command for number in self.living})
         move(list(self.bodies.values()), self.truth.footprint.terrain, self.step, driven)
@@ -205,7 +221,8 @@ class World:
         return record
 
     def amend(self, scenario: Scenario) -> None:
-        """Between ticks: continue with a scenario that has other faults or intruders from the next tick on.
+        """Between ticks: continue with a scenario that has other faults, intruders or times of zones from the
+        next tick on.
 
         Args:
             scenario: Has the same past (`patrol.scenario.controls.amended`).
@@ -224,6 +241,7 @@ class World:
         self.senses.timeline = self.noise.timeline = timeline
         self.scenario, self.timeline = scenario, timeline
         self._intruders = intruders
+        self._is_switched = scenario.zones != self.prepared.scenario.zones
 
     def stand_down(self, number: int, status: Status, reason: str, *, away: bool = False) -> Event:
         """Between ticks: a robot is no longer driven, for good or for now.

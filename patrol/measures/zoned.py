@@ -3,11 +3,13 @@
 - A point's weight is the greatest of the zones that it lies in, and 1 where it lies in none.
 - A wanted age of S seconds is a weight of T / S. T is the MFoW of the fleet on the best tour found over all of the
   ground, as if there were no weights. For example, where that keeps 120 s, a wish for 60 s is a weight of 2.
+- Zones may begin and end, so there is a zoned ground for each set of zones that are in force together.
 """
 
 from __future__ import annotations
 
-from itertools import combinations_with_replacement
+import math
+from itertools import combinations, combinations_with_replacement
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,32 +20,68 @@ from patrol.ground.tour.zoned import MOST_CLASSES, Classes, ZonedGround
 from patrol.ground.zones import points_of
 from patrol.measures.best_tour import best_tour, round_over, tour_over
 from patrol.measures.own_ground import own_grounds
-from patrol.scenario.zones import LEAST_WEIGHT, MOST_WEIGHT
+from patrol.scenario.zones import LEAST_WEIGHT, MOST_WEIGHT, in_force
 
 if TYPE_CHECKING:
     from patrol.ground.terrain import BoolGrid
     from patrol.ground.tour.round import Round
     from patrol.ground.tour.tour import Tour
     from patrol.prepare import Prepared
+    from patrol.scenario import Scenario
 
 
-def zoned_ground(prepared: Prepared) -> ZonedGround | None:
+MOST_COMBINED = 3
+"""Zones with weights or wanted ages of which every combination is prepared for."""
+
+MOST_PREPARED = 32
+"""Sets of zones that are prepared for, at most; the others are when they come into force."""
+
+
+def zoned_ground(prepared: Prepared, zones: frozenset[str] | None = None) -> ZonedGround | None:
     """Weigh the ground by a scenario's zones, and find the rounds over it; `Prepared.zoned` keeps the result.
 
     Args:
         prepared: The scenario, its terrain and the bodies' static fields.
+        zones: Names of the zones that are in force (default: all).
 
     Returns:
-        The zoned ground; None where no zone has a weight or a wanted age.
+        The zoned ground; None where no zone ever has a weight or a wanted age.
 
     Raises:
         BadInput: There is a wanted age, and no tour that says how it compares with the other ground.
     """
-    if not any(zone.keep_out is None for zone in prepared.scenario.zones):
+    weighing = _weighing(prepared.scenario)
+    if not weighing:
         return None
-    if not prepared.zoned:
-        prepared.zoned.append(_zoned_ground(prepared))
-    return prepared.zoned[0]
+    names = weighing if zones is None else weighing & zones
+    if names not in prepared.zoned:
+        prepared.zoned[names] = _zoned_ground(prepared, names)
+    return prepared.zoned[names]
+
+
+def prepare_zones(prepared: Prepared) -> None:
+    """Find the rounds for the sets of zones that may come into force, so that no robot has to during a run.
+
+    These are the sets by the zones' times, and what operators can make of them: all combinations of few zones, or those
+    in which one zone is switched.
+
+    Args:
+        prepared: The scenario, its terrain and the bodies' static fields.
+
+    Raises:
+        BadInput: As for `zoned_ground`.
+    """
+    scenario, weighing = prepared.scenario, _weighing(prepared.scenario)
+    turns = {time_s for zone in scenario.zones for span in zone.times or () for time_s in span}
+    ticks = {0, *(math.ceil(time_s / scenario.step) for time_s in turns)}
+    timed = {in_force(scenario.zones, k * scenario.step) & weighing: None for k in sorted(ticks) if k < scenario.ticks}
+    if len(weighing) <= MOST_COMBINED:
+        sizes = range(len(weighing) + 1)
+        others = [frozenset(some) for size in sizes for some in combinations(sorted(weighing), size)]
+    else:
+        others = [names ^ {name} for names in timed for name in sorted(weighing)]
+    for names in list(dict.fromkeys([*timed, *others]))[:MOST_PREPARED]:
+        zoned_ground(prepared, names)
 
 
 def zone_weights(prepared: Prepared) -> dict[str, float]:
@@ -70,32 +108,39 @@ def zone_weights(prepared: Prepared) -> dict[str, float]:
     return weights
 
 
-def best_weighted_s(prepared: Prepared) -> float | None:
+def best_weighted_s(prepared: Prepared, zones: frozenset[str] | None = None) -> float | None:
     """Return the weighted MFoW of all robots that are not spare on the rounds of the best division.
+
+    It leaves out that slow zones take longer.
 
     Args:
         prepared: The scenario, its terrain and the bodies' static fields.
+        zones: Names of the zones that are in force (default: all).
 
     Returns:
         The weighted MFoW, s; None without zones or rounds.
     """
-    zoned = zoned_ground(prepared)
+    zoned = zoned_ground(prepared, zones)
     groups = () if zoned is None else zoned.divide(prepared.scenario.team)
     return None if zoned is None or not groups else zoned.cost_s(groups)
 
 
-def _zoned_ground(prepared: Prepared) -> ZonedGround:
+def _weighing(scenario: Scenario) -> frozenset[str]:
+    return frozenset(zone.name for zone in scenario.zones if zone.weighs)
+
+
+def _zoned_ground(prepared: Prepared, names: frozenset[str]) -> ZonedGround:
     terrain, patrolled = prepared.terrain, prepared.patrolled
     grid: NDArray[np.float64] = np.zeros(terrain.shape)
     by_name = zone_weights(prepared)
     wanted: dict[float, float] = {}
-    for zone in prepared.scenario.zones:
-        if zone.name in by_name:
-            points = points_of(zone, terrain)
-            grid[points] = np.maximum(grid[points], by_name[zone.name])
+    zones = [zone for zone in prepared.scenario.zones if zone.name in names]
+    for zone in zones:
+        points = points_of(zone, terrain)
+        grid[points] = np.maximum(grid[points], by_name[zone.name])
     grid[grid == 0.0] = 1.0
     grid.flags.writeable = False
-    for zone in prepared.scenario.zones:
+    for zone in zones:
         if zone.age is not None:
             weight = float(grid[points_of(zone, terrain) & patrolled].min())  # other zones may weigh parts of it more
             wanted[weight] = min(zone.age, wanted.get(weight, zone.age))

@@ -13,16 +13,12 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, ValidationInfo, model_validator
 
-from patrol.scenario.zones import has_area, listed_in_file
+from patrol.scenario.zones import MOST_TIMES, Span, check_spans, has_area, listed_in_file
 from patrol.values.section import Section, wrong
-from patrol.values.types import Name, NotNegative, Polygon, Positive, at_least, at_most
+from patrol.values.types import Name, Polygon, Positive, at_least, at_most
 
 MOST_CLOSURES = 256
 
-MOST_TIMES = 10_000
-"""Times at which one closure closes, at most."""
-
-Span = tuple[NotNegative, NotNegative]
 Times = Annotated[
     tuple[Span, ...],
     Field(json_schema_extra={"minItems": 1, "maxItems": MOST_TIMES}),
@@ -50,15 +46,7 @@ class ClosureSpec(Section):
         if by_rates and (self.closes is None or self.opens is None):
             missing = "closes" if self.closes is None else "opens"
             raise wrong(missing, f"{self.name}: is missing beside the other rate; give it, per second")
-        before = 0.0
-        for number, (first, end) in enumerate(self.closed or ()):
-            if end <= first:
-                raise wrong(f"closed.{number}", f"{self.name}: ends at {end:g} s, not after its begin; correct it")
-            if number and first <= before:
-                raise wrong(
-                    f"closed.{number}", f"{self.name}: begins before the one before it is over; sort or join them"
-                )
-            before = end
+        check_spans(self.closed or (), "closed", self.name)
         return self
 
 

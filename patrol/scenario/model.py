@@ -27,7 +27,7 @@ from patrol.scenario.policies import CommittedPatrol, PaperPatrol, Patrol, Patro
 from patrol.scenario.radio_spec import IdealRadio, Radio, check_radio_spec
 from patrol.scenario.robots import RobotSpec, roster_of
 from patrol.scenario.sections import DockSpec, IntruderSpec, RobotGroup, Robots, SensorSpec, TerrainSpec
-from patrol.scenario.zones import Zones, ZoneSpec, zones_in_file
+from patrol.scenario.zones import Span, Zones, ZoneSpec, zones_in_file
 from patrol.values.section import Section, wrong
 from patrol.values.types import AUTO, BUILTINS, Name, Pace, Positive, Seed
 
@@ -144,6 +144,7 @@ class Scenario(Section):
         _check_names("zone", self.zones)
         _check_names("closure", self.closures)
         self._check_closures()
+        self._check_zones()
         names = [spec.name for spec in self.roster]
         check_faults(self.faults, names, self.spares, self.step, self.ticks, self.seed)
         if self.nemesis is not None:
@@ -171,10 +172,25 @@ class Scenario(Section):
             if closure.closed is not None and (first := closure.closed[0][0]) >= self.duration:
                 limit = f"{closure.name} closes at {first:g} s, and the run ends at {self.duration:g} s; correct it"
                 raise wrong(f"closures.{number}.closed", limit)
-            for first, end in closure.closed or ():
-                if math.ceil(first / self.step) * self.step >= end:
-                    limit = f"{closure.name}: {first:g} to {end:g} s holds no tick of {self.step:g} s; make it longer"
-                    raise wrong(f"closures.{number}.closed", limit)
+            self._check_spans(f"closures.{number}.closed", closure.name, closure.closed or ())
+
+    def _check_zones(self) -> None:
+        fastest = max(spec.speed for spec in self.roster)
+        for number, zone in enumerate(self.zones):
+            if zone.speed is not None and zone.speed >= fastest:
+                limit = f"{zone.name} slows no robot, as the fastest drives {fastest:g} m/s; give less, or drop it"
+                raise wrong(f"zones.{number}.speed", limit, zone.speed)
+            if zone.times and (first := zone.times[0][0]) >= self.duration:
+                limit = f"{zone.name} begins at {first:g} s, and the run ends at {self.duration:g} s; correct it"
+                raise wrong(f"zones.{number}.times", limit)
+            self._check_spans(f"zones.{number}.times", zone.name, zone.times or ())
+
+    def _check_spans(self, field: str, name: str, spans: Sequence[Span]) -> None:
+        """Refuse spans of time between two ticks."""
+        for first, end in spans:
+            if math.ceil(first / self.step) * self.step >= end:
+                limit = f"{name}: {first:g} to {end:g} s holds no tick of {self.step:g} s; make it longer"
+                raise wrong(field, limit)
 
     def _check_roster(self) -> None:
         if all(spec.spare for spec in self.roster):

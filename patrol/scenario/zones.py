@@ -1,11 +1,12 @@
-"""The scenario's zones: ground that matters more or less than the rest, or that no body may enter.
+"""The scenario's zones: ground that matters more or less than the rest, where bodies are slow, or that none may enter.
 
     zones:
-      - {name: vault, polygon: [[2, 2], [8, 2], [8, 6], [2, 6]], weight: 10}
+      - {name: vault, polygon: [[2, 2], [8, 2], [8, 6], [2, 6]], weight: 10, times: [[600, 1200]]}
       - {name: lobby, polygon: [[20, 2], [30, 2], [30, 9]], age: 60}
+      - {name: ward, polygon: [[20, 12], [30, 12], [30, 19]], speed: 0.3}
       - {name: stairs, mask: keepout.yaml, keep_out: true}
 
-A zone is a polygon in metres, or the marked cells of a mask in the format of Nav2's costmap filters. A mask is read
+A zone with times is in force in these alone; any other always. A zone is a polygon in metres, or the marked cells of a mask in the format of Nav2's costmap filters. A mask is read
 when the scenario is loaded, and the loaded scenario holds its cells. So a loaded scenario needs no mask's file.
 """
 
@@ -15,7 +16,7 @@ import base64
 import binascii
 import math
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -23,13 +24,12 @@ import numpy as np
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from patrol.errors import BadInput
+from patrol.exchange import MOST_ZONES
 from patrol.files.yaml_text import parse_yaml, read_text
 from patrol.ground.map_file import read_map_file
 from patrol.ground.terrain import BoolGrid
 from patrol.values.section import Section, absolute, wrong
-from patrol.values.types import Corner, Flag, Name, Polygon, Positive, at_most, expecting
-
-MOST_ZONES = 64
+from patrol.values.types import Corner, Flag, Name, NotNegative, Polygon, Positive, at_most, expecting
 
 LEAST_WEIGHT, MOST_WEIGHT = 0.001, 1000.0
 
@@ -48,6 +48,13 @@ Weight = Annotated[
     Field(ge=LEAST_WEIGHT, le=MOST_WEIGHT, strict=True),
     expecting(f"a number from {LEAST_WEIGHT:g} to {MOST_WEIGHT:g}", bare=True),
 ]
+MOST_TIMES = 10_000
+"""Times of one zone or closure, at most."""
+
+Span = tuple[NotNegative, NotNegative]
+"""From and to, s."""
+
+Spans = Annotated[tuple[Span, ...], Field(json_schema_extra={"maxItems": MOST_TIMES}), at_most(MOST_TIMES, "spans")]
 Side = Annotated[int, Field(ge=1, le=MOST_CELLS, strict=True), expecting("a number of cells above 0")]
 
 
@@ -119,6 +126,8 @@ class ZoneSpec(Section):
     keep_out: Flag | None = Field(None, description="true: no body may enter")
     weight: Weight | None = Field(None, description="a point's age counts so many times; 1 elsewhere")
     age: Positive | None = Field(None, description="s, that no point of it should exceed")
+    speed: Positive | None = Field(None, description="m/s, top speed of bodies whose centre is in it")
+    times: Spans | None = Field(None, description="s, [[from, to], ...] in which it is in force; always without any")
 
     @field_validator("mask", mode="before")
     @classmethod
@@ -140,17 +149,62 @@ class ZoneSpec(Section):
             raise wrong("polygon", f"{self.name}: its corners lie on one line, so it has no area; correct them")
         if self.keep_out is False:
             raise wrong("keep_out", f"{self.name}: is true or left out; drop it")
-        rules = [rule for rule in (self.keep_out, self.weight, self.age) if rule is not None]
+        rules = [rule for rule in (self.keep_out, self.weight, self.age, self.speed) if rule is not None]
         if len(rules) != 1:
-            raise wrong("", f"{self.name}: exactly one is needed: keep_out: true, a weight or an age")
+            raise wrong("", f"{self.name}: exactly one is needed: keep_out: true, a weight, an age or a speed")
+        if self.keep_out and self.times is not None:
+            raise wrong("times", f"{self.name}: a keep-out always holds; drop them, or make it one of closures")
+        check_spans(self.times or (), "times", self.name)
         return self
+
+    @property
+    def weighs(self) -> bool:
+        """True if its ages count otherwise than elsewhere: by a weight or a wanted age."""
+        return self.weight is not None or self.age is not None
 
     @property
     def label(self) -> str:
         """The name, and what holds there, as maps show it: ``vault x10``."""
         if self.keep_out:
             return f"{self.name}: keep out"
+        if self.speed is not None:
+            return f"{self.name} {self.speed:g} m/s"
         return f"{self.name} {self.age:g} s" if self.weight is None else f"{self.name} x{self.weight:g}"
+
+    def holds(self, time_s: float) -> bool:
+        """Return True if the zone is in force at a time.
+
+        Args:
+            time_s: Since tick 0, s.
+        """
+        return self.times is None or any(first <= time_s < end for first, end in self.times)
+
+
+def in_force(zones: Iterable[ZoneSpec], time_s: float) -> frozenset[str]:
+    """Return the names of the zones that are in force at a time.
+
+    Args:
+        zones: The scenario's.
+        time_s: Since tick 0, s.
+    """
+    return frozenset(zone.name for zone in zones if zone.holds(time_s))
+
+
+def check_spans(spans: Sequence[Span], field: str, name: str) -> None:
+    """Raise unless spans of time come one after the other, with time between them.
+
+    Args:
+        spans: From and to of each, s.
+        field: That holds them.
+        name: Of the zone or closure.
+    """
+    before = 0.0
+    for number, (first, end) in enumerate(spans):
+        if end <= first:
+            raise wrong(f"{field}.{number}", f"{name}: ends at {end:g} s, not after its begin; correct it")
+        if number and first <= before:
+            raise wrong(f"{field}.{number}", f"{name}: begins before the one before it is over; sort or join them")
+        before = end
 
 
 def has_area(polygon: Sequence[tuple[float, float]]) -> bool:

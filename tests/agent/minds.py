@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from agent.belief.posts import Posts
+from agent.build import zoned_of
 from agent.policies.found import policy_of
 from agent.ports import PolicySetup
 from patrol.exchange import Sensed
 from patrol.ground.fields import compute_fields
 from patrol.ground.terrain import Terrain
 from patrol.measures.best_tour import followers_of, round_of
-from patrol.measures.zoned import zoned_ground
 from patrol.pose import Pose
 from patrol.prepare import Prepared, sensor_footprint
 from patrol.random import Purpose, draw
@@ -54,6 +54,6 @@ def setup_of(prepared: Prepared, number: int = 1) -> PolicySetup:
         graph=lambda: prepared.graph,
         round=lambda: round_of(prepared, number),
         followers=lambda: followers_of(prepared, number),
-        zoned=lambda: zoned_ground(prepared),
+        zoned=zoned_of(prepared),
         fleet_chance=lambda question: draw(scenario.seed, Purpose.PERIOD, question),
     )

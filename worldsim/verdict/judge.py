@@ -27,6 +27,7 @@ from worldsim.verdict.robots.closure_checks import ClosuresKept
 from worldsim.verdict.robots.keep_outs import KeepOutsKept
 from worldsim.verdict.robots.motion_checks import MotionAsAsked
 from worldsim.verdict.robots.sense_checks import SensesAsAsked
+from worldsim.verdict.robots.slow_zones import SlowZonesKept
 from worldsim.verdict.robots.status_checks import DownAreSilent, NobodyLost, PausedStandStill, StatusesFollow
 from worldsim.verdict.run.exit_codes import ExitCodes
 from worldsim.verdict.run.fault_times import FaultsOnTime
@@ -67,6 +68,7 @@ CHECKS: tuple[type[Check], ...] = (
     MotionAsAsked,
     BatteriesLast,
     KeepOutsKept,
+    SlowZonesKept,
     ClosuresKept,
     FramesAreTrue,
     FatesAsRecomputed,

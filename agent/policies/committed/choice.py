@@ -105,8 +105,7 @@ class TargetChoice:
         self._near = 100.0 * NEAR_M / point
         self._least_reach = math.ceil(FIRST_REACH * setup.sight.range_m / point)
         self._reach = self._least_reach
-        zoned = setup.zoned()
-        self._weights = None if zoned is None else zoned.weights
+        self._zoned = setup.zoned
 
     def best(
         self,
@@ -138,10 +137,10 @@ class TargetChoice:
     def _ages(self, view: View) -> Ages:
         """Return the believed ages, times their weights on ground with zones."""
         fog = view.fog
-        if self._weights is None:
+        if self._zoned is None:
             return Ages(fog.patrolled, fog.last_seen, fog.looked, view.tick, view.mfow)
         counts = fog.patrolled & (fog.looked != view.tick)
-        weighted = np.where(counts, self._weights * (view.tick - np.maximum(fog.last_seen, 0)), 0.0)
+        weighted = np.where(counts, self._zoned(view.zones).weights * (view.tick - np.maximum(fog.last_seen, 0)), 0.0)
         oldest = float(weighted.max())
         if oldest > MOST_AGE:
             weighted *= MOST_AGE / oldest

@@ -3,7 +3,7 @@
 Every robot divides the robots that it has heard lately, itself among them, between the rounds of the best division
 (`patrol.ground.tour.zoned`): by number, the lowest numbers to the ground with the greatest weight. All that hear
 each other find the same. After a death, a newcomer or a long silence the division is made anew, and few robots change
-rounds.
+rounds. So it is over other rounds when a zone begins or ends.
 
 For example, robots 1 to 6, three for each of two rounds: 1, 2 and 3 follow that of the zone. When 2 dies, and three
 of the other five are best in the zone, then 4 joins 1 and 3 there, and 5 and 6 stay outside.
@@ -54,12 +54,22 @@ class Division:
             team: How many of them there are without the spare ones.
             step: s per tick.
         """
-        self.zoned = zoned
         self._number = number
         self._robots = robots
-        whole = zoned.rounds[0, len(zoned.classes) - 1]
-        self._memory = max(MEMORY * whole.length_m / (team * zoned.speed), LEAST_MEMORY_S) / step
+        self._team = team
+        self._step = step
         self._heard: dict[int, int] = {}
+        self.divide(zoned)
+
+    def divide(self, zoned: ZonedGround) -> None:
+        """Divide robots between other rounds from now on.
+
+        Args:
+            zoned: The ground and its rounds, at least one.
+        """
+        self.zoned = zoned
+        whole = zoned.rounds[0, len(zoned.classes) - 1]
+        self._memory = max(MEMORY * whole.length_m / (self._team * zoned.speed), LEAST_MEMORY_S) / self._step
         self._crews: dict[frozenset[int], Crew] = {}
 
     def crew(self, view: View) -> Crew:

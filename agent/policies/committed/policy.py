@@ -17,7 +17,8 @@ The option `unpredictability` and the experience with the round decide how much 
 does not look all around, each choice is free.
 
 On ground with zones there are several rounds, and robots are divided between them
-(`agent.policies.committed.division`); free choices count the age times the weight.
+(`agent.policies.committed.division`); free choices count the age times the weight. Rounds, division and weights follow
+the zones that are in force.
 
 For example, for a free choice a point not seen for 60 s at the end of a way of 9 m counts 60^2 / (9 + 3) = 300; one not
 seen for 90 s, 27 m away, 270. The first one is the target.
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
     from agent.routes.routes import Element, Way
     from agent.view import View
     from patrol.ground.tour.round import Round
+    from patrol.ground.tour.zoned import ZonedGround
 
 NO_NEARER_S = 15.0
 """A robot that has come no nearer to its target for so long gives it up, s."""
@@ -118,14 +120,13 @@ class Committed:
         self.periods: Periods | None = None
         self.division: Division | None = None
         self._setup = setup
-        self._classes: tuple[int, int] | None = None
-        zoned = setup.zoned()
-        if zoned is not None:
-            if options.unpredictability < 1.0 and zoned.rounds:
-                self.division = Division(zoned, spec.number, frozenset(setup.radii), setup.team, setup.step)
-        elif options.unpredictability < 1.0 and (laid_out := setup.round()) is not None:
+        self._zoned: ZonedGround | None = None
+        self._round: Round | None = None
+        if setup.zoned is None and options.unpredictability < 1.0 and (laid_out := setup.round()) is not None:
             followers = setup.followers()
             self._follow(laid_out, followers, len(followers) / len(setup.radii) * setup.team)
+        if setup.zoned is not None:
+            self._take_zones(setup.zoned(setup.zones))
         self._expected = 0
         self._shortest = math.inf
         self._least_age = 0
@@ -153,13 +154,27 @@ class Committed:
         length = max(1, least, round(INTERVALS * self.ahead.interval(team)))
         self.periods = Periods(length, setup.options.unpredictability, setup.fleet_chance)
 
+    def _take_zones(self, zoned: ZonedGround) -> None:
+        """Go by the zones that are in force now: divide the robots between their rounds."""
+        if zoned is self._zoned:
+            return
+        self._zoned, setup = zoned, self._setup
+        if not zoned.rounds or setup.options.unpredictability == 1.0:
+            self.division = self.ahead = self.spacing = self.periods = self._round = None
+        elif self.division is None:
+            robots = frozenset(setup.radii)
+            self.division = Division(zoned, setup.spec.number, robots, setup.team, setup.step)
+        else:
+            self.division.divide(zoned)
+
     def _join_crew(self, view: View, division: Division) -> None:
         """Follow the round that the robots which are heard leave to this one, together with those that share it."""
         classes, robots = division.crew(view)
-        if classes != self._classes:
-            is_first = self._classes is None
-            self._classes, self.target = classes, None
-            self._follow(division.zoned.rounds[classes], robots, len(robots))
+        laid_out = division.zoned.rounds[classes]
+        if laid_out is not self._round:
+            is_first = self._round is None
+            self._round, self.target = laid_out, None
+            self._follow(laid_out, robots, len(robots))
             if not is_first and self.ahead is not None and self.spacing is not None:
                 self.ahead.go_to(self.spacing.along_m(self.spacing.nearest((view.reported.x, view.reported.y))))
         elif self.spacing is not None and robots != self.spacing.followers:
@@ -171,6 +186,8 @@ class Committed:
         if self._may_be_away and view.tick > self._decided_at + 1:
             self._forget()
         self._decided_at = view.tick
+        if self._setup.zoned is not None:
+            self._take_zones(self._setup.zoned(view.zones))
         self._separation.keep_apart(view)
         self._on_round = self._is_on_round(view)
         start, wander = view.start, None if self._on_round else self._random_steps.draw(view)

@@ -47,7 +47,7 @@ class Group(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ZonedGround:
-    """The weights of a terrain's points, and the rounds over the ground of each group.
+    """The weights of a terrain's points while some zones are in force, and the rounds over the ground of each group.
 
     Attributes:
         weights: float64 (height, width), read-only: how many times the age of a point counts.

@@ -23,7 +23,7 @@ import msgpack
 from pydantic import AfterValidator, Field
 
 from patrol.errors import Malformed
-from patrol.exchange import MOST_BLOCKED, Reply, Sensed
+from patrol.exchange import MOST_BLOCKED, MOST_ZONES, Reply, Sensed
 from patrol.net.security.tick_chain import PROOF
 from patrol.net.security.transcripts import DIGEST, MAX_DIGESTS, MAX_LINES, Line, digest_of
 from patrol.pose import Pose, pack_command, unpack_command
@@ -62,6 +62,7 @@ _Proof = Annotated[Bytes, Field(min_length=PROOF, max_length=PROOF)]
 _Reason = Annotated[Text, Field(max_length=_MAX_REASON), PRINTABLE]
 _Contacts = Annotated[tuple[Finite, ...], Field(max_length=2 * MAX_CONTACTS, fail_fast=True), AfterValidator(_paired)]
 _Blocked = Annotated[tuple[_Count, ...], Field(max_length=MOST_BLOCKED, fail_fast=True)]
+_Zones = Annotated[tuple[_Count, ...], Field(max_length=MOST_ZONES, fail_fast=True)] | None
 _Digests = Annotated[Bytes, Field(max_length=MAX_DIGESTS * DIGEST)]
 _Line = tuple[_Count, _Digests, _Digests, _Digests, _Digests]
 _Lines = Annotated[tuple[_Line, ...], Field(max_length=MAX_LINES, fail_fast=True)]
@@ -115,12 +116,12 @@ class PhaseA(Head):
     def columns(cls) -> Mapping[str, Any]:  # noqa: D102 - of `Row`
         pose = {"x": Finite, "y": Finite, "heading": Finite}
         senses = {"bumped": Flag, "contacts": _Contacts, "clock_s": Finite, "charge": Finite | None}
-        return {**Head.columns(), **pose, **senses, "blocked": _Blocked, "proof": _Proof, "digest": bytes}
+        return {**Head.columns(), **pose, **senses, "blocked": _Blocked, "zones": _Zones, "proof": _Proof, "digest": bytes}
 
     @classmethod
     def from_values(cls, *values: Any) -> Self:  # noqa: D102
-        incarnation, instance, k, run, x, y, heading, bumped, contacts, clock_s, charge, blocked, *rest = values
-        sensed = Sensed(k, Pose(x, y, heading), bumped, contacts, clock_s, charge, blocked)
+        incarnation, instance, k, run, x, y, heading, bumped, contacts, clock_s, charge, blocked, zones, *rest = values
+        sensed = Sensed(k, Pose(x, y, heading), bumped, contacts, clock_s, charge, blocked, zones)
         return cls(incarnation, instance, k, run, sensed, *rest)
 
     def to_values(self) -> tuple[Any, ...]:  # noqa: D102
@@ -130,7 +131,8 @@ class PhaseA(Head):
         pose_values = float(pose.x), float(pose.y), float(pose.heading)
         contacts = [float(value) for contact in sensed.contacts for value in contact]
         charge = None if sensed.charge is None else float(sensed.charge)
-        senses = bool(sensed.bumped), contacts, float(sensed.clock_s), charge, list(sensed.blocked)
+        zones = None if sensed.zones is None else list(sensed.zones)
+        senses = bool(sensed.bumped), contacts, float(sensed.clock_s), charge, list(sensed.blocked), zones
         return self.incarnation, self.instance, self.k, self.run, *pose_values, *senses, self.proof, self.digest
 
 

@@ -49,7 +49,7 @@ class KeepOutsKept(Check):
                 continue
             self._looked += 1
             inside = [name for name, corners in self._polygons.items() if is_inside(corners, robot.x, robot.y)]
-            inside += [name for name, mask in self._masks.items() if _is_marked(*mask, robot.x, robot.y)]
+            inside += [name for name, mask in self._masks.items() if is_marked(*mask, robot.x, robot.y)]
             if inside:
                 where = f"at ({robot.x:.3f}, {robot.y:.3f})"
                 self._fail(f"{self._names[robot.number]} is in {inside[0]} at tick {record.k}, {where}")
@@ -74,7 +74,15 @@ def is_inside(corners: NDArray[np.float64], x: float, y: float) -> bool:
     return bool(np.count_nonzero(crossed & right) % 2)
 
 
-def _is_marked(mask: MaskSpec, marked: NDArray[np.bool_], x: float, y: float) -> bool:
+def is_marked(mask: MaskSpec, marked: NDArray[np.bool_], x: float, y: float) -> bool:
+    """Return True for a place in a marked cell of a mask.
+
+    Args:
+        mask: The mask.
+        marked: Its marked cells, bool (rows, columns).
+        x: Of the place, m.
+        y: Of the place, m.
+    """
     row = math.floor((y - mask.origin[1]) / mask.resolution)
     col = math.floor((x - mask.origin[0]) / mask.resolution)
     return 0 <= row < mask.rows and 0 <= col < mask.columns and bool(marked[row, col])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -30,8 +31,9 @@ class ZoneFacts:
         mfow_weighted_mean_s: Mean over all ticks of the greatest age times weight, s.
         mfow_weighted_late_mean_s: The same over the second half.
         mfow_weighted_max_s: The greatest of them.
-        best_weighted_s: On the best weighted tours; None where there are none.
-        zones: Of each zone that bodies may enter, by name, and of the ground in no zone.
+        best_weighted_s: On the best weighted tours, the mean over all ticks; None where there are none at some time.
+        zones: Of each zone that weighs, by name, while it was in force, and of the ground in none of them. A zone that
+            was never in force is missing.
     """
 
     mfow_weighted_mean_s: float
@@ -47,8 +49,8 @@ class _Part:
 
     Attributes:
         points: Flat indices of its points.
-        stalest: Age of its stalest point in each tick, ticks.
-        mean: Sum over ticks of the mean age, ticks.
+        stalest: Age of its stalest point in each tick in which it counts, ticks.
+        mean: Sum over these ticks of the mean age, ticks.
     """
 
     points: NDArray[np.int64]
@@ -65,35 +67,38 @@ class ZoneAges(JournalReading):
         super().__init__(run, readings)
         prepared = run.prepared
         terrain, patrolled = prepared.terrain, prepared.patrolled
-        zoned = zoned_ground(prepared)
-        assert zoned is not None
+        self._weighing = [zone for zone in prepared.scenario.zones if zone.weighs]
+        self._in_force: dict[frozenset[str], list[tuple[float, NDArray[np.int64]]]] = {}
+        self._ticks: Counter[frozenset[str]] = Counter()
         self._fog = readings[TrueFog].fog
         self._weights = zone_weights(prepared)
         self._wanted = {zone.name: zone.age for zone in prepared.scenario.zones}
-        self._classes = [(weight, _points(patrolled & (zoned.weights == weight))) for weight in zoned.classes]
         self._weighted: list[float] = []
         elsewhere = patrolled.copy()
         self._parts: dict[str, _Part] = {}
-        for zone in prepared.scenario.zones:
-            if zone.name in self._weights:
-                points = points_of(zone, terrain)
-                elsewhere &= ~points
-                self._parts[zone.name] = _Part(_points(patrolled & points))
+        for zone in self._weighing:
+            points = points_of(zone, terrain)
+            elsewhere &= ~points
+            self._parts[zone.name] = _Part(_points(patrolled & points))
         if elsewhere.any():
             self._parts[ELSEWHERE] = _Part(_points(elsewhere))
 
     @classmethod
     def applies(cls, run: JudgedRun) -> bool:
         """Return True if some zone has a weight or a wanted age."""
-        return any(zone.keep_out is None for zone in run.prepared.scenario.zones)
+        return any(zone.weighs for zone in run.prepared.scenario.zones)
 
     def tick(self, record: TickRecord) -> None:
         """Look at the fog after the tick's observations."""
         last_seen = self._fog.last_seen.reshape(-1)
+        names = frozenset(zone.name for zone in self._weighing if zone.holds(record.k * self._run.step))
+        self._ticks[names] += 1
         self._weighted.append(
-            max(weight * (record.k - max(int(last_seen[points].min()), 0)) for weight, points in self._classes)
+            max(weight * (record.k - max(int(last_seen[points].min()), 0)) for weight, points in self._classes(names))
         )
-        for part in self._parts.values():
+        for name, part in self._parts.items():
+            if name not in names and name != ELSEWHERE:
+                continue
             seen = np.maximum(last_seen[part.points], 0)
             part.stalest.append(record.k - int(seen.min()))
             part.mean += record.k - float(seen.mean())
@@ -108,9 +113,29 @@ class ZoneAges(JournalReading):
             mfow_weighted_mean_s=float(np.mean(self._weighted)) * step,
             mfow_weighted_late_mean_s=float(np.mean(self._weighted[ticks // 2 :])) * step,
             mfow_weighted_max_s=max(self._weighted) * step,
-            best_weighted_s=best_weighted_s(self._run.prepared),
-            zones={name: self._figures(name, part, step) for name, part in self._parts.items()},
+            best_weighted_s=self._best_weighted_s(),
+            zones={name: self._figures(name, part, step) for name, part in self._parts.items() if part.stalest},
         )
+
+    def _classes(self, names: frozenset[str]) -> list[tuple[float, NDArray[np.int64]]]:
+        """Return the weights of the ground while some zones are in force, and the points of each."""
+        if names not in self._in_force:
+            prepared = self._run.prepared
+            zoned = zoned_ground(prepared, names)
+            assert zoned is not None
+            self._in_force[names] = [
+                (weight, _points(prepared.patrolled & (zoned.weights == weight))) for weight in zoned.classes
+            ]
+        return self._in_force[names]
+
+    def _best_weighted_s(self) -> float | None:
+        bests = {names: best_weighted_s(self._run.prepared, names) for names in self._ticks}
+        known = {names: best for names, best in bests.items() if best is not None}
+        if len(known) < len(bests):
+            return None
+        if len(known) == 1:
+            return next(iter(known.values()))
+        return sum(best * self._ticks[names] for names, best in known.items()) / self._ticks.total()
 
     def _figures(self, name: str, part: _Part, step: float) -> ZoneFigures:
         wanted = self._wanted.get(name)
