@@ -38,7 +38,7 @@ from patrol.prepare import inboxes_of, sensor_footprint
 from patrol.radio.prediction import Predictor
 from patrol.random import Purpose, draw
 from patrol.scenario.policies import COMMITTED
-from patrol.scenario.zones import in_force
+from patrol.scenario.zones import zones_in_force
 
 if TYPE_CHECKING:
     from agent.routes.path_window import PathWindow
@@ -201,7 +201,7 @@ def build_mind(
             followers=lambda: followers_of(prepared, number),
             zoned=zoned_of(prepared),
             fleet_chance=lambda question: draw(scenario.seed, Purpose.PERIOD, question),
-            zones=in_force(scenario.zones, 0.0),
+            zones=zones_in_force(scenario.zones, 0.0),
             docks=scenario.docks,
             charged=tuple(robot.number for robot in scenario.roster if robot.battery is not None and not robot.spare),
         ),

@@ -22,7 +22,7 @@ from patrol.ground.speed_limits import SpeedLimits
 from patrol.pose import Pose, slowed
 from patrol.radio.message import MAX_CONTACTS, Position, as_received
 from patrol.scenario import RobotSpec, ZoneSpec
-from patrol.scenario.zones import in_force
+from patrol.scenario.zones import zones_in_force
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,10 +179,10 @@ class Mind:
         )
 
     def _zones_in_force(self, sensed: Sensed) -> frozenset[str]:
-        """Return the names of the zones in force: by the world, where an operator has switched one, or by their times."""
+        """Return the names of the zones in force: by the world once an operator has switched one, or by their times."""
         zones = self.facts.zones
         if sensed.zones is None:
-            return in_force(zones, sensed.k * self.facts.step)
+            return zones_in_force(zones, sensed.k * self.facts.step)
         return frozenset(zones[number].name for number in sensed.zones if number < len(zones))
 
     def _leave_out_blocked(self, blocked: Blocked, pose: Pose) -> None:

@@ -1,8 +1,8 @@
-"""Zone check: the areas of zones, what their keep-outs shut off, and which wanted ages a fleet can keep."""
+"""Zone check: the areas and times of zones, what keep-outs shut off, and which wanted ages a fleet can keep."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from patrol.ground.tour.zoned import ZonedGround
     from patrol.prepare import Prepared
     from patrol.scenario import ZoneSpec
+    from patrol.scenario.zones import Span
+
+MOST_SPANS = 4
+"""Times of a zone that are named, at most."""
 
 
 def zone_lines(prepared: Prepared, before: MapReport, after: MapReport) -> Iterator[str]:
@@ -40,9 +44,14 @@ def zone_lines(prepared: Prepared, before: MapReport, after: MapReport) -> Itera
             closed = np.count_nonzero(points & before.fields.reach) * area
             yield f"  {zone.name}: keep-out, {closed:.1f} m² of reachable ground"
             continue
+        times = "" if zone.times is None else f"; in force {_spans(zone.times)}"
+        if zone.speed is not None:
+            slow = np.count_nonzero(points & before.fields.reach) * area
+            yield f"  {zone.name}: at most {zone.speed:g} m/s on {slow:.1f} m² of reachable ground{times}"
+            continue
         seen = np.count_nonzero(points & prepared.patrolled) * area
         wish = "" if zoned is None or zone.age is None else f"; {_wish(zone, zoned, prepared, robots)}"
-        yield f"  {zone.name}: weight {weights[zone.name]:g}, {seen:.1f} m² to patrol{wish}"
+        yield f"  {zone.name}: weight {weights[zone.name]:g}, {seen:.1f} m² to patrol{wish}{times}"
     inside = [points_of(zone, prepared.terrain) for zone in zones if zone.keep_out]
     if inside:
         cut = before.fields.reach & ~after.fields.reach & ~np.logical_or.reduce(inside)
@@ -50,6 +59,14 @@ def zone_lines(prepared: Prepared, before: MapReport, after: MapReport) -> Itera
         lost_m2 = np.count_nonzero(before.fields.patrolled & ~after.fields.patrolled) * area
         lost = f"{lost_m2:.1f} m² is no longer seen"
         yield f"  beside and behind keep-outs: {cut_m2:.1f} m² more cannot be reached, {lost}"
+
+
+def _spans(spans: Sequence[Span]) -> str:
+    """Name the times of a zone."""
+    if not spans:
+        return "only once it is switched on"
+    more = f" and {len(spans) - MOST_SPANS} times more" if len(spans) > MOST_SPANS else ""
+    return ", ".join(f"from {first:g} to {end:g} s" for first, end in spans[:MOST_SPANS]) + more
 
 
 def _wish(zone: ZoneSpec, zoned: ZonedGround, prepared: Prepared, robots: int) -> str:

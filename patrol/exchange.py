@@ -32,8 +32,8 @@ class Sensed:
         charge: Share of its battery's capacity that is left; None for a robot without a battery.
         blocked: The points that it sees or bumps into blocked although the map says that they are free: flat indices
             of the terrain's grid, ascending.
-        zones: The numbers, from 0, of the scenario's zones that are in force, once an operator has switched one; None: as
-            their times say.
+        zones: The numbers, from 0, of the scenario's zones that are in force, once an operator has switched one; None:
+            by their times.
     """
 
     k: int

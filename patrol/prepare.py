@@ -57,7 +57,7 @@ class Prepared:
         fields: By robot number.
         regions: By robot number, or None where paths do not lead through regions.
         rounds: By robot number, once somebody has asked for one (`patrol.measures.best_tour.round_of`).
-        zoned: The ground by the names of the zones in force that weigh, likewise (`patrol.measures.zoned.zoned_ground`).
+        zoned: The ground by the names of the weighing zones in force, likewise (`patrol.measures.zoned.zoned_ground`).
     """
 
     scenario: Scenario
@@ -324,9 +324,12 @@ def _check_critical_areas(scenario: Scenario, terrain: Terrain) -> None:
 def _check_zones(scenario: Scenario, terrain: Terrain, by_radius: Mapping[float, StaticFields]) -> None:
     for number, zone in enumerate(scenario.zones):
         if zone.keep_out is None:
-            points = points_of(zone, terrain)
-            if not any((fields.patrolled & points).any() for fields in by_radius.values()):
+            points, bodies = points_of(zone, terrain), by_radius.values()
+            if zone.weighs and not any((fields.patrolled & points).any() for fields in bodies):
                 why = "no robot sees any of it from ground that it can reach; correct or drop it"
+                raise BadInput(f"zones.{number}: {zone.name}: {why}")
+            if zone.speed is not None and not any((fields.reach & points).any() for fields in bodies):
+                why = "no robot gets there, so it slows none; correct or drop it"
                 raise BadInput(f"zones.{number}: {zone.name}: {why}")
 
 

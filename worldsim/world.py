@@ -9,13 +9,13 @@ from patrol.energy import Batteries
 from patrol.errors import BadInput
 from patrol.exchange import FIRST_INCARNATION, Reply, Sensed
 from patrol.ground.closed import ChangingFootprint
+from patrol.ground.speed_limits import SpeedLimits
 from patrol.journal import Event, RobotTick, Status, TickRecord
 from patrol.journal.records import FORGED
-from patrol.ground.speed_limits import SpeedLimits
 from patrol.pose import Pose, slowed
 from patrol.prepare import check_intruder, sensor_footprint
 from patrol.radio.message import MAX_FRAMES
-from patrol.scenario.zones import in_force
+from patrol.scenario.zones import zones_in_force
 from worldsim.faults.timeline import Timeline
 from worldsim.radio.ether import Delivery, ether_of
 from worldsim.radio.models.found import model_of
@@ -128,7 +128,7 @@ class World:
         self._to_observe = [(number, body.pose) for number, body in living.items()]
         contacts = {number: self._intruders.seen_by(self.tick, body.pose) for number, body in living.items()}
         k, senses, batteries = self.tick, self.senses, self.batteries
-        self._zones = in_force(self.scenario.zones, k * self.step)
+        self._zones = zones_in_force(self.scenario.zones, k * self.step)
         zones = self._zones_switched()
         return {
             number: Sensed(
@@ -221,8 +221,7 @@ class World:
         return record
 
     def amend(self, scenario: Scenario) -> None:
-        """Between ticks: continue with a scenario that has other faults, intruders or times of zones from the
-        next tick on.
+        """Between ticks: go on with other faults, intruders or times of zones from the next tick on.
 
         Args:
             scenario: Has the same past (`patrol.scenario.controls.amended`).

@@ -38,6 +38,7 @@ from patrol.pose import Pose
 from patrol.prepare import prepare, sensor_footprint
 from patrol.scenario.control_words import worded
 from patrol.scenario.controls import CONTROLS, OPERATOR, amended, control_in, in_force, intruders_there, read_control
+from patrol.scenario.zones import zones_in_force
 
 if TYPE_CHECKING:
     from monitor.live.feed_client import FeedClient
@@ -393,6 +394,7 @@ class FeedSource:
             ended=self._ended,
             intruders=intruders_there(self._scenario, k),
             closed=tuple(sorted(self._closed.names)),
+            zones=tuple(sorted(zones_in_force(self._scenario.zones, coming * self._step))),
             faults=in_force(self._scenario, coming, self._planned),
             note=self._note(),
             gone=self._ended is None and not self._client.present,

@@ -98,6 +98,7 @@ def state_message(state: State, survey: Survey | None, static: Static) -> str:
             "note": state.note,
             "intruders": [list(intruder) for intruder in state.intruders],
             "closed": list(state.closed),
+            "zones": list(state.zones),
             "linked": state.links is not None,
             "faults": [dict(fault) for fault in state.faults],
             "seen": None if survey is None else survey.seen_share,
@@ -203,14 +204,15 @@ def answer_message(number: object, answer: Answer) -> str:
 
 
 def _zones(static: Static) -> list[dict[str, Any]]:
-    """Return the zones: what the map says of each, where, and its outline in m."""
+    """Return the zones: the name of each, what the map says of it, its kind, where, and its outline in m."""
     terrain, shown = Terrain(static.name, static.passable, static.point, static.origin), []
     for says in static.scenario.get("zones", ()):
         zone = ZoneSpec.model_validate(says)
         points = points_of(zone, terrain)
         edges = [[_short(value) for value in edge] for edge in outline(points, terrain).tolist()]
         at = [_short(value) for value in middle(points, terrain)]
-        shown.append({"label": zone.label, "at": at, "keepOut": zone.keep_out is not None, "edges": edges})
+        kind = "keepout" if zone.keep_out else "weight" if zone.weighs else "slow"
+        shown.append({"name": zone.name, "label": zone.label, "kind": kind, "at": at, "edges": edges})
     return shown
 
 

@@ -21,6 +21,7 @@ from monitor.replay.trap_log import TrapLog
 from patrol.journal.records import Event, Status
 from patrol.pose import Pose
 from patrol.scenario.controls import intruders_there
+from patrol.scenario.zones import zones_in_force
 
 SHOW_S = 1.0 / 30.0
 """Least wall time between two states, s."""
@@ -257,6 +258,7 @@ class Player:
             links=links,
             intruders=intruders_there(run.prepared.scenario, k),
             closed=tuple(sorted(run.closings.names(k))),
+            zones=tuple(sorted(zones_in_force(run.prepared.scenario.zones, k * run.step))),
         )
 
 

@@ -20,7 +20,7 @@ from patrol.ground.tour.zoned import MOST_CLASSES, Classes, ZonedGround
 from patrol.ground.zones import points_of
 from patrol.measures.best_tour import best_tour, round_over, tour_over
 from patrol.measures.own_ground import own_grounds
-from patrol.scenario.zones import LEAST_WEIGHT, MOST_WEIGHT, in_force
+from patrol.scenario.zones import LEAST_WEIGHT, MOST_WEIGHT, zones_in_force
 
 if TYPE_CHECKING:
     from patrol.ground.terrain import BoolGrid
@@ -74,7 +74,8 @@ def prepare_zones(prepared: Prepared) -> None:
     scenario, weighing = prepared.scenario, _weighing(prepared.scenario)
     turns = {time_s for zone in scenario.zones for span in zone.times or () for time_s in span}
     ticks = {0, *(math.ceil(time_s / scenario.step) for time_s in turns)}
-    timed = {in_force(scenario.zones, k * scenario.step) & weighing: None for k in sorted(ticks) if k < scenario.ticks}
+    sets = (zones_in_force(scenario.zones, k * scenario.step) & weighing for k in sorted(ticks) if k < scenario.ticks)
+    timed = list(dict.fromkeys(sets))
     if len(weighing) <= MOST_COMBINED:
         sizes = range(len(weighing) + 1)
         others = [frozenset(some) for size in sizes for some in combinations(sorted(weighing), size)]

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from patrol.errors import BadInput, in_flow
 from patrol.journal.records import Event
-from patrol.scenario.controls import OPERATOR, AddFault, AddIntruder, Heal, Pace, Step, control_in
+from patrol.scenario.controls import OPERATOR, AddFault, AddIntruder, Heal, Pace, Step, SwitchZone, control_in
 
 
 def worded(event: Event) -> Event:
@@ -44,6 +44,8 @@ def described(event: Event) -> str:
         case AddIntruder():
             text = f"places an intruder at ({control.place[0]:g}, {control.place[1]:g})"
             text += "" if control.stay is None else f" for {control.stay:g} s"
+        case SwitchZone():
+            text = f"switches {control.name} {'on' if control.on else 'off'}"
         case Pace():
             text = "as fast as it goes" if control.factor is None else f"pace {control.factor:g}"
         case Step():

@@ -6,6 +6,7 @@
     {"do": "heal", "id": "op1"}                                     a fault that lasts ends now
     {"do": "intruder", "place": [x, y], "for": 30.0}                an intruder stands there from now on
     {"do": "heal", "id": "intruder1"}                               the scenario's first intruder leaves now
+    {"do": "zone", "name": "vault", "on": false}                    a zone is in force from now on, or no longer
 
 Times in a fault count from now: without `at` it begins with the next tick. `instead` names a fault that ends at the
 same moment, so that a value is changed without a gap. Intruders are called `intruder1`, `intruder2`, ... by their
@@ -28,11 +29,12 @@ from pydantic import ConfigDict, Discriminator, Field, TypeAdapter, ValidationEr
 from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.files.half_characters import refuse_half_characters
 from patrol.journal.records import Event
-from patrol.scenario import Scenario, load_scenario
+from patrol.scenario import Scenario, ZoneSpec, load_scenario
 from patrol.scenario.faults.kinds import Clock, Lasting, nothing
 from patrol.scenario.faults.roster import tick_of, ticks_of
+from patrol.scenario.zones import holds_tick
 from patrol.values.section import Section
-from patrol.values.types import Corner, Name, Positive, expecting
+from patrol.values.types import Corner, Flag, Name, Positive, expecting
 
 OPERATOR = "operator"
 """The kind of the journal's events that tell of controls; their detail is JSON, as `as_detail` makes it."""
@@ -111,8 +113,16 @@ class AddIntruder(Section):
         return says
 
 
-Control = Pause | Go | Step | Pace | AddFault | Heal | AddIntruder
-CONTROLS = ("pause", "go", "step", "pace", "fault", "heal", "intruder")
+class SwitchZone(Section):
+    """Put a zone in force from now on to the end, or no longer."""
+
+    do: Literal["zone"]
+    name: Name
+    on: Flag
+
+
+Control = Pause | Go | Step | Pace | AddFault | Heal | AddIntruder | SwitchZone
+CONTROLS = ("pause", "go", "step", "pace", "fault", "heal", "intruder", "zone")
 """Values of `do` in a control."""
 
 EXAMPLES = {
@@ -121,6 +131,7 @@ EXAMPLES = {
     "fault": {"fault": "{kind: loss, rate: 0.5}"},
     "heal": {"id": "op1, the id in the answer to a fault or an intruder"},
     "intruder": {"place": "[12, 30]", "for": "60"},
+    "zone": {"name": "vault, as in {name: vault, on: false}", "on": "true or false"},
 }
 """Fields of each control that has values, the needed one first, with an example each."""
 
@@ -204,6 +215,11 @@ def amended(scenario: Scenario, k: int, control: Control) -> tuple[Scenario, str
             return _loaded(mapping, len(scenario.faults)), (
                 f"{intruder_name(len(scenario.intruders))} at ({x:g}, {y:g}) from tick {k} on"
             )
+        case SwitchZone():
+            mapping, number = _mapping(scenario), _zone_of(scenario, control.name)
+            mapping["zones"][number]["times"] = _switched(scenario, k, scenario.zones[number], control.on)
+            change = f"is in force from tick {k} on" if control.on else f"ends with tick {k}"
+            return _loaded(mapping, len(scenario.faults)), f"{control.name} {change}"
     return scenario, ""
 
 
@@ -362,6 +378,32 @@ def _without_intruder(scenario: Scenario, k: int, place: int) -> Scenario:
     if entry["for"] <= 0.0:  # it keeps its place in the list, between two ticks, so that others keep their names
         entry["at"], entry["for"] = (k + 0.25) * step, 0.25 * step
     return _loaded(mapping, len(scenario.faults))
+
+
+def _zone_of(scenario: Scenario, name: str) -> int:
+    """Find the place of a zone in the scenario's list."""
+    names = [zone.name for zone in scenario.zones]
+    if name not in names:
+        raise BadInput(f"control: name = {name}: {did_you_mean(name, names) if names else 'this run has no zones'}")
+    return names.index(name)
+
+
+def _switched(scenario: Scenario, k: int, zone: ZoneSpec, on: bool) -> list[tuple[float, float]]:
+    """Return the times of a zone that is switched on or off before tick k: as before up to then."""
+    step, begin = scenario.step, _time_of(k, scenario.step)
+    if zone.keep_out:
+        raise BadInput(f"control: name = {zone.name}: a keep-out always holds; only other zones can be switched")
+    if zone.holds(k * step) == on:
+        state = "is in force already" if on else "is not in force"
+        raise BadInput(f"control: name = {zone.name}: {state}")
+    times = ((0.0, scenario.duration),) if zone.times is None else zone.times
+    cut = [(first, min(end, begin)) for first, end in times]
+    past = [span for span in cut if holds_tick(span, step)]
+    if not on:
+        return past
+    if past and past[-1][1] == begin:
+        begin = past.pop()[0]
+    return [*past, (begin, scenario.duration)]
 
 
 def _is_over(scenario: Scenario, k: int, name: str) -> bool:

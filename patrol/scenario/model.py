@@ -6,7 +6,6 @@ other modules import.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -27,7 +26,7 @@ from patrol.scenario.policies import CommittedPatrol, PaperPatrol, Patrol, Patro
 from patrol.scenario.radio_spec import IdealRadio, Radio, check_radio_spec
 from patrol.scenario.robots import RobotSpec, roster_of
 from patrol.scenario.sections import DockSpec, IntruderSpec, RobotGroup, Robots, SensorSpec, TerrainSpec
-from patrol.scenario.zones import Span, Zones, ZoneSpec, zones_in_file
+from patrol.scenario.zones import Span, Zones, ZoneSpec, holds_tick, zones_in_file
 from patrol.values.section import Section, wrong
 from patrol.values.types import AUTO, BUILTINS, Name, Pace, Positive, Seed
 
@@ -188,7 +187,7 @@ class Scenario(Section):
     def _check_spans(self, field: str, name: str, spans: Sequence[Span]) -> None:
         """Refuse spans of time between two ticks."""
         for first, end in spans:
-            if math.ceil(first / self.step) * self.step >= end:
+            if not holds_tick((first, end), self.step):
                 limit = f"{name}: {first:g} to {end:g} s holds no tick of {self.step:g} s; make it longer"
                 raise wrong(field, limit)
 

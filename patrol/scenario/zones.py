@@ -6,8 +6,9 @@
       - {name: ward, polygon: [[20, 12], [30, 12], [30, 19]], speed: 0.3}
       - {name: stairs, mask: keepout.yaml, keep_out: true}
 
-A zone with times is in force in these alone; any other always. A zone is a polygon in metres, or the marked cells of a mask in the format of Nav2's costmap filters. A mask is read
-when the scenario is loaded, and the loaded scenario holds its cells. So a loaded scenario needs no mask's file.
+A zone with times is in force in these alone, any other always. It is a polygon in metres, or the marked cells of a mask
+in the format of Nav2's costmap filters. A mask is read when the scenario is loaded, and the loaded scenario holds its
+cells. So a loaded scenario needs no mask's file.
 """
 
 from __future__ import annotations
@@ -180,7 +181,7 @@ class ZoneSpec(Section):
         return self.times is None or any(first <= time_s < end for first, end in self.times)
 
 
-def in_force(zones: Iterable[ZoneSpec], time_s: float) -> frozenset[str]:
+def zones_in_force(zones: Iterable[ZoneSpec], time_s: float) -> frozenset[str]:
     """Return the names of the zones that are in force at a time.
 
     Args:
@@ -188,6 +189,20 @@ def in_force(zones: Iterable[ZoneSpec], time_s: float) -> frozenset[str]:
         time_s: Since tick 0, s.
     """
     return frozenset(zone.name for zone in zones if zone.holds(time_s))
+
+
+def holds_tick(span: Span, step: float) -> bool:
+    """Return True if a span of time holds a tick.
+
+    Args:
+        span: From and to, s.
+        step: s per tick.
+    """
+    first, end = span
+    k = math.ceil(first / step)
+    if (k - 1) * step >= first:  # the quotient was rounded up
+        k -= 1
+    return k * step < end
 
 
 def check_spans(spans: Sequence[Span], field: str, name: str) -> None:

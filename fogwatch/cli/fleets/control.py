@@ -25,6 +25,7 @@ EXAMPLES = [
     "fogwatch control RUN heal op1",
     "fogwatch control RUN intruder '[12, 30]'",
     "fogwatch control RUN heal intruder1",
+    "fogwatch control RUN zone '{name: vault, on: false}'",
     "fogwatch control yards-1/operator pause",
     "fogwatch control yards-1/operator stop robot1",
     "fogwatch control tcp/192.168.1.20:7447 stop --fleet patrol",
@@ -49,7 +50,9 @@ def control(
     ],
     do: Annotated[
         str,
-        typer.Argument(metavar="WHAT", help="pause, go, step, pace, fault, heal or intruder; stop or release robots."),
+        typer.Argument(
+            metavar="WHAT", help="pause, go, step, pace, fault, heal, intruder or zone; stop or release robots."
+        ),
     ],
     value: Annotated[
         str | None,
@@ -57,7 +60,7 @@ def control(
             metavar="[VALUE]",
             help="step: ticks; pace: factor of real time, or max; fault: the fault as YAML; heal: the id of a fault or "
             "an intruder, as the answer to it says; intruder: its place as [X, Y] in m, or {place: [X, Y], for: S}; "
-            "stop, release: the robot (default: all robots).",
+            "zone: {name: NAME, on: true or false}; stop, release: the robot (default: all robots).",
         ),
     ] = None,
     wait: Annotated[float, typer.Option(metavar="S", help="How long to wait for an answer, in s.")] = WAIT_S,
@@ -181,6 +184,6 @@ def control_of(do: str, value: str | None) -> dict[str, Any]:
     if do == "pace" and value == "max":
         return {"do": do, field: None}
     given = parse_yaml(value, f"control {do}")
-    if do == "intruder" and isinstance(given, dict):
+    if do in {"intruder", "zone"} and isinstance(given, dict):
         return {"do": do, **given}
     return {"do": do, field: given}

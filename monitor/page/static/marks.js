@@ -23,12 +23,18 @@ export function drawRobots(map) {
   for (const [x, y] of store.state.intruders) intruder(map, x, y);
 }
 
-/** Draw the outlines of the zones, and what holds there. */
+/** Colours of the outlines of zones by kind; page.css has the same. */
+const ZONES = { keepout: "#c1121f", slow: "#00796b", weight: "#6a1b9a" };
+
+/** Draw the outlines of the zones in force, and what holds there, and thinly those of the others. */
 export function drawZones(map) {
   const c = map.context, r = map.ratio;
   c.lineCap = "butt";
+  const held = new Set(map.store.state?.zones ?? []);
   for (const zone of map.store.facts.zones) {
-    for (const [colour, wide] of [["rgb(255 255 255 / 85%)", 4], [zone.keepOut ? "#c1121f" : "#6a1b9a", 2]]) {
+    const on = held.has(zone.name);
+    c.setLineDash(on ? [] : [5 * r, 5 * r]);
+    for (const [colour, wide] of [["rgb(255 255 255 / 85%)", on ? 4 : 2.5], [ZONES[zone.kind], on ? 2 : 1]]) {
       c.strokeStyle = colour;
       c.lineWidth = wide * r;
       c.beginPath();
@@ -38,8 +44,9 @@ export function drawZones(map) {
       }
       c.stroke();
     }
-    label(c, zone.label, ...map.toScreen(...zone.at), "center", r);
+    if (on) label(c, zone.label, ...map.toScreen(...zone.at), "center", r);
   }
+  c.setLineDash([]);
 }
 
 /** Fill the closures that are closed, and outline the others thinly. */

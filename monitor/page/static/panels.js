@@ -16,11 +16,12 @@ import { EventsPanel } from "./panel_events.js";
 import { FaultsPanel } from "./panel_faults.js";
 import { LinksPanel } from "./panel_links.js";
 import { RobotsPanel } from "./panel_robots.js";
+import { ZonesPanel } from "./panel_zones.js";
 import { $ } from "./dom.js";
 
 /** Where the panels are below the map; page.css has the same number. An opened panel is then scrolled to. */
 const NARROW = matchMedia("(max-width: 820px)");
-const PANELS = [RobotsPanel, LinksPanel, EventsPanel, FaultsPanel];
+const PANELS = [RobotsPanel, LinksPanel, EventsPanel, FaultsPanel, ZonesPanel];
 
 export class Panels {
   /** page: as for the panels. */

@@ -116,7 +116,8 @@ class PhaseA(Head):
     def columns(cls) -> Mapping[str, Any]:  # noqa: D102 - of `Row`
         pose = {"x": Finite, "y": Finite, "heading": Finite}
         senses = {"bumped": Flag, "contacts": _Contacts, "clock_s": Finite, "charge": Finite | None}
-        return {**Head.columns(), **pose, **senses, "blocked": _Blocked, "zones": _Zones, "proof": _Proof, "digest": bytes}
+        ground = {"blocked": _Blocked, "zones": _Zones}
+        return {**Head.columns(), **pose, **senses, **ground, "proof": _Proof, "digest": bytes}
 
     @classmethod
     def from_values(cls, *values: Any) -> Self:  # noqa: D102

@@ -1,0 +1,58 @@
+// The zones: which of them are in force, and a button for each to switch it.
+
+import { $ } from "./dom.js";
+
+export class ZonesPanel {
+  static id = "zones";
+  static title = "zones";
+  static topics = ["state", "open"];
+  static html = `
+    <ul id="zonelist"></ul>
+    <p id="zonenote" class="small"></p>`;
+
+  constructor({ store, operate }) {
+    this.store = store;
+    this.operate = operate;
+  }
+
+  reset() {
+    const { facts } = this.store;
+    $("tab-zones").hidden = !facts.zones.length;
+    const can = facts.controls.includes("zone");
+    $("zonelist").replaceChildren(...facts.zones.map((zone) => this.#item(zone, can)));
+    $("zonenote").textContent = can ? "A zone that is switched stays so to the end of the run, whatever its times say." : "";
+    this.shown = "";
+  }
+
+  update() {
+    const { state } = this.store;
+    if (!state || this.shown === state.zones.join("\n")) return;
+    this.shown = state.zones.join("\n");
+    for (const item of $("zonelist").children) {
+      const on = state.zones.includes(item.dataset.name), button = item.querySelector("button");
+      item.classList.toggle("off", !on);
+      item.querySelector(".held").textContent = on ? "in force" : "not in force";
+      if (button) button.textContent = on ? "switch off" : "switch on";
+    }
+  }
+
+  #item({ name, label, kind }, can) {
+    const item = document.createElement("li"), text = document.createElement("span"), held = document.createElement("span");
+    item.dataset.name = name;
+    text.className = `zone ${kind}`;
+    text.textContent = label;
+    held.className = "held";
+    item.append(text, held);
+    if (can && kind !== "keepout") {
+      const button = document.createElement("button");
+      button.type = "button";
+      button.setAttribute("aria-label", `switch ${name}`);
+      button.addEventListener("click", () => {
+        const on = !this.store.state.zones.includes(name);
+        this.operate({ do: "zone", name, on }, `${name}: ${on ? "on" : "off"}`);
+      });
+      item.append(button);
+    }
+    return item;
+  }
+}
