@@ -21,6 +21,7 @@ from patrol.pose import (
     halted,
     is_halt,
     pack_command,
+    slowed,
     unpack_command,
 )
 
@@ -156,3 +157,23 @@ def test_a_command_beyond_a_limit_is_not_within_it() -> None:
     for bad in (math.nan, math.inf, -math.inf):
         for command in (Velocity(bad, 0.0), Drive(bad, 0.0), Drive(0.0, bad), Twist(bad, 0.0), Twist(0.0, bad)):
             assert not command.is_within(base)
+
+
+@pytest.mark.parametrize("model", MODELS)
+@given(first=st.floats(-50.0, 50.0), second=st.floats(-50.0, 50.0), top=st.floats(0.01, 20.0))
+def test_a_slowed_command_leads_along_the_same_path(model: str, first: float, second: float, top: float) -> None:
+    command = command_of(model, first, second)
+    slow = slowed(command, top)
+    assert slow.speed_mps <= max(top * (1.0 + 1e-12), 0.0)
+    if command.speed_mps <= top:
+        assert slow is command
+        return
+    assert slow.speed_mps == pytest.approx(top)
+    match command, slow:
+        case Velocity(), Velocity():
+            assert math.atan2(slow.vy, slow.vx) == pytest.approx(math.atan2(command.vy, command.vx), abs=1e-9)
+        case Drive(), Drive():
+            assert slow.curvature == command.curvature
+            assert math.copysign(1.0, slow.speed) == math.copysign(1.0, command.speed)
+        case Twist(), Twist():
+            assert slow.turn_rate * command.speed == pytest.approx(command.turn_rate * slow.speed)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 from patrol.errors import BadInput
 from patrol.measures.best_tour import best_tour
-from patrol.measures.zoned import best_weighted_s, zone_weights, zoned_ground
+from patrol.measures.zoned import best_weighted_s, prepare_zones, zone_weights, zoned_ground
 from patrol.prepare import Prepared, prepare
 from patrol.scenario import load_scenario
 
@@ -56,6 +57,42 @@ def test_rounds_show_the_ground_of_their_classes_and_none_is_longer_than_one_of_
         wider = [ground.rounds[low, high] for low, high in ground.rounds if low <= first and last <= high]
         assert laid_out.length_m == min(other.length_m for other in wider)
     assert best_weighted_s(made) == ground.cost_s(ground.divide(4))
+
+
+def test_the_ground_follows_the_zones_in_force() -> None:
+    made = prepared(VAULT | {"weight": 10, "times": [[60, 120]]}, CELLAR | {"weight": 3})
+    grounds = {names: zoned_ground(made, names) for names in (frozenset(), frozenset({"vault"}), frozenset({"cellar"}))}
+    classes = {names: ground.classes for names, ground in grounds.items() if ground is not None}
+    assert classes == {frozenset(): (1.0,), frozenset({"vault"}): (1.0, 10.0), frozenset({"cellar"}): (1.0, 3.0)}
+    for names, ground in grounds.items():
+        assert ground is not None
+        assert zoned_ground(made, names | {"slow"}) is ground
+        assert len(ground.rounds) == 1 + 2 * bool(names)
+        assert best_weighted_s(made, names) == ground.cost_s(ground.divide(4))
+
+
+def test_all_combinations_of_few_zones_are_prepared_and_kept_with_the_rest(tmp_path: Path) -> None:
+    made = prepared(VAULT | {"weight": 10, "times": [[60, 120]]}, CELLAR | {"weight": 3})
+    prepare_zones(made)
+    sets = {frozenset(names) for names in ((), ("vault",), ("cellar",), ("vault", "cellar"))}
+    assert set(made.zoned) == sets
+    made.save(tmp_path)
+    loaded = Prepared.load(made.scenario, tmp_path)
+    assert set(loaded.zoned) == sets
+    for names in sets:
+        assert loaded.zoned[names].classes == made.zoned[names].classes
+        assert loaded.zoned[names].divide(4) == made.zoned[names].divide(4)
+        assert np.array_equal(loaded.zoned[names].weights, made.zoned[names].weights)
+
+
+def test_of_many_zones_those_of_the_times_and_one_switch_away_are_prepared() -> None:
+    boxes = {name: box(20 * n, 0, 20 * n + 15, 20) for n, name in enumerate("abcd")}
+    zones = [{"name": name, "polygon": where, "weight": 2, "times": [[60, 90]]} for name, where in boxes.items()]
+    made = prepared(*zones, sensor={"angle": 90})  # it has no rounds, whose search takes long
+    prepare_zones(made)
+    everything = frozenset("abcd")
+    one_away = {frozenset(name) for name in "abcd"} | {everything - {name} for name in "abcd"}
+    assert set(made.zoned) == {frozenset(), everything, *one_away}
 
 
 @pytest.mark.parametrize("zones", [(), ({"name": "stairs", "polygon": box(10, 10, 20, 20), "keep_out": True},)])

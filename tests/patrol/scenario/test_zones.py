@@ -12,6 +12,7 @@ from PIL import Image
 
 from patrol.errors import BadInput
 from patrol.scenario import dump_scenario, load_scenario, scenario_hash
+from patrol.scenario.zones import holds_tick, zones_in_force
 
 SQUARE = [[10, 10], [20, 10], [20, 20], [10, 20]]
 YARDS: dict[str, Any] = {"terrain": {"builtin": "yards"}, "point": 1.0}
@@ -89,8 +90,35 @@ def test_hashes() -> None:
             r"zones\.0\.polygon: vault: its corners lie on one line",
         ),
         ([zone(one_way=True, weight=2)], r"zones\.0\.one_way: unknown key"),
-        ([zone(weight=2, age=60)], r"zones\.0: vault: exactly one is needed: keep_out: true, a weight or an age"),
-        ([zone()], r"zones\.0: vault: exactly one is needed: keep_out: true, a weight or an age"),
+        (
+            [zone(weight=2, age=60)],
+            r"zones\.0: vault: exactly one is needed: keep_out: true, a weight, an age or a speed",
+        ),
+        ([zone()], r"zones\.0: vault: exactly one is needed: keep_out: true, a weight, an age or a speed"),
+        (
+            [zone(weight=2, speed=0.5)],
+            r"zones\.0: vault: exactly one is needed: keep_out: true, a weight, an age or a speed",
+        ),
+        ([zone(speed=0)], r"zones\.0\.speed = 0: expected a number above 0 and at most 1e9"),
+        (
+            [zone(speed=4.4)],
+            r"zones\.0\.speed = 4\.4: vault slows no robot, as the fastest drives 4\.4 m/s; give less, or",
+        ),
+        ([zone(keep_out=True, times=[[0, 9]])], r"zones\.0\.times: vault: a keep-out always holds; drop them, or make"),
+        ([zone(weight=2, times=[[9, 9]])], r"zones\.0\.times\.0: vault: ends at 9 s, not after its begin; correct it"),
+        (
+            [zone(weight=2, times=[[0, 9], [9, 12]])],
+            r"zones\.0\.times\.1: vault: begins before the one before it is over",
+        ),
+        ([zone(weight=2, times=[[-1, 9]])], r"zones\.0\.times\.0\.0 = -1: expected a number from 0 to 1e9"),
+        (
+            [zone(weight=2, times=[[5000, 5001]])],
+            r"zones\.0\.times: vault begins at 5000 s, and the run ends at 5000 s",
+        ),
+        (
+            [zone(weight=2, times=[[9.1, 9.2]])],
+            r"zones\.0\.times: vault: 9\.1 to 9\.2 s holds no tick of 0\.5 s; make it",
+        ),
         ([zone(keep_out=False)], r"zones\.0\.keep_out: vault: is true or left out; drop it"),
         ([{"name": "vault", "weight": 2}], r"zones\.0: vault: exactly one is needed: a polygon or a mask"),
         ([zone(weight=2), zone(weight=3)], r"zones\.1\.name: vault is the name of another zone too; rename one"),
@@ -103,6 +131,24 @@ def test_what_is_refused_in_one_line(zones: Any, message: str) -> None:
     with pytest.raises(BadInput, match=message) as caught:
         load_scenario(YARDS | {"zones": zones})
     assert "\n" not in str(caught.value)
+
+
+def test_when_a_zone_is_in_force() -> None:
+    zones = [zone(weight=2, times=[[1, 2.5], [4, 9]]), zone(name="ward", speed=0.5), zone(name="off", age=9, times=[])]
+    loaded = load_scenario(YARDS | {"zones": zones}).zones
+    ticks = [k for k in range(20) if "vault" in zones_in_force(loaded, 0.5 * k)]
+    assert ticks == [2, 3, 4, *range(8, 18)]
+    assert zones_in_force(loaded, 0.0) == {"ward"}
+    assert [each.label for each in loaded] == ["vault x2", "ward 0.5 m/s", "off 9 s"]
+
+
+@pytest.mark.parametrize(
+    ("span", "step", "holds"),
+    [((1.1, 1.2), 0.1, True), ((1.11, 1.19), 0.1, False), ((0.0, 0.1), 0.5, True), ((0.6, 1.0), 0.5, False)],
+)
+def test_times_between_two_ticks(span: tuple[float, float], step: float, holds: bool) -> None:
+    assert holds_tick(span, step) == holds
+    assert any(span[0] <= k * step < span[1] for k in range(100)) == holds
 
 
 def test_a_mask_without_a_mark_is_refused(tmp_path: Path) -> None:

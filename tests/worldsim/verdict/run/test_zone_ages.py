@@ -51,6 +51,22 @@ def test_figures_are_those_of_the_points(lab: Lab) -> None:
         assert found.kept_share is None
 
 
+def test_a_zone_counts_while_it_is_in_force(lab: Lab) -> None:
+    """Nothing of the far zone is ever seen, so its age is the time; it weighs from 5 s to 10 s."""
+    far = {"name": "far", "polygon": [[18, 13], [20, 13], [20, 15], [18, 15]], "weight": 4, "times": [[5, 10]]}
+    never = far | {"name": "never", "times": []}
+    sensor = {"range": 3.0}
+    world = lab.world([DISC], [(3.0, 3.0, 0.0)], duration=20.0, zones=[far, never], sensor=sensor)
+    journal = lab.run(world)
+    summary = summarise(journal, judge(journal, {}, world.prepared))
+    times = [0.5 * k for k in range(40)]
+    assert set(summary.zones) == {"far", "elsewhere"}
+    assert summary.zones["far"].mfow_mean_s == pytest.approx(np.mean([t for t in times if 5 <= t < 10]))
+    assert summary.zones["far"].mfow_max_s == 9.5
+    assert summary.mfow_weighted_mean_s == pytest.approx(np.mean([4 * t if 5 <= t < 10 else t for t in times]))
+    assert summary.mfow_weighted_max_s == 38.0
+
+
 def test_how_long_a_wish_was_kept(lab: Lab) -> None:
     """Nothing of the far corner is seen, so its age is the time: half of 30 s it is at most 15 s."""
     far = {"name": "far", "polygon": [[18, 13], [20, 13], [20, 15], [18, 15]], "age": 14.9}
