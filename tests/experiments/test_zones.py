@@ -70,3 +70,23 @@ def test_spare_robots_change_nothing_until_they_join() -> None:
     figures = few.summary.robots["r1"].battery
     assert figures is not None
     assert figures.charges > 0
+
+
+def test_robots_look_after_a_vault_while_it_weighs() -> None:
+    """Late means are those of the second half of the time in force, once the robots have changed their rounds."""
+    weighing, counted = (ran(VAULT | {"weight": weight, "times": [[80, 200]]}) for weight in (10, 1.0))
+    assert weighing.verdict.valid
+    assert weighing.summary.zones["vault"].mfow_late_mean_s < 0.7 * counted.summary.zones["vault"].mfow_late_mean_s
+    over = ran(VAULT | {"times": [[0, 80]]})
+    assert over.summary.zones["elsewhere"].mfow_late_mean_s < 0.7 * weighing.summary.zones["elsewhere"].mfow_late_mean_s
+
+
+@pytest.mark.parametrize("policy", ["committed", "potential-field", "greedy"])
+def test_bodies_are_slow_in_slow_zones_with_every_policy(policy: str) -> None:
+    ward = {"name": "ward", "polygon": [[40, 0], [60, 0], [60, 88], [40, 88]], "speed": 1.0, "times": [[20, 200]]}
+    robots = {"count": 4, "model": "holonomic", "radius": 0.4, "speed": 4.0}
+    given = {"terrain": {"builtin": "yards"}, "point": 1.0, "duration": 60.0, "robots": robots, "zones": [ward]}
+    outcome = run_in_process(prepare(load_scenario(given | {"patrol": {"policy": policy}})), keep=False)
+    assert outcome.verdict.valid, outcome.verdict.failed
+    (kept,) = (check for check in outcome.verdict.checks if check.name == "slow zones")
+    assert int(kept.detail.split()[0]) > 20

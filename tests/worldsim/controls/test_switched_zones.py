@@ -1,0 +1,125 @@
+"""Zones that an operator switches: when they act, what is refused, what robots learn, and the same trace again."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from experiments.inprocess import run_in_process
+from patrol.errors import BadInput
+from patrol.journal.records import Event
+from patrol.prepare import prepare
+from patrol.scenario import load_scenario
+from patrol.scenario.control_words import described
+from patrol.scenario.controls import OPERATOR, amended, as_detail, read_control
+from patrol.scenario.zones import zones_in_force
+from tests.worldsim.controls.test_operator import run
+from worldsim.verdict.judge import judge
+from worldsim.world import World
+
+VAULT = {"name": "vault", "polygon": [[0, 0], [40, 0], [40, 40], [0, 40]], "weight": 8}
+WARD = {"name": "ward", "polygon": [[0, 0], [100, 0], [100, 100], [0, 100]], "speed": 0.5, "times": []}
+STAIRS = {"name": "stairs", "polygon": [[60, 60], [62, 60], [62, 62], [60, 62]], "keep_out": True}
+SITE: dict[str, Any] = {
+    "terrain": {"builtin": "open"},
+    "point": 1.0,
+    "duration": 30,
+    "robots": {"count": 4, "model": "holonomic", "radius": 0.4, "speed": 4.0},
+    "zones": [VAULT, WARD, STAIRS],
+}
+
+
+def switch(name: str, on: bool) -> dict[str, Any]:
+    return {"do": "zone", "name": name, "on": on}
+
+
+SWITCHES = {
+    9: [switch("vault", False)],
+    20: [switch("ward", True)],
+    21: [switch("ward", False)],
+    30: [switch("vault", True), switch("ward", True)],
+    44: [switch("vault", False), switch("vault", True)],
+}
+
+
+def test_what_is_switched_is_judged_and_gives_the_same_trace_again() -> None:
+    prepared = prepare(load_scenario(SITE))
+    journal, requests, *_ = run(prepared, SWITCHES)
+    assert [answer.text for _, answer in requests.answers if not answer.done] == []
+    verdict = judge(journal, {}, prepared)
+    assert verdict.valid, verdict.failed
+    (slow,) = (check for check in verdict.checks if check.name == "slow zones")
+    assert slow.detail == "120 steps in 1 slow zones, none too fast"  # of the last of 30 + 1 ticks nothing follows
+    again = run_in_process(prepared.as_operated(journal.events), threads=1)
+    assert again.verdict.valid, again.verdict.failed
+    assert journal.end is not None
+    assert again.journal.end is not None
+    assert again.journal.end.trace_hash == journal.end.trace_hash
+    without = run_in_process(prepared, threads=1)
+    assert without.journal.end is not None
+    assert without.journal.end.trace_hash != journal.end.trace_hash
+
+
+def test_a_verdict_that_knows_nothing_of_the_operator_does_not_see_slow_zones_kept() -> None:
+    """By its times the ward is in force up to tick 19, and robots are fast from tick 9 on."""
+    prepared = prepare(load_scenario(SITE | {"zones": [VAULT, WARD | {"times": [[0, 10]]}, STAIRS]}))
+    journal, *_ = run(prepared, {9: [switch("ward", False)]})
+    assert judge(journal, {}, prepared).valid
+    journal.events = tuple(event for event in journal.events if event.kind != OPERATOR)
+    assert {check.name for check in judge(journal, {}, prepared).failed} == {"slow zones"}
+
+
+def test_the_zones_in_force_follow_the_switches_and_keep_their_past() -> None:
+    scenario = load_scenario(SITE)
+    for k, controls in SWITCHES.items():
+        for control in controls:
+            scenario, _ = amended(scenario, k, read_control(control))
+    held = [zones_in_force(scenario.zones, k * scenario.step) for k in range(scenario.ticks)]
+    assert [k for k in range(60) if "vault" in held[k]] == [*range(9), *range(30, 60)]
+    assert [k for k in range(60) if "ward" in held[k]] == [20, *range(30, 60)]
+    assert all("stairs" in names for names in held)
+
+
+def test_robots_learn_of_it_from_the_world() -> None:
+    world = World(prepare(load_scenario(SITE)), operated=True)
+    assert {sensed.zones for sensed in world.begin_tick().values()} == {None}  # by their own scenario
+    world.end_tick({})
+    scenario, text = amended(world.scenario, 1, read_control(switch("ward", True)))
+    assert text == "ward is in force from tick 1 on"
+    world.amend(scenario)
+    assert {sensed.zones for sensed in world.begin_tick().values()} == {(0, 1, 2)}
+    world.end_tick({})
+    scenario, text = amended(world.scenario, 2, read_control(switch("vault", False)))
+    assert text == "vault ends with tick 2"
+    world.amend(scenario)
+    assert {sensed.zones for sensed in world.begin_tick().values()} == {(1, 2)}
+
+
+@pytest.mark.parametrize(
+    ("control", "problem"),
+    [
+        (switch("stairs", False), "name = stairs: a keep-out always holds; only other zones can be switched"),
+        (switch("vault", True), "name = vault: is in force already"),
+        (switch("ward", False), "name = ward: is not in force"),
+        (switch("valt", False), "name = valt: did you mean vault?"),
+        ({"do": "zone", "name": "vault"}, "on: missing; give true or false"),
+        ({"do": "zone", "name": "vault", "on": 1}, "on = 1: expected true or false"),
+        ({"do": "zone", "name": "vault", "on": True, "off": True}, "off: unknown key; known are name, on"),
+    ],
+)
+def test_what_is_refused_in_one_line(control: dict[str, Any], problem: str) -> None:
+    with pytest.raises(BadInput) as caught:
+        amended(load_scenario(SITE), 5, read_control(control))
+    assert problem in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_without_zones_there_is_nothing_to_switch() -> None:
+    with pytest.raises(BadInput, match="control: name = vault: this run has no zones"):
+        amended(load_scenario(SITE | {"zones": []}), 5, read_control(switch("vault", False)))
+
+
+def test_what_people_read_of_it() -> None:
+    for on, words in ((True, "switches vault on"), (False, "switches vault off")):
+        assert described(Event(3, OPERATOR, None, as_detail(read_control(switch("vault", on))))) == words
