@@ -42,6 +42,7 @@ class Periods:
         length: Of a period, ticks.
         unpredictability: Share of the periods that are free by chance.
         chance: A random number in [0, 1) for a period, the same for all robots.
+        since: Tick from which the robots follow this round; the period in which it lies teaches nothing.
         round_now: Whether the robots follow the round in this period.
         experience: Mean age of the stalest point in settled periods on the round (True) and free ones (False), ticks.
     """
@@ -49,6 +50,7 @@ class Periods:
     length: int
     unpredictability: float
     chance: Callable[[int], float]
+    since: int = 0
     round_now: bool = False
     experience: dict[bool, float] = field(default_factory=dict)
     _period: int = -1
@@ -75,7 +77,8 @@ class Periods:
                 self._team = team
             self._period = period
             self.round_now = self.chance(period) >= self.unpredictability and self._is_worth_it(interval)
-        if tick % self.length >= SETTLED * self.length:
+        begun = tick % self.length
+        if begun >= SETTLED * self.length and tick - begun >= self.since:
             self._ages += mfow
             self._ticks += 1
             self._certain += certain

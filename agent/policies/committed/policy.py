@@ -70,7 +70,8 @@ SHORTEST_PERIOD_S = 60.0
 """Shortest period on ground with zones, s: a small zone has a short round."""
 
 PROMPT_TICKS = 4
-"""Ticks after the begin of a period in which a robot still begins the round together with the others."""
+"""Ticks after the begin of a period, or after other zones have come into force, in which a robot still begins the round
+together with the others."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,9 +125,10 @@ class Committed:
         self._round: Round | None = None
         if setup.zoned is None and options.unpredictability < 1.0 and (laid_out := setup.round()) is not None:
             followers = setup.followers()
-            self._follow(laid_out, followers, len(followers) / len(setup.radii) * setup.team)
+            self._follow(laid_out, followers, len(followers) / len(setup.radii) * setup.team, 0)
         if setup.zoned is not None:
             self._take_zones(setup.zoned(setup.zones))
+        self._rounds_since = 0
         self._expected = 0
         self._shortest = math.inf
         self._least_age = 0
@@ -136,8 +138,8 @@ class Committed:
         self._left_out_at: int | None = None
         self._decided_at = 0
 
-    def _follow(self, laid_out: Round, followers: frozenset[int], team: float) -> None:
-        """Follow a round from now on, with other robots."""
+    def _follow(self, laid_out: Round, followers: frozenset[int], team: float, tick: int) -> None:
+        """Follow a round from a tick on, with other robots."""
         setup = self._setup
         stride = max(setup.spec.speed * setup.step, setup.terrain.point)
         self.ahead = RoundAhead(setup, laid_out)
@@ -145,22 +147,20 @@ class Committed:
         self.spacing = Spacing.on(
             laid_out, setup.spec.number, followers, whole, stride, setup.sight.range_m, setup.terrain
         )
-        self._begin_periods(team)
+        self._begin_periods(team, tick)
 
-    def _begin_periods(self, team: float) -> None:
+    def _begin_periods(self, team: float, tick: int) -> None:
         setup = self._setup
         assert self.ahead is not None
         least = 1 if self.division is None else round(SHORTEST_PERIOD_S / setup.step)
         length = max(1, least, round(INTERVALS * self.ahead.interval(team)))
-        self.periods = Periods(length, setup.options.unpredictability, setup.fleet_chance)
+        self.periods = Periods(length, setup.options.unpredictability, setup.fleet_chance, tick)
 
     def _take_zones(self, zoned: ZonedGround) -> None:
         """Go by the zones that are in force now: divide the robots between their rounds."""
-        if zoned is self._zoned:
-            return
-        self._zoned, setup = zoned, self._setup
+        self._zoned, self._round, setup = zoned, None, self._setup
         if not zoned.rounds or setup.options.unpredictability == 1.0:
-            self.division = self.ahead = self.spacing = self.periods = self._round = None
+            self.division = self.ahead = self.spacing = self.periods = None
         elif self.division is None:
             robots = frozenset(setup.radii)
             self.division = Division(zoned, setup.spec.number, robots, setup.team, setup.step)
@@ -174,20 +174,24 @@ class Committed:
         if laid_out is not self._round:
             is_first = self._round is None
             self._round, self.target = laid_out, None
-            self._follow(laid_out, robots, len(robots))
+            self._follow(laid_out, robots, len(robots), view.tick)
             if not is_first and self.ahead is not None and self.spacing is not None:
                 self.ahead.go_to(self.spacing.along_m(self.spacing.nearest((view.reported.x, view.reported.y))))
         elif self.spacing is not None and robots != self.spacing.followers:
             self.spacing.follow_with(robots)
-            self._begin_periods(len(robots))
+            self._begin_periods(len(robots), view.tick)
 
     def decide(self, view: View) -> Intent:
         """Return the way to the target, or to a new one; now and then a random step."""
-        if self._may_be_away and view.tick > self._decided_at + 1:
+        goes_on = view.tick <= self._decided_at + 1
+        if self._may_be_away and not goes_on:
             self._forget()
         self._decided_at = view.tick
         if self._setup.zoned is not None:
-            self._take_zones(self._setup.zoned(view.zones))
+            zoned = self._setup.zoned(view.zones)
+            if zoned is not self._zoned:
+                self._take_zones(zoned)
+                self._rounds_since = view.tick if goes_on else 0
         self._separation.keep_apart(view)
         self._on_round = self._is_on_round(view)
         start, wander = view.start, None if self._on_round else self._random_steps.draw(view)
@@ -254,7 +258,8 @@ class Committed:
             self.ahead.cursor = None
             self.spacing.robots.clear()
             return False
-        if self.ahead.cursor is None and view.tick % self.periods.length <= PROMPT_TICKS:
+        since = min(view.tick % self.periods.length, view.tick - self._rounds_since)
+        if self.ahead.cursor is None and since <= PROMPT_TICKS:
             self.ahead.go_to(self.spacing.along_m(self.spacing.begin(view)))
             self.target = None
         if self.ahead.cursor is not None:

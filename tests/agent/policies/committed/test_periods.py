@@ -48,6 +48,14 @@ def test_nothing_is_learnt_from_a_period_in_which_others_were_not_heard() -> Non
     assert [live(fleet, period, 10**6, certain=False) for period in range(4)] == [True] * 4
 
 
+def test_nothing_is_learnt_from_a_period_in_the_midst_of_which_the_round_began() -> None:
+    fleet = Periods(LENGTH, 0.0, lambda _: 0.5, since=40)
+    for tick in range(40, LENGTH):
+        assert fleet.update(tick, 10**6, 3, INTERVAL, certain=True)
+    assert live(fleet, 1, 10**6)
+    assert not live(fleet, 2, 10**6)
+
+
 def test_another_team_begins_without_experience() -> None:
     fleet = periods()
     assert live(fleet, 0, 10**6)
