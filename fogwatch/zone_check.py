@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,10 +16,6 @@ if TYPE_CHECKING:
     from patrol.ground.tour.zoned import ZonedGround
     from patrol.prepare import Prepared
     from patrol.scenario import ZoneSpec
-    from patrol.scenario.zones import Span
-
-MOST_SPANS = 4
-"""Times of a zone that are named, at most."""
 
 
 def zone_lines(prepared: Prepared, before: MapReport, after: MapReport) -> Iterator[str]:
@@ -44,7 +40,9 @@ def zone_lines(prepared: Prepared, before: MapReport, after: MapReport) -> Itera
             closed = np.count_nonzero(points & before.fields.reach) * area
             yield f"  {zone.name}: keep-out, {closed:.1f} m² of reachable ground"
             continue
-        times = "" if zone.times is None else f"; in force {_spans(zone.times)}"
+        times = f"; in force {zone.when}" if zone.times else ""
+        if zone.times == ():
+            times = "; in force only once it is switched on"
         if zone.speed is not None:
             slow = np.count_nonzero(points & before.fields.reach) * area
             yield f"  {zone.name}: at most {zone.speed:g} m/s on {slow:.1f} m² of reachable ground{times}"
@@ -59,14 +57,6 @@ def zone_lines(prepared: Prepared, before: MapReport, after: MapReport) -> Itera
         lost_m2 = np.count_nonzero(before.fields.patrolled & ~after.fields.patrolled) * area
         lost = f"{lost_m2:.1f} m² is no longer seen"
         yield f"  beside and behind keep-outs: {cut_m2:.1f} m² more cannot be reached, {lost}"
-
-
-def _spans(spans: Sequence[Span]) -> str:
-    """Name the times of a zone."""
-    if not spans:
-        return "only once it is switched on"
-    more = f" and {len(spans) - MOST_SPANS} times more" if len(spans) > MOST_SPANS else ""
-    return ", ".join(f"from {first:g} to {end:g} s" for first, end in spans[:MOST_SPANS]) + more
 
 
 def _wish(zone: ZoneSpec, zoned: ZonedGround, prepared: Prepared, robots: int) -> str:

@@ -33,8 +33,9 @@ from patrol.files.whole_file import write_whole
 from patrol.files.yaml_text import read_text
 from patrol.measures.best_tour import best_tour
 from patrol.scenario.controls import intruder_name
+from patrol.scenario.zones import ELSEWHERE
 from patrol.summary.metric import metrics_of
-from patrol.summary.model import FaultFacts, RobotFigures
+from patrol.summary.model import FaultFacts, RobotFigures, ZoneFigures
 
 MOST_EVENTS = 300
 MOST_ROBOTS = 100
@@ -152,6 +153,7 @@ def report_html(analysis: Analysis, figures: Sequence[Drawing], going: bool = Fa
         html.section("visits", "Time between visits", html.figure(of.get("gaps"))),
         html.section("robots", "Robots", html.figure(of.get("states")), _robots(run), html.figure(of.get("troubles"))),
         html.section("batteries", "Batteries", _batteries(run)),
+        html.section("zones", "Zones", _zones(run)),
         html.section("closures", "Closures", _closures(run)),
         html.section("paths", "Paths", html.figure(of.get("paths"))),
         html.section("links", "Radio", html.figure(of.get("links")), html.figure(of.get("radio")), links_section(run)),
@@ -329,6 +331,25 @@ def _intruders(analysis: Analysis) -> str:
     heads = ("intruder", "place (m)", "from (s)", "to (s)", "first reported at (s)", "reported for (s)")
     more = ("surrounded for (s)", "robots around it at most")
     return html.table((*heads, *more), rows, numbers=range(2, 8)) if rows else ""
+
+
+def _zones(run: Run) -> str:
+    """Describe each zone: what it says and when, and, from the summary, how old its ground got meanwhile."""
+    figures = run.stated.zones
+    rows = [(zone.label, zone.when, *_ages(figures.get(zone.name))) for zone in run.prepared.scenario.zones]
+    if not rows:
+        return ""
+    if (rest := figures.get(ELSEWHERE)) is not None:
+        rows.append((f"{ELSEWHERE} x{rest.weight:g}", "always", *_ages(rest)))
+    heads = ("zone", "in force", "mean age (s)", "oldest, mean (s)", "oldest, most (s)", "wish kept (%)")
+    return html.table(heads, rows, numbers=range(2, 6))
+
+
+def _ages(figures: ZoneFigures | None) -> tuple[str, str, str, str]:
+    if figures is None:
+        return "-", "-", "-", "-"
+    kept = "-" if figures.kept_share is None else f"{100.0 * figures.kept_share:.1f}"
+    return f"{figures.fog_mean_s:.1f}", f"{figures.mfow_mean_s:.1f}", f"{figures.mfow_max_s:.1f}", kept
 
 
 def _batteries(run: Run) -> str:

@@ -52,6 +52,9 @@ Weight = Annotated[
 MOST_TIMES = 10_000
 """Times of one zone or closure, at most."""
 
+MOST_NAMED = 4
+"""Times of a zone that are named to people, at most."""
+
 Span = tuple[NotNegative, NotNegative]
 """From and to, s."""
 
@@ -171,6 +174,14 @@ class ZoneSpec(Section):
         if self.speed is not None:
             return f"{self.name} {self.speed:g} m/s"
         return f"{self.name} {self.age:g} s" if self.weight is None else f"{self.name} x{self.weight:g}"
+
+    @property
+    def when(self) -> str:
+        """When it is in force, for people: ``20 to 60 s, 80 to 90 s``."""
+        if not self.times:
+            return "always" if self.times is None else "never"
+        more = f" and {len(self.times) - MOST_NAMED} times more" if len(self.times) > MOST_NAMED else ""
+        return ", ".join(f"{first:g} to {end:g} s" for first, end in self.times[:MOST_NAMED]) + more
 
     def holds(self, time_s: float) -> bool:
         """Return True if the zone is in force at a time.

@@ -19,6 +19,7 @@ export class ZonesPanel {
     const { facts } = this.store;
     $("tab-zones").hidden = !facts.zones.length;
     const can = facts.controls.includes("zone");
+    $("zonelist").classList.toggle("switches", can);
     $("zonelist").replaceChildren(...facts.zones.map((zone) => this.#item(zone, can)));
     $("zonenote").textContent = can ? "A zone that is switched stays so to the end of the run, whatever its times say." : "";
     this.shown = "";

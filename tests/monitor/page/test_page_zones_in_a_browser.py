@@ -1,0 +1,78 @@
+"""The page of a patrol with zones, in a real browser: what is in force, and switching it."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from typing import Any
+
+import pytest
+
+from monitor.replay.player import Player
+from patrol.journal.records import Event
+from patrol.scenario.controls import OPERATOR
+from tests.browser import Look, browser_or_skip
+from tests.monitor.conftest import QUIET, Seen, run_of
+from tests.monitor.live.test_feed_source import FakeFeed
+from tests.monitor.pages import ServedPage
+
+pytestmark = browser_or_skip()
+
+ZONES: list[dict[str, Any]] = [
+    {"name": "vault", "polygon": [[2, 2], [40, 2], [40, 30], [2, 30]], "weight": 10, "times": [[10, 20]]},
+    {"name": "ward", "polygon": [[50, 40], [90, 40], [90, 80], [50, 80]], "speed": 0.5},
+    {"name": "stairs", "polygon": [[44, 30], [48, 30], [48, 34], [44, 34]], "keep_out": True},
+]
+LISTED = "[...document.querySelectorAll('#zonelist li')].map((one) => one.innerText.split('\\n').join('|'))"
+
+
+@pytest.fixture(scope="module")
+def zoned(tmp_path_factory: pytest.TempPathFactory) -> Seen:
+    return run_of(tmp_path_factory.mktemp("zoned"), {**QUIET, "name": "zoned", "zones": ZONES})
+
+
+def test_a_replay_lists_the_zones_and_which_are_in_force_at_its_time(chromium: Any, zoned: Seen) -> None:
+    with closing(ServedPage(Player(zoned.open()))) as served, Look(chromium, served.address) as look:
+        look.until("document.body.dataset.frames > 0")
+        look.page.click("#tab-zones")
+        for k, held in ((4, "not in force"), (30, "in force"), (60, "not in force")):
+            look.seek(k)
+            look.until(f"{LISTED}[0] === 'vault x10|{held}'")
+        assert look.evaluate(LISTED)[1:] == ["ward 0.5 m/s|in force", "stairs: keep out|in force"]
+        assert look.evaluate("document.querySelectorAll('#zonelist button').length") == 0
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_an_operator_switches_a_zone(chromium: Any, zoned: Seen, width: int) -> None:
+    wire = FakeFeed(zoned)
+    with closing(ServedPage(wire.source())) as served, Look(chromium, served.address, width) as look:
+        look.until("document.body.dataset.frames > 0")
+        look.page.click("#tab-zones")
+        look.until(f"{LISTED}[1] === 'ward 0.5 m/s|in force|switch off'")
+        assert look.evaluate(LISTED)[::2] == ["vault x10|not in force|switch on", "stairs: keep out|in force"]
+        look.page.click("[aria-label='switch ward']")
+        look.until("document.getElementById('answer').textContent === 'done'")
+        look.page.click("[aria-label='switch vault']")
+        look.until("document.body.scrollWidth <= innerWidth")
+    assert wire.asked == [
+        {"do": "zone", "name": "ward", "on": False},
+        {"do": "zone", "name": "vault", "on": True},
+    ]
+
+
+def test_what_was_switched_before_a_viewer_came_is_shown(chromium: Any, zoned: Seen) -> None:
+    wire = FakeFeed(zoned)
+    wire.asked_for = [Event(0, OPERATOR, None, '{"do":"zone","name":"vault","on":true}')]
+    with closing(ServedPage(wire.source())) as served, Look(chromium, served.plain) as look:
+        look.until("document.body.dataset.frames > 0")
+        look.page.click("#tab-zones")
+        look.until(f"{LISTED}[0] === 'vault x10|in force'")
+        assert (
+            look.evaluate("document.querySelectorAll('#zonelist button').length") == 0
+        )  # without the right to control
+
+
+def test_without_zones_there_is_no_such_tab(chromium: Any, quiet: Seen) -> None:
+    with closing(ServedPage(FakeFeed(quiet).source())) as served, Look(chromium, served.address) as look:
+        look.until("document.body.dataset.frames > 0")
+        assert not look.page.is_visible("#tab-zones")
+        assert look.page.is_visible("#tab-faults")
