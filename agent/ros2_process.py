@@ -105,6 +105,11 @@ def _run(process: ProcessContext) -> int:
         raise BadInput(f"{options.scenario}: closures: a ROS 2 robot reports nothing blocked here; drop them")
     if scenario is not None and any(spec.battery is not None for spec in scenario.roster):
         raise BadInput(f"{options.scenario}: robots.battery: a ROS 2 robot reports no charge here; drop it and docks")
+    if scenario is not None and settings.drive == "nav2":
+        for number, zone in enumerate(scenario.zones):
+            if zone.speed is not None:
+                why = "Nav2 drives to goals at its own speed; give it the mask for its speed filter, and drop it here"
+                raise BadInput(f"{options.scenario}: zones.{number}.speed = {zone.speed:g}: {why}")
     terrain = _check_map(options, name, scenario, overrides)
     for spec in () if scenario is None else scenario.roster:
         if spec.name == name:

@@ -17,7 +17,7 @@ import base64
 import binascii
 import math
 import zlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -142,6 +142,15 @@ class ZoneSpec(Section):
             return MaskSpec.of(Path(str(absolute(value, info))))
         except BadInput as error:
             raise wrong("", str(error)) from None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _has_no_direction(cls, says: Any) -> Any:
+        if isinstance(says, Mapping) and "one_way" in says:
+            raise wrong(
+                "one_way", "zones of one direction are not supported; drop it, or keep robots out or slow instead"
+            )
+        return says
 
     @model_validator(mode="after")
     def _says_one_thing(self) -> Self:

@@ -294,13 +294,13 @@ class ClosureFigures(_Part):
 
 
 class ZoneFigures(_Part):
-    """The metrics of a zone that bodies may enter, or of the ground in no zone."""
+    """The metrics of a weighted zone over the ticks in which it was in force, or of the ground in none of them."""
 
     weight: Annotated[float, Metric("how many times an age counts")] = 1.0
     area_m2: Annotated[float, Metric("its patrolled ground")] = 0.0
     fog_mean_s: Annotated[float, Metric("mean age of a point, over points and ticks", better="lower")] = 0.0
-    mfow_mean_s: Annotated[float, Metric("mean age of its stalest point, over all ticks", better="lower")] = 0.0
-    mfow_late_mean_s: Annotated[float, Metric("the same over the second half", better="lower")] = 0.0
+    mfow_mean_s: Annotated[float, Metric("mean age of its stalest point, over these ticks", better="lower")] = 0.0
+    mfow_late_mean_s: Annotated[float, Metric("the same over their second half", better="lower")] = 0.0
     mfow_max_s: Annotated[float, Metric("greatest age", better="lower")] = 0.0
     wanted_s: Annotated[float | None, Metric("the wanted age; null without one")] = None
     kept_share: Annotated[
@@ -383,12 +383,12 @@ class Summary(_Part):
     best_weighted_s: Annotated[
         float | None,
         Metric(
-            "the same of all robots that are not spare on the [best weighted tours](zones.md#what-robots-do); null "
-            "where there are none"
+            "the same of all robots that are not spare on the [best weighted tours](zones.md#what-robots-do), by the "
+            "zones in force in each tick; null where there are none"
         ),
     ] = None
     zones: Annotated[
-        dict[str, ZoneFigures], Metric("with weighted zones only: [metrics of each](#zones), by name")
+        dict[str, ZoneFigures], Metric("with weighted zones only: [metrics of each](#zones) that was in force, by name")
     ] = {}
     mfow_open_mean_s: Annotated[
         float | None,

@@ -69,6 +69,24 @@ def test_what_cannot_be_used_is_one_line(
     assert "\n" not in shown
 
 
+@pytest.mark.parametrize(
+    ("zone", "said"),
+    [
+        ("speed: 0.3", "zones.0.speed = 0.3: Nav2 drives to goals at its own speed; give it the mask for its speed"),
+        ("weight: 3", "is the robot's Zenoh router running?"),
+    ],
+)
+def test_a_robot_that_is_driven_by_nav2_takes_no_slow_zones(
+    zone: str, said: str, fogwatch: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    site = tmp_path / "site.yaml"
+    zones = f"[{{name: ward, polygon: [[1, 1], [3, 1], [3, 3]], {zone}}}]"
+    site.write_text(f"terrain: {{map: {write_plan(tmp_path)}}}\nrobots: [{{name: a}}]\nzones: {zones}\n")
+    drive = ["--drive", "nav2", "--scenario", str(site), "--name", "a"]
+    assert fogwatch("agent", "--robot", "ros2", *drive, *CONNECT) == 2
+    assert said in capsys.readouterr().err
+
+
 @pytest.mark.processes
 @pytest.mark.parametrize("words", [["--robot", "ros2", "--help"], ["--help"]])
 def test_the_help_of_an_agent_loads_no_heavy_library(words: list[str]) -> None:
