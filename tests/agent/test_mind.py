@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 
 from agent.build import build_mind, shared_by
 from agent.mind import Mind
-from agent.ports import Bearing, Decision, Intent, PolicyFailed, State, Stay
+from agent.ports import Bearing, Decision, Intent, PolicyFailed, State, Stay, Steer
 from agent.view import View
 from patrol.ground.swept_path import advance, path_is_free
 from patrol.ground.terrain import Terrain
@@ -282,3 +283,30 @@ def test_a_decision_carries_the_policys_word_and_figures() -> None:
     decision = asked(Stay("resting", {"hope": 0.5}))
     assert (decision.state, decision.figures) == ("resting", {"hope": 0.5})
     assert (decision.goal, decision.refined, decision.direction) == (None, None, None)
+
+
+@pytest.mark.parametrize(
+    ("k", "zones", "limit"),
+    [
+        (0, None, 0.5),
+        (19, None, 0.5),
+        (20, None, 4.0),
+        (20, (0,), 0.5),
+        (20, (0, 7), 0.5),
+        (0, (), 4.0),
+        (0, (7,), 4.0),
+    ],
+)
+def test_a_robot_is_slow_where_a_zone_is_in_force_by_its_times_or_by_the_world(
+    k: int, zones: tuple[int, ...] | None, limit: float
+) -> None:
+    ward = {"name": "ward", "polygon": [[2, 2], [10, 2], [10, 10], [2, 10]], "speed": 0.5, "times": [[0, 10]]}
+    robots = {"count": 2, "model": "holonomic", "speed": 4.0}
+    scenario = load_scenario({"terrain": {"builtin": "yards"}, "point": 0.5, "robots": robots, "zones": [ward]})
+    here = Pose(6.0, 6.0, 0.0)
+    mind = minds(scenario, rooms(), [here])[0]
+    mind.policy = Says(Steer(Velocity(9.0, 0.0)))
+    command = mind.step(replace(at(k, here), zones=zones), []).command
+    assert command.speed_mps == pytest.approx(limit)
+    outside = Pose(14.0, 14.0, 0.0)
+    assert mind.step(replace(at(k + 1, outside), zones=zones), []).command.speed_mps == pytest.approx(4.0)

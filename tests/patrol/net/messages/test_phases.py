@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from patrol.errors import Malformed
-from patrol.exchange import Reply, Sensed
+from patrol.exchange import MOST_ZONES, Reply, Sensed
 from patrol.net.messages.phases import (
     MAX_REPLY,
     MAX_STATE,
@@ -49,15 +49,24 @@ poses = st.builds(Pose, finite, finite, finite)
 pairs = st.lists(st.tuples(finite, finite), max_size=MAX_CONTACTS).map(tuple)
 
 
+zones = st.none() | st.lists(counts, max_size=MOST_ZONES).map(tuple)
+
+
 def phase_a(
-    head: tuple[int, int, int, int], pose: Pose, bumped: bool, contacts: Contacts, clock_s: float, proof: bytes
+    head: tuple[int, int, int, int],
+    pose: Pose,
+    bumped: bool,
+    contacts: Contacts,
+    clock_s: float,
+    in_force: tuple[int, ...] | None,
+    proof: bytes,
 ) -> PhaseA:
-    return PhaseA(*head, Sensed(head[2], pose, bumped, contacts, clock_s), proof)
+    return PhaseA(*head, Sensed(head[2], pose, bumped, contacts, clock_s, zones=in_force), proof)
 
 
 to_robot: st.SearchStrategy[ToRobot] = st.one_of(
     st.builds(Hello, *heads, proofs, st.integers(1, 2**31 - 1)),
-    st.builds(phase_a, st.tuples(*heads), poses, st.booleans(), pairs, finite, proofs),
+    st.builds(phase_a, st.tuples(*heads), poses, st.booleans(), pairs, finite, zones, proofs),
     st.builds(PhaseB, *heads, st.lists(st.binary(max_size=64), max_size=8).map(tuple), proofs),
     st.builds(Stop, *heads, st.booleans(), words),
 )
