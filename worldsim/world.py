@@ -89,9 +89,6 @@ class World:
         self.batteries = Batteries(scenario)
         self.truth = Truth(footprint or sensor_footprint(scenario, self.terrain), prepared.patrolled)
         self.closures = Closures(scenario, self.terrain)
-        self._speed_limits = SpeedLimits(scenario.zones, self.terrain)
-        self._zones: frozenset[str] = frozenset()
-        self._is_switched = False
         self._intruders = Intruders(scenario, self.truth.footprint)
         self.senses = Senses(scenario, self.timeline, self.terrain)
         self.noise = MotionNoise(scenario, self.timeline)
@@ -102,6 +99,9 @@ class World:
         self._frames: tuple[tuple[int, bytes], ...] = ()
         self._delivery = Delivery({}, (), ())
         self._to_observe: list[tuple[int, Pose]] = []
+        self._speed_limits = SpeedLimits(scenario.zones, self.terrain)
+        self._zones: frozenset[str] = frozenset()
+        self._is_switched = False
 
     @property
     def living(self) -> list[int]:

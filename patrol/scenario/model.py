@@ -140,10 +140,10 @@ class Scenario(Section):
         check_refinement(self.patrol, self.roster, self.lengths)
         if isinstance(self.patrol, PaperPatrol):
             check_letter(self.patrol, (spec.model for spec in self.roster), bool(self.intruders))
+        self._check_zones()
         _check_names("zone", self.zones)
         _check_names("closure", self.closures)
         self._check_closures()
-        self._check_zones()
         names = [spec.name for spec in self.roster]
         check_faults(self.faults, names, self.spares, self.step, self.ticks, self.seed)
         if self.nemesis is not None:
