@@ -137,7 +137,7 @@ MESSAGES: Mapping[str, tuple[bytes, Callable[[bytes], object]]] = {
 }
 
 BYTES: Mapping[str, str] = json.loads((Path(__file__).parent / "wire_bytes.json").read_text(encoding="utf-8"))
-"""What version 0.2 made of the messages, as hexadecimal digits; phase A and its greeting are of protocol 6."""
+"""What version 0.2 made of the messages, as hexadecimal digits; phase A and its greeting are of protocol 7."""
 
 VALUES: Mapping[str, object] = {
     "hello": Hello(*HEAD, PROOF, 8),
