@@ -1,4 +1,4 @@
-"""The points of a run's closures, and which of them are closed by the journal's events."""
+"""The points of a run's closures, and which of them are closed or wait to close by the journal's events."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.ground.shapes import cover
-from patrol.journal.records import CLOSED, OPENED
+from patrol.journal.records import CLOSED, OPENED, STAYS_OPEN
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -17,6 +17,22 @@ if TYPE_CHECKING:
     from patrol.ground.terrain import BoolGrid, Terrain
     from patrol.journal.records import Event
     from patrol.scenario import ClosureSpec
+
+WAITING, WAITS = "waiting", " waits to close: "
+"""The kind of the event of a closure that waits until bodies are clear of it, and what stands between its name and the
+robots that are in the way."""
+
+
+def closure_of(event: Event) -> str:
+    """Return the name of the closure that an event is about; empty for any other event.
+
+    Args:
+        event: Of the journal.
+    """
+    if event.kind in (CLOSED, OPENED, STAYS_OPEN):
+        return event.detail
+    name, waits, _ = event.detail.partition(WAITS)
+    return name if waits and event.kind == WAITING else ""
 
 
 def closure_points(closure: ClosureSpec, terrain: Terrain) -> NDArray[np.int64]:
@@ -39,6 +55,7 @@ class ClosedPoints:
     Attributes:
         points: Flat indices of each closure's points, by name.
         names: The closures that are closed.
+        waiting: The closures that are to close and wait until bodies are clear of them.
         grid: bool (height, width), True where one of them is.
     """
 
@@ -51,10 +68,11 @@ class ClosedPoints:
         """
         self.points = {closure.name: closure_points(closure, terrain) for closure in closures}
         self.names: set[str] = set()
+        self.waiting: set[str] = set()
         self.grid: BoolGrid = np.zeros(terrain.shape, dtype=np.bool_)
 
     def take(self, event: Event) -> bool:
-        """Close or open what an event says.
+        """Take in what an event says of a closure.
 
         Args:
             event: Of the journal.
@@ -62,12 +80,16 @@ class ClosedPoints:
         Returns:
             Whether it was about a closure.
         """
-        if event.kind not in (CLOSED, OPENED) or event.detail not in self.points:
+        if (name := closure_of(event)) not in self.points:
             return False
+        if event.kind == WAITING:
+            self.waiting.add(name)
+            return True
+        self.waiting.discard(name)
         if event.kind == CLOSED:
-            self.names.add(event.detail)
+            self.names.add(name)
         else:
-            self.names.discard(event.detail)
+            self.names.discard(name)
         self.grid = _marked(self.points, self.names, self.grid.shape)
         return True
 
@@ -92,15 +114,21 @@ class Closings:
         self._shape = terrain.shape
         self._ticks: list[int] = [0]
         self._names: list[frozenset[str]] = [frozenset()]
+        self._waiting: list[frozenset[str]] = [frozenset()]
         self._grid: tuple[frozenset[str], BoolGrid] = frozenset(), start.grid
         for event in events:
             if start.take(event):
                 self._ticks.append(event.k)
                 self._names.append(frozenset(start.names))
+                self._waiting.append(frozenset(start.waiting))
 
     def names(self, k: int) -> frozenset[str]:
         """Return the closures that are closed in a tick."""
         return self._names[bisect_right(self._ticks, k) - 1]
+
+    def waiting(self, k: int) -> frozenset[str]:
+        """Return the closures that wait in a tick until bodies are clear of them."""
+        return self._waiting[bisect_right(self._ticks, k) - 1]
 
     def grid(self, k: int) -> BoolGrid:
         """Return the points that are closed in a tick, bool (height, width)."""
