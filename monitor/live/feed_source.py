@@ -248,8 +248,9 @@ class FeedSource:
         self._since = 0 if self._last is None else self._last.k + 1
         self._scenario = self._given
         self._closed = ClosedPoints(self._given.closures, self._terrain)
-        self._close_and_open(self._checks.events(so_far.events))
-        for event in self._checks.events(so_far.asked):
+        asked = self._checks.events(so_far.asked)
+        self._close_and_open(asked)
+        for event in asked:
             self._apply_control(event)
         # Events keep their numbers. After a gap, those missed are added as far as the world still has them.
         missed = so_far.events[max(self._next_event - so_far.event, 0) :]
@@ -393,6 +394,7 @@ class FeedSource:
             ended=self._ended,
             intruders=intruders_there(self._scenario, k),
             closed=tuple(sorted(self._closed.names)),
+            waiting=tuple(sorted(self._closed.waiting)),
             faults=in_force(self._scenario, coming, self._planned),
             note=self._note(),
             gone=self._ended is None and not self._client.present,
