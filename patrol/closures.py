@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from patrol.ground.closed import ChangingFootprint
 from patrol.ground.shapes import cover
 from patrol.journal.records import CLOSED, OPENED, STAYS_OPEN
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
+    from patrol.ground.footprint import Footprint
     from patrol.ground.terrain import BoolGrid, Terrain
     from patrol.journal.records import Event
     from patrol.scenario import ClosureSpec
@@ -95,32 +97,47 @@ class ClosedPoints:
 
 
 class Closings:
-    """The points that are closed at any tick of a run that is over.
+    """The points that are closed at any tick of a run so far.
 
     Attributes:
-        points: Flat indices of each closure's points, by name.
+        now: The points that are closed after the last event.
     """
 
-    def __init__(self, closures: Sequence[ClosureSpec], terrain: Terrain, events: Iterable[Event]) -> None:
-        """Sort the events by tick.
+    def __init__(self, closures: Sequence[ClosureSpec], terrain: Terrain, events: Iterable[Event] = ()) -> None:
+        """Take in the events so far.
 
         Args:
             closures: The scenario's.
             terrain: The ground with nothing closed.
             events: The journal's, in order.
         """
-        start = ClosedPoints(closures, terrain)
-        self.points = start.points
-        self._shape = terrain.shape
+        self.now = ClosedPoints(closures, terrain)
         self._ticks: list[int] = [0]
         self._names: list[frozenset[str]] = [frozenset()]
         self._waiting: list[frozenset[str]] = [frozenset()]
-        self._grid: tuple[frozenset[str], BoolGrid] = frozenset(), start.grid
+        self._grid: tuple[frozenset[str], BoolGrid] = frozenset(), self.now.grid
+        self._shown: tuple[Footprint, frozenset[str]] | None = None
+        self.take(events)
+
+    def take(self, events: Iterable[Event]) -> None:
+        """Take in events that follow on those so far."""
         for event in events:
-            if start.take(event):
+            if self.now.take(event):
                 self._ticks.append(event.k)
-                self._names.append(frozenset(start.names))
-                self._waiting.append(frozenset(start.waiting))
+                self._names.append(frozenset(self.now.names))
+                self._waiting.append(frozenset(self.now.waiting))
+
+    def show(self, k: int, footprint: Footprint) -> None:
+        """Close on a sensor's ground what is closed in a tick.
+
+        Args:
+            k: The tick.
+            footprint: The sensor; nothing else may close its ground.
+        """
+        shown = footprint, self.names(k)
+        if isinstance(footprint, ChangingFootprint) and shown != self._shown:
+            footprint.close(self.grid(k))
+            self._shown = shown
 
     def names(self, k: int) -> frozenset[str]:
         """Return the closures that are closed in a tick."""
@@ -134,7 +151,7 @@ class Closings:
         """Return the points that are closed in a tick, bool (height, width)."""
         names = self.names(k)
         if names != self._grid[0]:
-            self._grid = names, _marked(self.points, names, self._shape)
+            self._grid = names, _marked(self.now.points, names, self.now.grid.shape)
         return self._grid[1]
 
 

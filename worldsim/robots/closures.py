@@ -114,7 +114,7 @@ class Closures:
                     yield Event(k, WAITING, in_the_way[0].spec.number, f"{spec.name}{WAITS}{names} in it")
 
     def _held(self, k: int) -> dict[str, bool]:
-        """Return whether faults hold closures closed (or open) in a tick, by name; those that no fault holds are missing."""
+        """Return whether each closure that a fault decides on in a tick is to be closed, by name."""
         faults = [(entry.begin, entry.fault) for entry in self.timeline.at(k) if isinstance(entry.fault, OnClosure)]
         return {fault.closure: isinstance(fault, Close) for _, fault in sorted(faults, key=itemgetter(0))}
 

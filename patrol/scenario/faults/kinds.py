@@ -1,4 +1,4 @@
-"""The vocabulary of faults: what may be done to robots, their radio, positions, clocks and motion, to closures, and when.
+"""The vocabulary of faults: what may be done to robots, their radio, positions, clocks and motion, and to closures.
 
 `worldsim.faults.timeline` says which robots and ticks a scenario's faults mean.
 """

@@ -29,9 +29,9 @@ SLACK = 1e-6
 class ClosuresKept(Check):
     """No body is in a closure that is closed, by its polygon, and each closes and opens when it is to.
 
-    The times are recomputed from the scenario and its faults, operators' included. A closure may close later than it is to as long as a body is in its way:
-    no farther from the polygon than its radius and the diagonal of a point, by which the closed points may reach beyond
-    the polygon.
+    The times are recomputed from the scenario and its faults, operators' included. A closure may close later than it is
+    to as long as a body is in its way: no farther from the polygon than its radius and the diagonal of a point, by
+    which the closed points may reach beyond the polygon.
     """
 
     name = "closures"
