@@ -48,7 +48,9 @@ def test_a_sensor_of_ones_own_sees_what_is_closed(model: str, tmp_path: Path) ->
     closures = [{**BOX, "name": f"box{number}", "polygon": box} for number, box in enumerate(boxes)]
     robots = {"count": 1, "model": model}
     seen = run_of(tmp_path, {**DOORS, "duration": 100, "robots": robots, "sensor": sensor, "closures": closures})
-    assert seen.open().stated.verdict.valid
+    verdict = seen.open().stated.verdict
+    assert verdict is not None
+    assert verdict.valid
     assert sum(facts.closings for facts in seen.open().stated.closures.values()) > 3
     assert all(np.array_equal(believed, seen.truth[k]) for (k, _), believed in seen.beliefs.items())
     outcome = ran({**WALL, "closed": [[20, 60], [90, 110]]}, BOX, robots={"model": model}, sensor=sensor)

@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from monitor.observation.source import Answer
-from monitor.page.messages import static_message
 from monitor.replay.player import Player
-from patrol.closures import closure_points
 from patrol.journal import unpack
 from tests.browser import Look, browser_or_skip
 from tests.monitor.live.test_feed_source import FakeFeed
@@ -132,13 +130,3 @@ def test_a_page_without_closures_has_no_panel_of_them(chromium: Any, quiet: Seen
     with closing(ServedPage(Player(quiet.open()))) as served, Look(chromium, served.address) as look:
         look.until("document.body.dataset.frames > 0")
         assert look.evaluate("document.getElementById('tab-closures').hidden")
-
-
-def test_the_points_of_closures_are_told_run_by_run(doors: Seen) -> None:
-    run = doors.open()
-    static = Player(run).static()
-    told = {closure["name"]: closure for closure in json.loads(static_message(static, may_control=False))["closures"]}
-    for closure in run.prepared.scenario.closures:
-        points = [at for first, count in told[closure.name]["runs"] for at in range(first, first + count)]
-        assert points == closure_points(closure, run.prepared.terrain).tolist()
-        assert all(first // 100 == (first + count - 1) // 100 for first, count in told[closure.name]["runs"])
