@@ -325,7 +325,7 @@ class FeedSource:
                 pose = as_sent(row.number, Pose(row.x, row.y, row.heading))
                 self._truth.observe(self._footprint.visible(pose), k)
         self._last = record
-        self._add_events(self._traps.tick(record, lambda: self._truth.last_seen))
+        self._add_events(self._traps.tick(record, lambda: self._truth.last_seen, self._closings))
         self._paths.append(places)
         self._ticks.append(k)
         self._mfow.append(record.mfow)

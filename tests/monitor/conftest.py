@@ -173,6 +173,17 @@ def trapped(tmp_path_factory: pytest.TempPathFactory) -> Seen:
 
 
 @pytest.fixture(scope="session")
+def shut_in(tmp_path_factory: pytest.TempPathFactory) -> Seen:
+    """A run whose robot is shut in from 2 s on, by a ring of four closures."""
+    sides = ([15, 15, 25, 16], [15, 24, 25, 25], [15, 15, 16, 25], [24, 15, 25, 25])
+    corners = [[[x0, y0], [x1, y0], [x1, y1], [x0, y1]] for x0, y0, x1, y1 in sides]
+    ring = [{"name": f"side{i}", "polygon": polygon, "closed": [[2, 300]]} for i, polygon in enumerate(corners)]
+    robots = {"count": 1, "model": "holonomic", "speed": 1.0, "radius": 0.4, "starts": [[20, 20]]}
+    facts = {"terrain": {"builtin": "open"}, "name": "shut-in", "duration": 200, "robots": robots, "closures": ring}
+    return run_of(tmp_path_factory.mktemp("shut-in"), {**QUIET, **facts})
+
+
+@pytest.fixture(scope="session")
 def spare(tmp_path_factory: pytest.TempPathFactory) -> Seen:
     """A run with two spare robots, one of which joins."""
     robots = {"count": 2, "spare": 2, "model": "holonomic"}
