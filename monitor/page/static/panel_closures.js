@@ -9,9 +9,9 @@ export class ClosuresPanel {
   static title = "closures";
   static topics = ["state", "open"];
   static html = `
-    <ul id="doors"></ul>
-    <p id="doorshelp" class="small"></p>
-    <p id="doorsanswer" class="small" role="status"></p>`;
+    <ul id="closurelist"></ul>
+    <p id="closureshelp" class="small"></p>
+    <p id="closuresanswer" class="small" role="status"></p>`;
 
   constructor({ store, operate }) {
     this.store = store;
@@ -23,10 +23,10 @@ export class ClosuresPanel {
     const { closures, truth, controls } = this.store.facts;
     $("tab-closures").hidden = !truth || !closures.length;
     this.items = closures.map(({ name }) => this.#item(name, controls.includes("fault")));
-    $("doors").replaceChildren(...this.items.map(({ item }) => item));
+    $("closurelist").replaceChildren(...this.items.map(({ item }) => item));
     const how = controls.includes("fault") ? " Press the button again to take it back." : "";
-    write($("doorshelp"), `Held: closed or opened by an operator, whatever the closure's own times say.${how}`);
-    write($("doorsanswer"), "");
+    write($("closureshelp"), `Held: closed or opened by an operator, whatever the closure's own times say.${how}`);
+    write($("closuresanswer"), "");
   }
 
   update() {
@@ -34,7 +34,7 @@ export class ClosuresPanel {
     if (!state || $("closures").hidden) return;
     for (const { name, word, buttons } of this.items) {
       const held = this.#held(name);
-      const { text, kind } = doorState(name, state, held);
+      const { text, kind } = closureState(name, state, held);
       write(word, text);
       word.className = `s-${kind}`;
       buttons.forEach((button, i) => {
@@ -68,12 +68,12 @@ export class ClosuresPanel {
     if (!this.store.state) return;
     const held = this.#held(closure);
     const control = held?.kind === kind ? { do: "heal", id: held.id } : { do: "fault", fault: { kind, closure } };
-    this.operate(control, "", "doorsanswer");
+    this.operate(control, "", "closuresanswer");
   }
 }
 
 /** The state of a closure as {text, kind}; kind as for a robot. */
-function doorState(name, { closed, waiting }, held) {
+function closureState(name, { closed, waiting }, held) {
   if (waiting.includes(name)) return { text: "waits until robots have left", kind: "warn" };
   const isClosed = closed.includes(name);
   if (held && isClosed !== (held.kind === "close")) return { text: isClosed ? "opens with the next tick" : "closes with the next tick", kind: "warn" };

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 pytestmark = browser_or_skip()
 
-STATES = "[...document.querySelectorAll('#doors span')].map((one) => one.textContent).join()"
+STATES = "[...document.querySelectorAll('#closurelist span')].map((one) => one.textContent).join()"
 ORANGE = """(() => {
     const { width, height } = document.getElementById('canvas');
     const copy = new OffscreenCanvas(width, height).getContext('2d', { willReadFrequently: true });
@@ -33,7 +33,7 @@ ORANGE = """(() => {
     return found;
 })()"""
 """How many pixels of the map have the colour of what is closed."""
-HELD = "[...document.querySelectorAll('#doors [aria-pressed=true]')].map((one) => one.ariaLabel).join()"
+HELD = "[...document.querySelectorAll('#closurelist [aria-pressed=true]')].map((one) => one.ariaLabel).join()"
 
 
 class Echo(FakeFeed):
@@ -45,7 +45,7 @@ class Echo(FakeFeed):
 
 def asks(look: Look, control: Mapping[str, Any]) -> None:
     """Wait until the page shows the answer to a control."""
-    look.until(f"document.getElementById('doorsanswer').textContent === {json.dumps(control)!r}")
+    look.until(f"document.getElementById('closuresanswer').textContent === {json.dumps(control)!r}")
 
 
 def shows(look: Look, states: str, held: str = "") -> None:
@@ -91,8 +91,8 @@ def test_a_page_without_a_key_shows_what_is_held_and_offers_nothing(chromium: An
         send_until(wire, 29)
         look.page.click("#tab-closures")
         shows(look, "closed,held closed")
-        assert not look.evaluate("document.querySelectorAll('#doors button').length")
-        assert "Press" not in look.evaluate("document.getElementById('doorshelp').textContent")
+        assert not look.evaluate("document.querySelectorAll('#closurelist button').length")
+        assert "Press" not in look.evaluate("document.getElementById('closureshelp').textContent")
 
 
 def test_a_replay_shows_what_was_closed_and_held(chromium: Any, doors: Seen) -> None:
