@@ -1,4 +1,4 @@
-"""The points of a run's closures, and which of them are closed by the journal's events."""
+"""The points of a run's closures, and which of them are closed or wait to close by the journal's events."""
 
 from __future__ import annotations
 
@@ -8,15 +8,33 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from patrol.ground.closed import ChangingFootprint
 from patrol.ground.shapes import cover
-from patrol.journal.records import CLOSED, OPENED
+from patrol.journal.records import CLOSED, OPENED, STAYS_OPEN
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
+    from patrol.ground.footprint import Footprint
     from patrol.ground.terrain import BoolGrid, Terrain
     from patrol.journal.records import Event
     from patrol.scenario import ClosureSpec
+
+WAITING, WAITS = "waiting", " waits to close: "
+"""The kind of the event of a closure that waits until bodies are clear of it, and what stands between its name and the
+robots that are in the way."""
+
+
+def closure_of(event: Event) -> str:
+    """Return the name of the closure that an event is about; empty for any other event.
+
+    Args:
+        event: Of the journal.
+    """
+    if event.kind in (CLOSED, OPENED, STAYS_OPEN):
+        return event.detail
+    name, waits, _ = event.detail.partition(WAITS)
+    return name if waits and event.kind == WAITING else ""
 
 
 def closure_points(closure: ClosureSpec, terrain: Terrain) -> NDArray[np.int64]:
@@ -39,6 +57,7 @@ class ClosedPoints:
     Attributes:
         points: Flat indices of each closure's points, by name.
         names: The closures that are closed.
+        waiting: The closures that are to close and wait until bodies are clear of them.
         grid: bool (height, width), True where one of them is.
     """
 
@@ -51,10 +70,11 @@ class ClosedPoints:
         """
         self.points = {closure.name: closure_points(closure, terrain) for closure in closures}
         self.names: set[str] = set()
+        self.waiting: set[str] = set()
         self.grid: BoolGrid = np.zeros(terrain.shape, dtype=np.bool_)
 
     def take(self, event: Event) -> bool:
-        """Close or open what an event says.
+        """Take in what an event says of a closure.
 
         Args:
             event: Of the journal.
@@ -62,51 +82,76 @@ class ClosedPoints:
         Returns:
             Whether it was about a closure.
         """
-        if event.kind not in (CLOSED, OPENED) or event.detail not in self.points:
+        if (name := closure_of(event)) not in self.points:
             return False
+        if event.kind == WAITING:
+            self.waiting.add(name)
+            return True
+        self.waiting.discard(name)
         if event.kind == CLOSED:
-            self.names.add(event.detail)
+            self.names.add(name)
         else:
-            self.names.discard(event.detail)
+            self.names.discard(name)
         self.grid = _marked(self.points, self.names, self.grid.shape)
         return True
 
 
 class Closings:
-    """The points that are closed at any tick of a run that is over.
+    """The points that are closed at any tick of a run so far.
 
     Attributes:
-        points: Flat indices of each closure's points, by name.
+        now: The points that are closed after the last event.
     """
 
-    def __init__(self, closures: Sequence[ClosureSpec], terrain: Terrain, events: Iterable[Event]) -> None:
-        """Sort the events by tick.
+    def __init__(self, closures: Sequence[ClosureSpec], terrain: Terrain, events: Iterable[Event] = ()) -> None:
+        """Take in the events so far.
 
         Args:
             closures: The scenario's.
             terrain: The ground with nothing closed.
             events: The journal's, in order.
         """
-        start = ClosedPoints(closures, terrain)
-        self.points = start.points
-        self._shape = terrain.shape
+        self.now = ClosedPoints(closures, terrain)
         self._ticks: list[int] = [0]
         self._names: list[frozenset[str]] = [frozenset()]
-        self._grid: tuple[frozenset[str], BoolGrid] = frozenset(), start.grid
+        self._waiting: list[frozenset[str]] = [frozenset()]
+        self._grid: tuple[frozenset[str], BoolGrid] = frozenset(), self.now.grid
+        self._shown: tuple[Footprint, frozenset[str]] | None = None
+        self.take(events)
+
+    def take(self, events: Iterable[Event]) -> None:
+        """Take in events that follow on those so far."""
         for event in events:
-            if start.take(event):
+            if self.now.take(event):
                 self._ticks.append(event.k)
-                self._names.append(frozenset(start.names))
+                self._names.append(frozenset(self.now.names))
+                self._waiting.append(frozenset(self.now.waiting))
+
+    def show(self, k: int, footprint: Footprint) -> None:
+        """Close on a sensor's ground what is closed in a tick.
+
+        Args:
+            k: The tick.
+            footprint: The sensor; nothing else may close its ground.
+        """
+        shown = footprint, self.names(k)
+        if isinstance(footprint, ChangingFootprint) and shown != self._shown:
+            footprint.close(self.grid(k))
+            self._shown = shown
 
     def names(self, k: int) -> frozenset[str]:
         """Return the closures that are closed in a tick."""
         return self._names[bisect_right(self._ticks, k) - 1]
 
+    def waiting(self, k: int) -> frozenset[str]:
+        """Return the closures that wait in a tick until bodies are clear of them."""
+        return self._waiting[bisect_right(self._ticks, k) - 1]
+
     def grid(self, k: int) -> BoolGrid:
         """Return the points that are closed in a tick, bool (height, width)."""
         names = self.names(k)
         if names != self._grid[0]:
-            self._grid = names, _marked(self.points, names, self._shape)
+            self._grid = names, _marked(self.now.points, names, self.now.grid.shape)
         return self._grid[1]
 
 

@@ -337,7 +337,7 @@ def _check_closures(scenario: Scenario, terrain: Terrain, starts: Sequence[Pose]
     from patrol.ground.swept_path import free_fraction  # here: it loads kernels, and few scenarios have closures
 
     for number, closure in enumerate(scenario.closures):
-        where = f"closures.{number}: {closure.name}"
+        where = f"closures.{number}.polygon: {closure.name}"
         points = closure_points(closure, terrain)
         if not points.size:
             xmin, ymin, xmax, ymax = terrain.bounds

@@ -88,7 +88,7 @@ class World:
             body.status, body.away, body.incarnation = Status.ABSENT, True, FIRST_INCARNATION - 1
         self.batteries = Batteries(scenario)
         self.truth = Truth(footprint or sensor_footprint(scenario, self.terrain), prepared.patrolled)
-        self.closures = Closures(scenario, self.terrain)
+        self.closures = Closures(scenario, self.timeline, self.terrain)
         self._intruders = Intruders(scenario, self.truth.footprint)
         self.senses = Senses(scenario, self.timeline, self.terrain)
         self.noise = MotionNoise(scenario, self.timeline)
@@ -237,7 +237,7 @@ class World:
             raise BadInput(f"control: {names} cannot join: only who is not there yet, or has left, can")
         intruders = Intruders(scenario, self.truth.footprint)
         self.ether.follow(timeline)
-        self.senses.timeline = self.noise.timeline = timeline
+        self.senses.timeline = self.noise.timeline = self.closures.timeline = timeline
         self.scenario, self.timeline = scenario, timeline
         self._intruders = intruders
         self._is_switched = scenario.zones != self.prepared.scenario.zones

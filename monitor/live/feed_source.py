@@ -27,9 +27,8 @@ from monitor.live.tick_rate import TickRate
 from monitor.observation.listener import as_sent
 from monitor.observation.source import Answer, Layer, RobotShape, RobotState, Series, State, Static
 from monitor.observation.traps import TrapWatch
-from patrol.closures import ClosedPoints
+from patrol.closures import Closings
 from patrol.errors import BadInput, Malformed
-from patrol.ground.closed import ChangingFootprint
 from patrol.ground.fog import Fog
 from patrol.ground.terrain import Terrain
 from patrol.journal.records import End, Event, Header, Status, TickRecord
@@ -103,7 +102,7 @@ class FeedSource:
         facts = header.terrain
         self._terrain = Terrain(facts.name, so_far.ground.passable, facts.point, facts.origin, so_far.ground.keep_out)
         self._footprint = sensor_footprint(self._scenario, self._terrain)
-        self._closed = ClosedPoints(scenario.closures, self._terrain)
+        self._closings = Closings(scenario.closures, self._terrain)
         self._step = self._scenario.step
         self._late = max(LATE_TICKS, round(LATE_S / self._step))
         self._numbers = _numbers(header)
@@ -248,9 +247,9 @@ class FeedSource:
         self._mfow, self._mean = array("d", so_far.mfow.tolist()), array("d", so_far.fog_mean.tolist())
         self._since = 0 if self._last is None else self._last.k + 1
         self._scenario = self._given
-        self._closed = ClosedPoints(self._given.closures, self._terrain)
-        self._close_and_open(self._checks.events(so_far.events))
-        for event in self._checks.events(so_far.asked):
+        asked = sorted(self._checks.events(so_far.asked), key=lambda event: event.k)
+        self._closings = Closings(self._given.closures, self._terrain, asked)
+        for event in asked:
             self._apply_control(event)
         # Events keep their numbers. After a gap, those missed are added as far as the world still has them.
         missed = so_far.events[max(self._next_event - so_far.event, 0) :]
@@ -305,7 +304,7 @@ class FeedSource:
                     self._logged -= len(self._log.popleft()[1])
             case Event():
                 self._apply_control(record)
-                self._close_and_open([record])
+                self._closings.take([record])
                 self._add_events([worded(record)])
                 self._next_event += 1
             case End():
@@ -319,6 +318,7 @@ class FeedSource:
     def _tick(self, record: TickRecord) -> None:
         k = record.k
         places = np.full((len(self._numbers), 2), np.nan)
+        self._closings.show(k, self._footprint)
         for row in record.robots:
             if row.status.is_present:
                 places[self._place[row.number]] = row.x, row.y
@@ -326,20 +326,13 @@ class FeedSource:
                 pose = as_sent(row.number, Pose(row.x, row.y, row.heading))
                 self._truth.observe(self._footprint.visible(pose), k)
         self._last = record
-        self._add_events(self._traps.tick(record, lambda: self._truth.last_seen))
+        self._add_events(self._traps.tick(record, lambda: self._truth.last_seen, self._closings))
         self._paths.append(places)
         self._ticks.append(k)
         self._mfow.append(record.mfow)
         self._mean.append(record.fog_mean)
         self._links.tick(record)
         self._rate.add(self._now(), k)
-
-    def _close_and_open(self, events: Iterable[Event]) -> None:
-        """Close and open what events say, for all that see what the true fog sees."""
-        for event in events:
-            self._closed.take(event)
-        if isinstance(self._footprint, ChangingFootprint):
-            self._footprint.close(self._closed.grid)
 
     def _apply_control(self, event: Event) -> None:
         if event.kind == OPERATOR:
@@ -354,7 +347,8 @@ class FeedSource:
         number = layer if isinstance(layer, int) else None
         area = self._ground.patrolled if number is None else self._ground.areas[self._ground.area_of[number]]
         facts = (self._scenario, self._terrain, self._footprint, area, self._ground.patrolled)
-        return FogTracker(number, *facts, self._key, self._log, self._log[0][0] if self._log else self._since)
+        since = self._log[0][0] if self._log else self._since
+        return FogTracker(number, *facts, self._key, self._log, since, self._closings)
 
     def _catch_up(self, limit_s: float) -> None:
         until = self._now() + limit_s
@@ -393,7 +387,8 @@ class FeedSource:
             links=None if self._direct else self._links.counts,
             ended=self._ended,
             intruders=intruders_there(self._scenario, k),
-            closed=tuple(sorted(self._closed.names)),
+            closed=tuple(sorted(self._closings.now.names)),
+            waiting=tuple(sorted(self._closings.now.waiting)),
             zones=tuple(sorted(zones_in_force(self._scenario.zones, coming * self._step))),
             faults=in_force(self._scenario, coming, self._planned),
             note=self._note(),

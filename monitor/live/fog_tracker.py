@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from monitor.observation.source import Layer
+    from patrol.closures import Closings
     from patrol.ground.fog import Fog
     from patrol.ground.footprint import Footprint
     from patrol.ground.terrain import Terrain
@@ -54,6 +55,7 @@ class FogTracker:
         key: bytes | None,
         log: Log,
         since: int,
+        closings: Closings | None = None,
     ) -> None:
         """Start without knowledge.
 
@@ -67,6 +69,7 @@ class FogTracker:
             key: The fleet's key; None to accept frames without checking their tags.
             log: (k, packed record) for each tick.
             since: The first tick in the log.
+            closings: What was closed in each tick; None where nothing ever is.
         """
         self._number = number
         self._scenario = scenario
@@ -76,6 +79,7 @@ class FogTracker:
         self._patrolled = patrolled
         self._key = key
         self._log = log
+        self._closings = closings
         self._next = 0
         self._past: deque[tuple[int, dict[tuple[int, int], bytes]]] = deque(maxlen=PAST)
         self._waiting: deque[tuple[int, bytes]] = deque()
@@ -150,7 +154,7 @@ class FogTracker:
     def _new_listener(self) -> Listener:
         own = NO_ROBOT if self._number is None else self._number
         inboxes = inboxes_of(self._scenario, [own], self._bounds, self._key)
-        listener = Listener(self._footprint, self._area, inboxes, own)
+        listener = Listener(self._footprint, self._area, inboxes, own, self._closings)
         mark_outside(listener.fog, self._patrolled)
         return listener
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from patrol.closures import Closings
     from patrol.ground.footprint import Footprint
 
 NO_ROBOT = -1
@@ -63,7 +64,14 @@ class Listener:
         peers: The newest position heard of each robot, by robot number.
     """
 
-    def __init__(self, footprint: Footprint, patrolled: NDArray[np.bool_], inboxes: Inboxes, number: int) -> None:
+    def __init__(
+        self,
+        footprint: Footprint,
+        patrolled: NDArray[np.bool_],
+        inboxes: Inboxes,
+        number: int,
+        closings: Closings | None = None,
+    ) -> None:
         """Start without knowledge.
 
         Args:
@@ -71,12 +79,14 @@ class Listener:
             patrolled: bool (h, w), the points that count.
             inboxes: Decide which frames to accept.
             number: Of the inbox to use.
+            closings: What was closed in each tick; None where nothing ever is.
         """
         self.fog = Fog(patrolled)
         self.inboxes = inboxes
         self.number = number
         self.peers = inboxes.peers(number)
         self._footprint = footprint
+        self._closings = closings
 
     def look(self, tick: int, pose: Pose) -> None:
         """Apply one observation.
@@ -85,6 +95,8 @@ class Listener:
             tick: The tick of the observation.
             pose: The observer's pose, quantised as on the wire.
         """
+        if self._closings is not None:
+            self._closings.show(tick, self._footprint)
         self.fog.observe(self._footprint.visible(pose), tick)
 
     def hear(self, tick: int, frames: Sequence[bytes]) -> None:

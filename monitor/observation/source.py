@@ -169,6 +169,7 @@ class State:
         ended: Why no more ticks follow; None while more may follow.
         intruders: (x, y, name) of the intruders that are present, m; a control ends them by their names.
         closed: Names of the closures that are closed.
+        waiting: Names of the closures that are to close and wait until bodies are clear of them.
         zones: Names of the zones that are in force.
         faults: The faults in force that operators have requested, as entries of a scenario's faults.
         note: What is wrong now, such as that nothing has been heard for some time.
@@ -187,6 +188,7 @@ class State:
     ended: str | None = None
     intruders: tuple[tuple[float, float, str], ...] = ()
     closed: tuple[str, ...] = ()
+    waiting: tuple[str, ...] = ()
     zones: tuple[str, ...] = ()
     faults: tuple[Mapping[str, Any], ...] = ()
     note: str = ""

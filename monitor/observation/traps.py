@@ -9,7 +9,9 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from monitor.observation.source import Trapped
-from patrol.journal.records import Event
+from patrol.ground.closed import ChangingTerrain
+from patrol.journal.records import Event, Status
+from patrol.measures.open_ground import OpenGround
 from patrol.measures.progress import Trap, Traps
 from patrol.measures.stays import SAMPLE_S
 from patrol.net.messages.telemetry import FREE, TRAPPED
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from patrol.closures import Closings
     from patrol.journal.records import TickRecord
     from patrol.prepare import Prepared
 
@@ -36,7 +39,9 @@ class TrapWatch:
             prepared: The scenario with its terrain and fields.
             from_start: Whether the robots start at tick 0; otherwise it is only the first tick that is known.
         """
-        self._traps = Traps(prepared)
+        self._open_ground = OpenGround(prepared) if prepared.scenario.closures else None
+        self._ground, self._closed = ChangingTerrain(prepared.terrain), frozenset[str]()
+        self._traps = Traps(prepared, self._open_ground)
         self._step = prepared.scenario.step
         self._from_start = from_start
         self._known: int | None = None
@@ -55,18 +60,27 @@ class TrapWatch:
         trap = self._traps.open.get(number)
         return None if trap is None else self._trapped(trap)
 
-    def tick(self, record: TickRecord, last_seen: Callable[[], NDArray[np.int32]]) -> list[Event]:
+    def tick(
+        self, record: TickRecord, last_seen: Callable[[], NDArray[np.int32]], closings: Closings | None = None
+    ) -> list[Event]:
         """Process a tick.
 
         Args:
             record: The tick.
             last_seen: Gives the fog after the tick's observations, int32 (h, w), ticks; called only when needed.
+            closings: What is closed in each tick; None where that is unknown.
 
         Returns:
             An event for each robot that was found to be trapped in this tick, or no longer is.
         """
         if self._known is None:
             self._known = record.k
+        if self._open_ground is not None and closings is not None:
+            if closings.names(record.k) != self._closed:
+                self._closed = closings.names(record.k)
+                self._ground.close(closings.grid(record.k))
+            places = {row.number: (row.x, row.y) for row in record.robots if row.status is Status.ALIVE}
+            self._open_ground.tick(record.k, self._ground, self._closed, places)
         return [self._event(record.k, trap) for trap in self._traps.tick(record, last_seen)]
 
     def needs_fog(self, k: int) -> bool:

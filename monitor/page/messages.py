@@ -98,6 +98,7 @@ def state_message(state: State, survey: Survey | None, static: Static) -> str:
             "note": state.note,
             "intruders": [list(intruder) for intruder in state.intruders],
             "closed": list(state.closed),
+            "waiting": list(state.waiting),
             "zones": list(state.zones),
             "linked": state.links is not None,
             "faults": [dict(fault) for fault in state.faults],
@@ -217,16 +218,24 @@ def _zones(static: Static) -> list[dict[str, Any]]:
 
 
 def _closures(static: Static) -> list[dict[str, Any]]:
-    """Return the closures: the name of each, where, and its outline in m."""
+    """Return the closures: the name of each, where, its outline in m, and its points, as [first, count] of each run."""
     terrain, shown = Terrain(static.name, static.passable, static.point, static.origin), []
     for says in static.scenario.get("closures", ()):
         closure = ClosureSpec.model_validate(says)
+        indices = closure_points(closure, terrain)
+        if not indices.size:
+            continue
         points = np.zeros(terrain.shape, dtype=np.bool_)
-        points.reshape(-1)[closure_points(closure, terrain)] = True
-        if points.any():
-            edges = [[_short(value) for value in edge] for edge in outline(points, terrain).tolist()]
-            at = [_short(value) for value in middle(points, terrain)]
-            shown.append({"name": closure.name, "at": at, "edges": edges})
+        points.reshape(-1)[indices] = True
+        begins = 1 + np.flatnonzero((np.diff(indices) != 1) | (indices[1:] % terrain.width == 0))
+        shown.append(
+            {
+                "name": closure.name,
+                "at": [_short(value) for value in middle(points, terrain)],
+                "edges": [[_short(value) for value in edge] for edge in outline(points, terrain).tolist()],
+                "runs": [[int(run[0]), run.size] for run in np.split(indices, begins)],
+            }
+        )
     return shown
 
 

@@ -154,7 +154,7 @@ class BeliefWatcher:
     def _listener(self, number: int) -> Listener:
         prepared = self._run.prepared
         inboxes = inboxes_of(prepared.scenario, [number], prepared.terrain.bounds, self._key)
-        return Listener(self._footprint, prepared.fields[number].patrolled, inboxes, number)
+        return Listener(self._footprint, prepared.fields[number].patrolled, inboxes, number, self._run.closings)
 
     def _alive(self, k: int, number: int) -> bool:
         return bool(self._run.status[k, self._run.index[number]] == Status.ALIVE)

@@ -117,6 +117,7 @@ class _Robot:
         self, run: Run, key: bytes | None, footprint: Footprint, number: int, now: Callable[[], float]
     ) -> None:
         self._now = now
+        self._closings = run.closings
         self._footprint = footprint
         self._apart = max(1, run.ticks // SNAPSHOTS)
         self._area = run.prepared.fields[number].patrolled
@@ -172,6 +173,7 @@ class _Robot:
         if self._k in self._look_log.fresh:
             self._fog = self._blank()
         for look_tick, pose in self._look_log.looks(self._k):
+            self._closings.show(look_tick, self._footprint)
             self._fog.observe(self._footprint.visible(pose), look_tick)
         if self._k % self._apart == 0 and self._k not in self._kept:
             self._kept[self._k] = Snapshot.of(self._fog.last_seen)

@@ -20,7 +20,7 @@ from monitor.replay.run import Run
 from monitor.replay.trap_log import TrapLog
 from patrol.journal.records import Event, Status
 from patrol.pose import Pose
-from patrol.scenario.controls import intruders_there
+from patrol.scenario.controls import in_force, intruders_there
 from patrol.scenario.zones import zones_in_force
 
 SHOW_S = 1.0 / 30.0
@@ -54,6 +54,7 @@ class Player:
         self._links = LinkLog(run)
         self._traps = TrapLog(run)
         self._past_beliefs = PastBeliefs(run, run.key, now)
+        self._planned = len(run.journal.header.scenario.get("faults") or ())
         # With a direct radio it is unknown which frames each robot heard.
         self._direct = run.prepared.scenario.radio.via == "direct"
         self._layers: tuple[Layer, ...] = ("truth", *(() if self._direct else run.numbers))
@@ -258,6 +259,8 @@ class Player:
             links=links,
             intruders=intruders_there(run.prepared.scenario, k),
             closed=tuple(sorted(run.closings.names(k))),
+            waiting=tuple(sorted(run.closings.waiting(k))),
+            faults=in_force(run.prepared.scenario, k, self._planned),
             zones=tuple(sorted(zones_in_force(run.prepared.scenario.zones, k * run.step))),
         )
 

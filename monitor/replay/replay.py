@@ -17,7 +17,6 @@ from monitor.observation.listener import as_sent
 from monitor.replay.run import Run
 from monitor.replay.snapshot import Snapshot
 from patrol.errors import BadInput
-from patrol.ground.closed import ChangingFootprint
 from patrol.ground.fog import Fog
 from patrol.ground.footprint import Footprint, View
 from patrol.journal.records import Event, Status
@@ -98,8 +97,7 @@ def views_at(run: Run, k: int, footprint: Footprint) -> list[View]:
     Returns:
         A footprint for each robot that takes part in the tick, in roster order.
     """
-    if isinstance(footprint, ChangingFootprint):
-        footprint.close(run.closings.grid(k))
+    run.closings.show(k, footprint)
     return [footprint.visible(as_sent(number, pose)) for number, pose in run.alive(k)]
 
 

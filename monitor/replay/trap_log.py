@@ -80,7 +80,7 @@ class TrapLog:
         return self._fog_k == k
 
     def _take(self, record: TickRecord) -> None:
-        events = self._watch.tick(record, lambda: self._replay.fog(record.k).last_seen)
+        events = self._watch.tick(record, lambda: self._replay.fog(record.k).last_seen, self._run.closings)
         self._ticks = record.k + 1
         self._events += events
         if events:

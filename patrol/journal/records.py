@@ -49,8 +49,9 @@ SURROUNDING = "surrounding"
 DOCKING, CHARGING = "docking", "charging"
 """The states of a mind whose robot is on its way to a dock or waits for one, and stands at one."""
 
-CLOSED, OPENED = "closed", "opened"
-"""The kinds of the events of closures; their detail is the closure's name."""
+CLOSED, OPENED, STAYS_OPEN = "closed", "opened", "stays open"
+"""The kinds of the events of closures; their detail is the closure's name. One that waits until robots have left it
+(`patrol.closures.WAITS`) stays open where it is to be open again before it could close."""
 
 
 def frame_sequence(k: int, place: int) -> int:

@@ -3,8 +3,10 @@
     closures:
       - {name: gate, polygon: [[2, 2], [3, 2], [3, 4], [2, 4]], closed: [[600, 900], [1800, 2400]]}
       - {name: door, polygon: [[8, 2], [9, 2], [9, 3], [8, 3]], closes: 0.002, opens: 0.01}
+      - {name: crate, polygon: [[5, 5], [6, 5], [6, 6], [5, 6]]}
 
-While a closure is closed, no body may enter it and no sensor sees into it or through it.
+While a closure is closed, no body may enter it and no sensor sees into it or through it. One without times and rates is
+open unless a fault of kind `close` closes it, which operators give too.
 """
 
 from __future__ import annotations
@@ -37,12 +39,12 @@ class ClosureSpec(Section):
     opens: Positive | None = Field(None, description="times per second at which it opens while closed, at random")
 
     @model_validator(mode="after")
-    def _closes_in_one_way(self) -> Self:
+    def _closes_in_one_way_at_most(self) -> Self:
         if not has_area(self.polygon):
             raise wrong("polygon", f"{self.name}: its corners lie on one line, so it has no area; correct them")
         by_rates = self.closes is not None or self.opens is not None
-        if by_rates == (self.closed is not None):
-            raise wrong("", f"{self.name}: give either closed: [[from, to], ...] or the rates closes and opens")
+        if by_rates and self.closed is not None:
+            raise wrong("closed", f"{self.name}: closes by rates already; drop closed, or closes and opens")
         if by_rates and (self.closes is None or self.opens is None):
             missing = "closes" if self.closes is None else "opens"
             raise wrong(missing, f"{self.name}: is missing beside the other rate; give it, per second")

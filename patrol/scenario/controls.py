@@ -3,14 +3,16 @@
     {"do": "pause"}  {"do": "go"}  {"do": "step", "ticks": 1}       hold the ticks, let them go on, do a few of them
     {"do": "pace", "factor": 2.0}                                   of real time; null: as fast as it goes
     {"do": "fault", "fault": {...}, "instead": "op1"}               an entry as in a scenario's faults
+    {"do": "fault", "fault": {"kind": "close", "closure": "gate"}}  a closure is closed until this is healed
     {"do": "heal", "id": "op1"}                                     a fault that lasts ends now
     {"do": "intruder", "place": [x, y], "for": 30.0}                an intruder stands there from now on
     {"do": "heal", "id": "intruder1"}                               the scenario's first intruder leaves now
     {"do": "zone", "name": "vault", "on": false}                    a zone is in force from now on, or no longer
 
 Times in a fault count from now: without `at` it begins with the next tick. `instead` names a fault that ends at the
-same moment, so that a value is changed without a gap. Intruders are called `intruder1`, `intruder2`, ... by their
-place in the scenario's list, to which each new one is appended; a fault of the same name is healed first.
+same moment, so that a value is changed without a gap. A `close` or `open` also ends those in force on its closure, so
+the last one holds until it is healed. Intruders are called `intruder1`, `intruder2`, ... by their place in the
+scenario's list, to which each new one is appended; a fault of the same name is healed first.
 
 A control that changes what happens is written to the journal as an event of kind `OPERATOR`, and `operated` makes of a
 scenario and these events the scenario that has happened: run from its beginning, it gives the same trace.
@@ -30,7 +32,7 @@ from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.files.half_characters import refuse_half_characters
 from patrol.journal.records import Event
 from patrol.scenario import Scenario, ZoneSpec, load_scenario
-from patrol.scenario.faults.kinds import Clock, Lasting, nothing
+from patrol.scenario.faults.kinds import Clock, Lasting, OnClosure, nothing
 from patrol.scenario.faults.roster import tick_of, ticks_of
 from patrol.scenario.zones import holds_tick
 from patrol.values.section import Section
@@ -253,7 +255,7 @@ def control_in(event: Event) -> Control:
 
 
 def in_force(scenario: Scenario, k: int, first: int = 0) -> tuple[Mapping[str, Any], ...]:
-    """List the lasting faults of radio, senses and bodies that are active in a tick and change something.
+    """List the lasting faults of radio, senses, bodies and closures that are active in a tick and change something.
 
     Args:
         scenario: With its operators' faults.
@@ -269,8 +271,7 @@ def in_force(scenario: Scenario, k: int, first: int = 0) -> tuple[Mapping[str, A
         if isinstance(fault, Lasting)
         and fault.acts_on != "processes"
         and not (isinstance(fault, Clock) and fault.offset == fault.rate == 0.0)
-        and tick_of(fault.at, scenario.step) <= k
-        and not _has_ended(fault, scenario.step, k)
+        and _is_active(fault, scenario.step, k)
     )
 
 
@@ -325,11 +326,16 @@ def _with_fault(scenario: Scenario, k: int, control: AddFault) -> tuple[Scenario
         raise BadInput(f"control: fault.at = {quoted(delay_s)}: expected seconds from now, 0 or more")
     begin = k + tick_of(delay_s, scenario.step)
     entry["at"] = _time_of(begin, scenario.step)
+    for before in [fault for fault in scenario.faults if isinstance(fault, OnClosure)]:
+        if before.closure == entry.get("closure") and _is_active(before, scenario.step, begin):
+            scenario = _healed(scenario, begin, str(before.id))
     entry.setdefault("id", _fresh([fault.id for fault in scenario.faults]))
     mapping = _mapping(scenario)
     mapping["faults"] = [*mapping["faults"], entry]
     more = _loaded(mapping, len(scenario.faults))
     fault = more.faults[-1]
+    if isinstance(fault, OnClosure):
+        return more, f"{fault.id} {fault.kind} {fault.closure} from tick {begin} on; heal {fault.id} takes it back"
     return more, f"{fault.id} {fault.kind} from tick {begin} on"
 
 
@@ -410,6 +416,10 @@ def _is_over(scenario: Scenario, k: int, name: str) -> bool:
     """Return True if a lasting fault has ended before tick k or does so anyway."""
     _, fault = _find(scenario, name)
     return isinstance(fault, Lasting) and _has_ended(fault, scenario.step, k)
+
+
+def _is_active(fault: Lasting, step: float, k: int) -> bool:
+    return tick_of(fault.at, step) <= k and not _has_ended(fault, step, k)
 
 
 def _has_ended(fault: Lasting, step: float, k: int) -> bool:

@@ -144,8 +144,8 @@ class Scenario(Section):
         _check_names("zone", self.zones)
         _check_names("closure", self.closures)
         self._check_closures()
-        names = [spec.name for spec in self.roster]
-        check_faults(self.faults, names, self.spares, self.step, self.ticks, self.seed)
+        names, closures = ([spec.name for spec in specs] for specs in (self.roster, self.closures))
+        check_faults(self.faults, names, self.spares, closures, self.step, self.ticks, self.seed)
         if self.nemesis is not None:
             room_for(self.nemesis, self.step, self.ticks)
         return self

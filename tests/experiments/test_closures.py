@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from experiments.inprocess import Outcome, run_in_process
 from patrol.prepare import prepare
 from patrol.scenario import load_scenario
+from tests.monitor.conftest import DOORS, run_of
 
+ELLIPSE = Path(__file__).parents[2] / "examples" / "elliptic_sensor.py"
 WALL = {"name": "wall", "polygon": [[48, 0], [50, 0], [50, 88], [48, 88]]}
 BOX = {"name": "box", "polygon": [[20, 20], [26, 20], [26, 26], [20, 26]], "closes": 0.05, "opens": 0.05}
 
@@ -31,6 +35,27 @@ def test_bodies_of_all_models_keep_out_and_go_on(model: str) -> None:
     assert summary.closures["box"].closings > 0
     assert summary.seen_share is not None
     assert summary.seen_share > 0.99
+    assert not [line for line in outcome.verdict.warnings if "trapped" in line]
+
+
+@pytest.mark.parametrize("model", ["holonomic", "car"])
+def test_a_sensor_of_ones_own_sees_what_is_closed(model: str, tmp_path: Path) -> None:
+    """An ellipse sees little to the sides; the only robot believes what it truly sees."""
+    sensor = {"kind": f"{ELLIPSE}:Ellipse", "range": 12.0, "options": {"across": 4.0}}
+    boxes = [
+        [(x + dx, y + dy) for dx, dy in ((0, 0), (3, 0), (3, 3), (0, 3))] for x, y in ((10, 30), (60, 40), (15, 60))
+    ]
+    closures = [{**BOX, "name": f"box{number}", "polygon": box} for number, box in enumerate(boxes)]
+    robots = {"count": 1, "model": model}
+    seen = run_of(tmp_path, {**DOORS, "duration": 100, "robots": robots, "sensor": sensor, "closures": closures})
+    verdict = seen.open().stated.verdict
+    assert verdict is not None
+    assert verdict.valid
+    assert sum(facts.closings for facts in seen.open().stated.closures.values()) > 3
+    assert all(np.array_equal(believed, seen.truth[k]) for (k, _), believed in seen.beliefs.items())
+    outcome = ran({**WALL, "closed": [[20, 60], [90, 110]]}, BOX, robots={"model": model}, sensor=sensor)
+    assert outcome.verdict.valid, outcome.verdict.failed
+    assert outcome.summary.closures["wall"].closings == 2
     assert not [line for line in outcome.verdict.warnings if "trapped" in line]
 
 

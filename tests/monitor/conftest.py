@@ -21,6 +21,8 @@ from patrol.exchange import FIRST_INCARNATION
 from patrol.journal import JournalWriter, TickRecord, read_journal
 from patrol.prepare import prepare, sensor_footprint
 from patrol.scenario import dump_scenario, load_scenario
+from tests.worldsim.controls.test_operator import Hour, Rests, Script
+from worldsim.controls.operator import Operator
 from worldsim.fleet.loop import run_ticks
 from worldsim.output.record import Recorder, header_of
 from worldsim.output.summary import summarise
@@ -58,13 +60,34 @@ class Seen:
         return open_run(self.folder)
 
 
-def run_of(folder: Path, scenario: Mapping[str, Any]) -> Seen:
-    """Run a scenario in this process, watching its world and its minds in each tick."""
+DOORS: dict[str, Any] = {
+    **QUIET,
+    "name": "doors",
+    "robots": {"count": 1, "model": "holonomic"},
+    "closures": [
+        {"name": "gate", "polygon": [[48, 0], [50, 0], [50, 88], [48, 88]], "closed": [[5, 15]]},
+        {"name": "crate", "polygon": [[20, 40], [26, 40], [26, 46], [20, 46]]},
+    ],
+}
+BY_HAND: dict[int, list[dict[str, Any]]] = {
+    20: [{"do": "fault", "fault": {"kind": "open", "closure": "gate"}}],
+    22: [{"do": "fault", "fault": {"kind": "close", "closure": "crate"}}],
+    26: [{"do": "heal", "id": "op1"}],
+    40: [{"do": "fault", "fault": {"kind": "open", "closure": "crate"}}],
+    50: [{"do": "heal", "id": "op3"}],
+}
+"""What an operator does with DOORS, by tick. The robot stands in the crate's place when it is to be closed."""
+
+
+def run_of(
+    folder: Path, scenario: Mapping[str, Any], controls: Mapping[int, list[dict[str, Any]]] | None = None
+) -> Seen:
+    """Run a scenario in this process under an operator's controls by tick, watching world and minds in each tick."""
     loaded = load_scenario(scenario)
     (folder / "scenario.yaml").write_text(dump_scenario(loaded), encoding="utf-8")
     prepared = prepare(loaded)
     footprint = sensor_footprint(loaded, prepared.terrain)
-    world = World(prepared, footprint=footprint)
+    world = World(prepared, footprint=footprint, operated=controls is not None)
     make, minds = mind_maker(prepared, None, shared_by(prepared, footprint)), dict[int, Mind]()
 
     def made(number: int, incarnation: int) -> Mind:
@@ -82,7 +105,12 @@ def run_of(folder: Path, scenario: Mapping[str, Any]) -> Seen:
             for number in world.living:
                 seen.beliefs[record.k, number] = minds[number].belief.fog.last_seen.copy()
 
-        recorder.end(run_ticks(world, fleet, on_tick, recorder.event, control=fleet))
+        operator = None
+        if controls is not None:
+            requests = Script(hour := Hour(), controls)
+            requests.world = world
+            operator = Operator(world, Rests(), requests, hour, controls_processes=True)
+        recorder.end(run_ticks(world, fleet, on_tick, recorder.event, control=fleet, operator=operator))
     journal = read_journal(folder / "journal")
     summary = summarise(journal, judge(journal, {}, prepared)).document()
     (folder / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
@@ -99,6 +127,12 @@ def quiet(tmp_path_factory: pytest.TempPathFactory) -> Seen:
 def faulty(tmp_path_factory: pytest.TempPathFactory) -> Seen:
     """A run with losses, delays, forged frames, a drift, a pause, a death and a restart."""
     return run_of(tmp_path_factory.mktemp("faulty"), {**QUIET, "name": "faulty", "faults": FAULTS})
+
+
+@pytest.fixture(scope="session")
+def doors(tmp_path_factory: pytest.TempPathFactory) -> Seen:
+    """A run of one robot, with a gate that closes by itself and a crate, both closed and opened by an operator too."""
+    return run_of(tmp_path_factory.mktemp("doors"), DOORS, BY_HAND)
 
 
 @pytest.fixture(scope="session")
@@ -136,6 +170,17 @@ def trapped(tmp_path_factory: pytest.TempPathFactory) -> Seen:
     robots = [{"model": "holonomic"}, {"model": "holonomic", "speed": 0.01}]
     facts = {"name": "trapped", "duration": 200, "robots": robots, "faults": [{"kind": "kill", "who": "r2", "at": 195}]}
     return run_of(tmp_path_factory.mktemp("trapped"), {**QUIET, **facts})
+
+
+@pytest.fixture(scope="session")
+def shut_in(tmp_path_factory: pytest.TempPathFactory) -> Seen:
+    """A run whose robot is shut in from 2 s on, by a ring of four closures."""
+    sides = ([15, 15, 25, 16], [15, 24, 25, 25], [15, 15, 16, 25], [24, 15, 25, 25])
+    corners = [[[x0, y0], [x1, y0], [x1, y1], [x0, y1]] for x0, y0, x1, y1 in sides]
+    ring = [{"name": f"side{i}", "polygon": polygon, "closed": [[2, 300]]} for i, polygon in enumerate(corners)]
+    robots = {"count": 1, "model": "holonomic", "speed": 1.0, "radius": 0.4, "starts": [[20, 20]]}
+    facts = {"terrain": {"builtin": "open"}, "name": "shut-in", "duration": 200, "robots": robots, "closures": ring}
+    return run_of(tmp_path_factory.mktemp("shut-in"), {**QUIET, **facts})
 
 
 @pytest.fixture(scope="session")

@@ -23,6 +23,7 @@ from patrol.scenario.faults.kinds import (
     Kill,
     Lasting,
     Leave,
+    OnClosure,
     OnLinks,
     OnRobots,
     Partition,
@@ -109,7 +110,7 @@ class Timeline:
         self._changes, self._active = self._all_active()
 
     def at(self, k: int) -> tuple[Entry, ...]:
-        """Return the lasting faults of radio, senses and bodies that are active in tick k, by index."""
+        """Return the lasting faults of radio, senses, bodies and closures that are active in tick k, by index."""
         place = bisect_right(self._changes, k) - 1
         return self._active[place] if place >= 0 else ()
 
@@ -145,7 +146,7 @@ class Timeline:
         return max(ends, default=0)
 
     def describe(self, entry: Entry) -> str:
-        """Describe in a few words which robots a fault acts on, and how."""
+        """Describe in a few words what a fault acts on, and how."""
         fault = entry.fault
         parts = []
         if isinstance(fault, OnLinks):
@@ -154,9 +155,11 @@ class Timeline:
             parts.append(" | ".join(self._listed(group) for group in entry.groups))
         elif isinstance(fault, Spoof):
             parts.append(f"{fault.by} as {self._listed(entry.who)}")
+        elif isinstance(fault, OnClosure):
+            parts.append(fault.closure)
         else:
             parts.append(self._listed(entry.who))
-        shown = {"id", "kind", "at", "for", "who", "from", "to", "as", "by", "groups"}
+        shown = {"id", "kind", "at", "for", "who", "from", "to", "as", "by", "groups", "closure"}
         values = fault.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
         parts += [f"{name} {in_flow(value)}" for name, value in values.items() if name not in shown]
         return ", ".join(parts)
@@ -179,6 +182,8 @@ class Timeline:
         if isinstance(fault, Spoof):
             forger = 0 if fault.by == STRANGER else self._names[fault.by]
             return Entry(index, fault, begin, end, self._resolve(fault.victims, index, Target.AS), (forger,))
+        if isinstance(fault, OnClosure):
+            return Entry(index, fault, begin, end)
         assert isinstance(fault, OnRobots)
         return Entry(index, fault, begin, end, self._resolve(fault.who, index, Target.WHO))
 

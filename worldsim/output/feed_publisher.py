@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from patrol.closures import closure_of
 from patrol.journal import pack
 from patrol.journal.records import Event, TickRecord
 from patrol.net.messages.feed import Batch, Ground, SoFar, batch_bytes, so_far_bytes, thinned
@@ -87,6 +88,7 @@ class Feed:
         self._events: deque[bytes] = deque(maxlen=MOST_EVENTS)
         self._happened = 0
         self._asked: list[bytes] = []
+        self._closures: dict[str, bytes] = {}
         self._mfow, self._fog_mean = array("f"), array("f")
         self._asking: list[Question] = []
         self._answering = False
@@ -110,6 +112,8 @@ class Feed:
             self._happened += 1
             if record.kind == OPERATOR:
                 self._asked.append(payload)
+            elif name := closure_of(record):
+                self._closures[name] = payload
         if self._size >= BATCH_BYTES or self._now() >= self._due:
             self.flush()
 
@@ -176,7 +180,7 @@ class Feed:
             last_seen=self._world.truth.fog.last_seen.copy(),
             events=tuple(self._events),
             event=self._happened - len(self._events),
-            asked=tuple(self._asked),
+            asked=(*self._asked, *self._closures.values()),
             every=every,
             mfow=thinned(self._mfow, every),
             fog_mean=thinned(self._fog_mean, every),

@@ -1,23 +1,27 @@
 """The scenario's closures in the world: when they close and open, and what robots see of them.
 
 A closure never closes on a body: it waits until all bodies are clear of its points, and the journal says so.
+
+Of the faults `close` and `open` in force on a closure, the one that began last decides. Without one its own times do,
+or its draws. These go on meanwhile, so a fault that ends leaves no trace in them.
 """
 
 from __future__ import annotations
 
 import math
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from patrol.closures import ClosedPoints
+from patrol.closures import WAITING, WAITS, ClosedPoints
 from patrol.exchange import MOST_BLOCKED
 from patrol.ground.closed import ChangingFootprint, faces
 from patrol.journal import Event
-from patrol.journal.records import CLOSED, OPENED
+from patrol.journal.records import CLOSED, OPENED, STAYS_OPEN
 from patrol.radio.message import as_received
 from patrol.random import Purpose, draw
-from worldsim.faults.lifecycle import WAITING
+from patrol.scenario.faults.kinds import Close, OnClosure
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -26,25 +30,31 @@ if TYPE_CHECKING:
 
     from patrol.ground.terrain import Terrain
     from patrol.scenario import ClosureSpec, Scenario
+    from worldsim.faults.timeline import Timeline
     from worldsim.robots.bodies import Body
 
 
 class Closures:
-    """The closures of a world, tick by tick."""
+    """The closures of a world, tick by tick.
 
-    def __init__(self, scenario: Scenario, terrain: Terrain) -> None:
+    Attributes:
+        timeline: The scenario's faults; may be replaced between ticks by one with the same past.
+    """
+
+    def __init__(self, scenario: Scenario, timeline: Timeline, terrain: Terrain) -> None:
         """Begin with all of them open.
 
         Args:
             scenario: The run's.
+            timeline: The scenario's faults.
             terrain: The ground with nothing closed.
         """
+        self.timeline = timeline
         self._specs = scenario.closures
         self._terrain = terrain
         self._seed, self._step = scenario.seed, scenario.step
         self._closed = ClosedPoints(scenario.closures, terrain)
         self._drawn = [False] * len(scenario.closures)
-        self._waiting: set[str] = set()
 
     @property
     def closed(self) -> frozenset[str]:
@@ -87,29 +97,33 @@ class Closures:
         return tuple(sorted(shown[:MOST_BLOCKED].tolist()))
 
     def _due(self, k: int, bodies: Mapping[int, Body]) -> Iterator[Event]:
+        held = self._held(k)
         for number, spec in enumerate(self._specs):
-            is_closed = spec.name in self._closed.names
-            if not self._is_wanted(number, spec, k):
-                self._waiting.discard(spec.name)
-                if is_closed:
-                    yield Event(k, OPENED, None, spec.name)
+            by_itself = self._closes_by_itself(number, spec, k)
+            is_closed, is_waiting = spec.name in self._closed.names, spec.name in self._closed.waiting
+            if not held.get(spec.name, by_itself):
+                if is_closed or is_waiting:
+                    yield Event(k, OPENED if is_closed else STAYS_OPEN, None, spec.name)
             elif not is_closed:
                 points = self._closed.points[spec.name]
                 in_the_way = [body for body in bodies.values() if body.present and self._overlaps(points, body)]
                 if not in_the_way:
-                    self._waiting.discard(spec.name)
                     yield Event(k, CLOSED, None, spec.name)
-                elif spec.name not in self._waiting:
-                    self._waiting.add(spec.name)
+                elif not is_waiting:
                     names = ", ".join(body.spec.name for body in in_the_way)
-                    yield Event(k, WAITING, in_the_way[0].spec.number, f"{spec.name} waits to close: {names} in it")
+                    yield Event(k, WAITING, in_the_way[0].spec.number, f"{spec.name}{WAITS}{names} in it")
 
-    def _is_wanted(self, number: int, spec: ClosureSpec, k: int) -> bool:
-        """Return True if a closure is to be closed in a tick, by its times or by draws."""
+    def _held(self, k: int) -> dict[str, bool]:
+        """Return whether each closure that a fault decides on in a tick is to be closed, by name."""
+        faults = [(entry.begin, entry.fault) for entry in self.timeline.at(k) if isinstance(entry.fault, OnClosure)]
+        return {fault.closure: isinstance(fault, Close) for _, fault in sorted(faults, key=itemgetter(0))}
+
+    def _closes_by_itself(self, number: int, spec: ClosureSpec, k: int) -> bool:
+        """Return True if a closure is to be closed in a tick by its times or draws; call it once for each tick."""
         if spec.closed is not None:
             return any(first <= k * self._step < end for first, end in spec.closed)
-        assert spec.closes is not None
-        assert spec.opens is not None
+        if spec.closes is None or spec.opens is None:
+            return False
         rate = spec.opens if self._drawn[number] else spec.closes
         if draw(self._seed, Purpose.CLOSURE, number, k) < -math.expm1(-rate * self._step):
             self._drawn[number] = not self._drawn[number]

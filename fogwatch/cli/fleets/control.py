@@ -1,4 +1,4 @@
-"""``fogwatch control``: pause a running fleet, resume it, and inject faults, from a shell.
+"""``fogwatch control``: pause a running fleet, resume it, close and open doors and inject faults, from a shell.
 
 Commands raise BadInput; the caller prints it.
 """
@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
-from patrol.errors import BadInput
+from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.printable import printable
 
 EXAMPLES = [
@@ -23,6 +23,8 @@ EXAMPLES = [
     "fogwatch control RUN pace max",
     "fogwatch control RUN fault '{kind: loss, rate: 0.5}'",
     "fogwatch control RUN heal op1",
+    "fogwatch control RUN close door",
+    "fogwatch control RUN open door",
     "fogwatch control RUN intruder '[12, 30]'",
     "fogwatch control RUN heal intruder1",
     "fogwatch control RUN zone '{name: vault, on: false}'",
@@ -36,6 +38,9 @@ ROBOTS_S = 5.0
 has not come to rest for 3 s."""
 WAIT_S = 15.0
 """How long a world may take to answer: it ends its tick first, and starts the robots that the request needs."""
+
+OF_CLOSURES = ("close", "open")
+"""Kinds of faults of closures that are words of their own on the command line."""
 
 REFUSED, UNANSWERED = 1, 3
 
@@ -51,7 +56,8 @@ def control(
     do: Annotated[
         str,
         typer.Argument(
-            metavar="WHAT", help="pause, go, step, pace, fault, heal, intruder or zone; stop or release robots."
+            metavar="WHAT",
+            help="pause, go, step, pace, fault, heal, close, open, intruder or zone; stop or release robots.",
         ),
     ],
     value: Annotated[
@@ -59,8 +65,9 @@ def control(
         typer.Argument(
             metavar="[VALUE]",
             help="step: ticks; pace: factor of real time, or max; fault: the fault as YAML; heal: the id of a fault or "
-            "an intruder, as the answer to it says; intruder: its place as [X, Y] in m, or {place: [X, Y], for: S}; "
-            "zone: {name: NAME, on: true or false}; stop, release: the robot (default: all robots).",
+            "an intruder, as the answer to it says; close, open: the name of a closure; intruder: its place as [X, Y] "
+            "in m, or {place: [X, Y], for: S}; zone: {name: NAME, on: true or false}; stop, release: the robot "
+            "(default: all robots).",
         ),
     ] = None,
     wait: Annotated[float, typer.Option(metavar="S", help="How long to wait for an answer, in s.")] = WAIT_S,
@@ -68,10 +75,13 @@ def control(
         str | None, typer.Option(metavar="NAME", help="The fleet's name, where RUN is a router's address.")
     ] = None,
 ) -> int:
-    """Control a running fleet: pause, resume or step it, change its pace, inject and heal faults, add an intruder.
+    """Control a running fleet: pause, step or pace it, inject and heal faults, close and open doors, add an intruder.
 
     The request is carried out between two ticks and recorded in the journal and in timeline.yaml. RUN stands for the
     run's folder, such as runs/yards-20260101-120000.
+
+    close and open hold a closure of the scenario closed or open, whatever its own times and rates say, until the other
+    word replaces them or heal ends them, with the id in the answer. A closure closes once all robots are clear of it.
 
     Robots that no world simulates, such as ROS 2 robots, can be told to stop, and to be released. They answer
     themselves, when they stand; one that is stopped stands until whoever stopped it releases it, also when its agent
@@ -169,8 +179,14 @@ def control_of(do: str, value: str | None) -> dict[str, Any]:
         BadInput: A value is missing, not wanted, or no YAML.
     """
     from patrol.files.yaml_text import parse_yaml
-    from patrol.scenario.controls import EXAMPLES
+    from patrol.scenario.controls import CONTROLS, EXAMPLES
 
+    if do not in (known := (*CONTROLS, *OF_CLOSURES)):
+        raise BadInput(f"control: do = {quoted(do)}: {did_you_mean(do, known)}")
+    if do in OF_CLOSURES:
+        if value is None:
+            raise BadInput(f"control {do}: give the name of a closure too, such as door")
+        return {"do": "fault", "fault": {"kind": do, "closure": value}}
     field, example = next(iter(EXAMPLES.get(do, {}).items()), (None, ""))
     if value is None:
         if field is not None and do != "step":

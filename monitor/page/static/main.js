@@ -90,13 +90,13 @@ function send(message) {
 }
 
 /** Send a control and show the answer. text: shown if it is accepted without one. Returns whether it is accepted. */
-async function operate(control, text = "") {
+async function operate(control, text = "", shownIn = "answer") {
   const answer = await new Promise((done) => {
     if (socket.readyState !== WebSocket.OPEN) return done({ done: false, text: "no connection" });
     waiting.set(++requests, done);
     send({ type: "control", id: requests, control });
   });
-  write($("answer"), answer.text || (answer.done ? text : "refused"));
+  write($(shownIn), answer.text || (answer.done ? text : "refused"));
   return answer.done;
 }
 

@@ -177,12 +177,13 @@ export class MapView {
     const what = store.terrain[at];
     if (!(what & PASSABLE)) return "obstacle";
     if (!(what & 2)) return "not patrolled: no robot sees this point, or it need not be seen";
+    const closure = store.shut.get(at), closed = closure ? `${closure} is closed\n` : "";
     const ages = this.fogs.map((fog) => {
       if (!fog) return "computing …";
       const lag = store.state.k - fog.tick;
       return this.#age(fog, at) + (lag > 0 ? ` (as of ${seconds(lag * store.facts.step)} ago)` : "");
     });
-    return shown.kind === "difference" ? `believed: ${ages[0]}\ntrue: ${ages[1]}` : ages[0];
+    return closed + (shown.kind === "difference" ? `believed: ${ages[0]}\ntrue: ${ages[1]}` : ages[0]);
   }
 
   /** The age of a point in a fog, at the fog's tick, as text. */

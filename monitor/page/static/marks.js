@@ -9,6 +9,7 @@ const LINE = 16;
 const RAYS = 120;
 /** In fleets of more than MANY robots only the selected one has a footprint, a goal and a full trail; others: SHORT ticks. */
 const MANY = 24, SHORT = 60;
+const CLOSURE = "#e07b00";
 export const PASSABLE = 1;
 
 /** Draw all robots, one kind of mark after the other, and the intruders. */
@@ -49,21 +50,42 @@ export function drawZones(map) {
   c.setLineDash([]);
 }
 
-/** Fill the closures that are closed, and outline the others thinly. */
+/** Fill the closures that are closed, outline those that wait to close with dashes, and the open ones thinly. */
 export function drawClosures(map) {
-  const c = map.context, r = map.ratio;
-  const closed = new Set(map.store.state.closed ?? []);
+  const c = map.context, r = map.ratio, { state, facts } = map.store;
+  const { point, width, origin } = facts;
+  const labelled = [];
   c.lineCap = "butt";
-  c.strokeStyle = "#e07b00";
-  for (const closure of map.store.facts.closures) {
-    c.lineWidth = (closed.has(closure.name) ? 4 : 1) * r;
-    c.beginPath();
-    for (const [x0, y0, x1, y1] of closure.edges) {
-      c.moveTo(...map.toScreen(x0, y0));
-      c.lineTo(...map.toScreen(x1, y1));
+  c.font = font(r);
+  for (const { name, at, edges, runs } of facts.closures) {
+    const closed = state.closed.includes(name), waiting = state.waiting.includes(name);
+    if (closed) {
+      c.beginPath();
+      for (const [first, count] of runs) {
+        const [x, y] = map.toScreen(origin[0] + (first % width) * point, origin[1] + (Math.floor(first / width) + 1) * point);
+        c.rect(x, y, count * point * map.scale, point * map.scale);
+      }
+      c.fillStyle = CLOSURE;
+      c.fill();
     }
-    c.stroke();
-    if (closed.has(closure.name)) label(c, closure.name, ...map.toScreen(...closure.at), "center", r);
+    for (const [colour, wide] of [["rgb(255 255 255 / 85%)", closed || waiting ? 4 : 2.5], [CLOSURE, closed || waiting ? 2 : 1]]) {
+      c.strokeStyle = colour;
+      c.lineWidth = wide * r;
+      c.setLineDash(waiting && colour === CLOSURE ? [4 * r, 3 * r] : []);
+      c.beginPath();
+      for (const [x0, y0, x1, y1] of edges) {
+        c.moveTo(...map.toScreen(x0, y0));
+        c.lineTo(...map.toScreen(x1, y1));
+      }
+      c.stroke();
+    }
+    c.setLineDash([]);
+    if (!closed && !waiting) continue;
+    const text = waiting ? `${name} waits` : name, [x, y] = map.toScreen(...at), half = 0.5 * c.measureText(text).width;
+    // Where labels would overlap, the first one is drawn; the panel has all names.
+    if (labelled.some((one) => Math.abs(one.x - x) < one.half + half && Math.abs(one.y - y) < LINE * r)) continue;
+    labelled.push({ x, y, half });
+    labelMark(map, text, x, y, 6 * r, false);
   }
 }
 
@@ -92,7 +114,7 @@ function footprint(map, [status, , pose], facts, place) {
   if (!pose || status !== 1 || !inFull(map, place)) return;
   const c = map.context;
   const { point, width, height, origin } = map.store.facts;
-  const terrain = map.store.terrain;
+  const { terrain, shut } = map.store;
   const half = (facts.angle * Math.PI) / 360, whole = facts.angle >= 360;
   c.beginPath();
   for (let i = 0; i <= RAYS; i++) {
@@ -103,7 +125,8 @@ function footprint(map, [status, , pose], facts, place) {
       const col = Math.floor((pose[0] + dx * reach - origin[0]) / point);
       const row = Math.floor((pose[1] + dy * reach - origin[1]) / point);
       if (col < 0 || row < 0 || col >= width || row >= height) break;
-      if (!(terrain[row * width + col] & PASSABLE)) break;
+      const at = row * width + col;
+      if (!(terrain[at] & PASSABLE) || shut.has(at)) break;
     }
     const [x, y] = map.toScreen(pose[0] + dx * Math.min(reach, facts.range), pose[1] + dy * Math.min(reach, facts.range));
     if (i) c.lineTo(x, y);

@@ -7,11 +7,12 @@
 //     static topics        when to update: "state", "links", "events", "series" and "bands" after such a message, "frame"
 //                          after a drawn frame (four times a second at most), "select" after a robot was selected,
 //                          "theme" after a change of the colour scheme, "open" after its tab was opened
-//     constructor(page)    after its section was added; page: {store, map, select(place), operate(control, text)}
+//     constructor(page)    after its section was added; page: {store, map, select(place), operate(control, text, shownIn)}
 //     reset()              a new source
 //     update(topic)        show what is new
 //     key(key)             optional: handle a key; returns whether it did
 
+import { ClosuresPanel } from "./panel_closures.js";
 import { EventsPanel } from "./panel_events.js";
 import { FaultsPanel } from "./panel_faults.js";
 import { LinksPanel } from "./panel_links.js";
@@ -21,7 +22,7 @@ import { $ } from "./dom.js";
 
 /** Where the panels are below the map; page.css has the same number. An opened panel is then scrolled to. */
 const NARROW = matchMedia("(max-width: 820px)");
-const PANELS = [RobotsPanel, LinksPanel, EventsPanel, FaultsPanel, ZonesPanel];
+const PANELS = [RobotsPanel, LinksPanel, EventsPanel, FaultsPanel, ClosuresPanel, ZonesPanel];
 
 export class Panels {
   /** page: as for the panels. */

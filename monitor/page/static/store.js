@@ -27,6 +27,8 @@ export class Store {
     this.events = [];
     this.bands = [];
     this.links = null;
+    this.shut = new Map();
+    this.closed = "";
   }
 
   /** One JSON message. */
@@ -40,6 +42,7 @@ export class Store {
         if (this.facts.live) this.#remember(message);
         this.#shorten(message.k);
         this.state = message;
+        this.#close(message.closed);
         for (const packet of this.held.splice(0)) this.#fill(packet);
         if (!message.linked) this.links = null;
         this.stalest = Math.max(this.stalest, message.mfow ?? 0);
@@ -105,6 +108,17 @@ export class Store {
           }
         }
       }
+    }
+  }
+
+  /** Note the points that are closed, each with its closure's name. */
+  #close(names = []) {
+    if (this.closed === String(names)) return;
+    this.closed = String(names);
+    this.shut.clear();
+    for (const { name, runs } of this.facts.closures) {
+      if (!names.includes(name)) continue;
+      for (const [first, count] of runs) for (let at = first; at < first + count; at++) this.shut.set(at, name);
     }
   }
 

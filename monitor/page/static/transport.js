@@ -55,6 +55,7 @@ export class Transport {
   seek(k) {
     if (!this.store.facts.controls.includes("seek")) return;
     this.seekingUntil = performance.now() + SEEKING_MS;
+    $("seek").value = String(k);
     this.operate({ do: "seek", k });
   }
 

@@ -46,7 +46,7 @@ MAX_TICKS_BEFORE = 1 << 25
 """Ticks of the longest run that can be joined late; the fog keeps a number for each of them."""
 
 MAX_EVENTS = 1 << 17
-"""Events in an answer: the latest ones, and those of operators."""
+"""Events in an answer: the latest ones, and those of operators and closures."""
 
 MAX_SERIES = 1 << 14
 """Points of each curve in an answer."""
@@ -120,7 +120,7 @@ class SoFar:
         last_seen: int32 (h, w), of the true fog after that tick.
         events: Packed records, the latest ones.
         event: How many events there were before those.
-        asked: Packed records, all events of operators' controls.
+        asked: Packed records: all events of operators' controls, and the latest one of each closure.
         every: Distance in ticks between the values of the series.
         mfow: float32, ticks, of every `every`-th tick from the first on.
         fog_mean: float32, ticks, the same.

@@ -1,4 +1,4 @@
-"""The vocabulary of faults: what may be done to robots, their radio, positions, clocks and motion, and when.
+"""The vocabulary of faults: what may be done to robots, their radio, positions, clocks and motion, and to closures.
 
 `worldsim.faults.timeline` says which robots and ticks a scenario's faults mean.
 """
@@ -78,7 +78,7 @@ class Wait(Section):
 KINDS: dict[str, type[Fault]] = {}
 """The model of each kind of fault, in the order in which the models are defined here."""
 
-ActsOn = Literal["processes", "frames", "senses", "bodies"]
+ActsOn = Literal["processes", "frames", "senses", "bodies", "closures"]
 
 
 class Fault(Section):
@@ -89,7 +89,7 @@ class Fault(Section):
 
     Attributes:
         acts_on: *processes* (needs a launcher that can start and stop robots), *frames* (needs an ether), *senses*
-            (changes what a robot measures) or *bodies* (changes what its body does).
+            (changes what a robot measures), *bodies* (changes what its body does) or *closures* (closes or opens one).
     """
 
     acts_on: ClassVar[ActsOn]
@@ -358,6 +358,26 @@ class Motion(OnRobots, Lasting):
         return self
 
 
+class OnClosure(Lasting):
+    """A fault that decides whether a closure is closed; of several in force, the one that began last does."""
+
+    acts_on = "closures"
+
+    closure: Name = Field(description="name of a closure of the scenario")
+
+
+class Close(OnClosure):
+    """A closure is closed, whatever its own times and rates say."""
+
+    kind: Literal["close"] = Field(description=KIND)
+
+
+class Open(OnClosure):
+    """A closure is open, whatever its own times and rates say."""
+
+    kind: Literal["open"] = Field(description=KIND)
+
+
 def nothing(name: str, at: float, step: float, who: str) -> dict[str, Any]:
     """Make an entry that changes nothing (a clock that is not wrong), for a place that others' draws depend on.
 
@@ -371,7 +391,7 @@ def nothing(name: str, at: float, step: float, who: str) -> dict[str, Any]:
 
 
 def kinds_acting_on(what: ActsOn) -> tuple[str, ...]:
-    """List the kinds of faults that act on processes, frames, senses or bodies.
+    """List the kinds of faults that act on processes, frames, senses, bodies or closures.
 
     Args:
         what: As `Fault.acts_on` has it.

@@ -1,11 +1,12 @@
-"""Checks of a scenario's faults against its robots and its duration."""
+"""Checks of a scenario's faults against its robots, its closures and its duration."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 
-from patrol.scenario.faults.kinds import STRANGER, Fault, Forgery, OnLinks, Partition, Spoof
+from patrol.errors import did_you_mean
+from patrol.scenario.faults.kinds import STRANGER, Fault, Forgery, OnClosure, OnLinks, Partition, Spoof
 from patrol.scenario.faults.targets import Drawing, Target, check_name, check_who, meant
 from patrol.values.section import wrong
 
@@ -31,17 +32,24 @@ def ticks_of(lasts: float, step: float) -> int:
 
 
 def check_faults(
-    faults: Sequence[Fault], names: Sequence[str], spares: frozenset[int], step: float, ticks: int, seed: int
+    faults: Sequence[Fault],
+    names: Sequence[str],
+    spares: frozenset[int],
+    closures: Sequence[str],
+    step: float,
+    ticks: int,
+    seed: int,
 ) -> None:
-    """Raise for the first fault that the roster or the duration rules out.
+    """Raise for the first fault that the roster, the closures or the duration rule out.
 
-    Such a fault names no robot of the roster, wants too many or none, cuts no robot off, forges in no other name, or
-    comes after the last tick.
+    Such a fault names no robot of the roster, wants too many or none, cuts no robot off, forges in no other name, names
+    no closure, or comes after the last tick.
 
     Args:
         faults: All of the scenario.
         names: Of the whole roster, in the order of the robots' numbers.
         spares: Numbers of the spare robots; sizes are of the others.
+        closures: Names of the closures.
         step: s.
         ticks: Of the run.
         seed: The scenario's, from which targets are drawn.
@@ -68,6 +76,9 @@ def check_faults(
             _check_insider(fault, names, spares, (seed, index, Target.AS))
         if isinstance(fault, OnLinks):
             _check_links(fault, names, spares, seed, index)
+        if isinstance(fault, OnClosure) and fault.closure not in closures:
+            known = did_you_mean(fault.closure, closures) if closures else "the scenario has none; list it in closures"
+            raise wrong(f"{where}.closure", f"there is no closure {fault.closure}; {known}")
 
 
 def _check_partition(fault: Partition, names: Sequence[str], fleet: int, where: str) -> None:

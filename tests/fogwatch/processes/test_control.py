@@ -139,6 +139,66 @@ def test_what_an_operator_does_is_replayed_to_the_same_trace(operate: Callable[.
     assert at.run.summary()["exit_codes"]["r2"] == -9
 
 
+DOORS = [
+    {"name": "gate", "polygon": [[50, 0], [51, 0], [51, 88], [50, 88]], "closed": [[0, 50_000]]},
+    {"name": "crate", "polygon": [[20, 40], [24, 40], [24, 44], [20, 44]]},
+]
+ROBOTS = {"count": 2, "model": "holonomic", "radius": 0.4, "speed": 2.0, "starts": [[10, 10], [90, 70]]}
+
+
+def test_closures_closed_and_opened_from_a_shell_do_so_again(
+    operate: Callable[..., Operating],
+    command: Callable[..., int],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    at = operate({**COARSE, "duration": 100_000, "robots": ROBOTS, "closures": DOORS})
+    held = at.step(8)
+
+    def shell(*words: str) -> tuple[int, str]:
+        code = command("control", at.run.folder, *words)
+        return code, "".join(capsys.readouterr())
+
+    assert shell("open", "gate") == (0, f"op1 open gate from tick {held} on; heal op1 takes it back\n")
+    assert shell("close", "crate") == (0, f"op2 close crate from tick {held} on; heal op2 takes it back\n")
+    code, text = shell("close", "grate")
+    assert (code, text) == (1, "control: fault.closure: there is no closure grate; did you mean gate?\n")
+    at.step(12)
+    assert shell("close", "gate")[0] == 0
+    assert shell("heal", "op2")[0] == 0
+    at.step(30)
+    assert at.ask(do="go").done
+    at.run.pass_ticks(10)
+    at.run.interrupt()
+    summary = at.run.summary()
+    assert summary["verdict"]["valid"], summary["verdict"]
+    events = read_journal(at.run.folder / "journal").events
+    told = [(event.k - held, event.kind) for event in events if event.detail in ("gate", "crate") and event.k >= held]
+    assert told == [(0, "opened"), (0, "closed"), (12, "closed"), (12, "opened")]
+    length = {"duration": summary["ticks"] * 0.5}
+    again = fogwatch.run(at.run.folder / "timeline.yaml", out=tmp_path / "again", overrides=length, picture=False)
+    assert again.verdict.valid
+    assert again.trace_hash == summary["trace_hash"]
+
+
+@pytest.mark.parametrize("radio", [{}, {"via": "direct"}], ids=["ether", "direct"])
+def test_closures_are_closed_by_hand_in_fleets_that_keep_to_the_clock(
+    operate: Callable[..., Operating], radio: dict[str, Any]
+) -> None:
+    at = operate({**COARSE, "duration": 100_000, "pace": 10, "robots": ROBOTS, "closures": DOORS, "radio": radio})
+    held = at.step(20)
+    assert at.fault(kind="close", closure="crate").done
+    at.step(4)
+    assert at.ask(do="heal", id="op1").done
+    assert at.ask(do="go").done
+    at.run.pass_ticks(10)
+    at.run.interrupt()
+    assert at.run.summary()["verdict"]["valid"], at.run.summary()["verdict"]
+    events = read_journal(at.run.folder / "journal").events
+    told = [(event.k - held, event.kind) for event in events if event.detail == "crate" and event.k >= held]
+    assert told == [(0, "closed"), (4, "opened")]
+
+
 def test_nothing_is_obeyed_without_the_token_or_that_cannot_be(operate: Callable[..., Operating]) -> None:
     at = operate({**COARSE, "duration": 100_000, "robots": 2 * [{}]})
     file = at.run.folder / "control.json"

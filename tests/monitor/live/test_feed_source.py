@@ -270,6 +270,48 @@ def test_what_operators_asked_for_is_in_force_however_much_happened_since(quiet:
     assert [one["id"] for one in state.faults] == ["f1"]
 
 
+def test_closures_and_what_holds_them_are_known_from_the_start_and_late(doors: Seen) -> None:
+    wire = FakeFeed(doors)
+    asked = [event for event in doors.open().journal.events if event.kind == OPERATOR]
+    source, shown = wire.source(), dict[int, State]()
+    while wire.number < len(wire.records) - 1:
+        wire.send(1)
+        state = source.wait(0.01)
+        if state is None or state.k in shown:
+            continue
+        shown[state.k] = state
+        truth = source.last_seen("truth")
+        assert truth is not None
+        np.testing.assert_array_equal(truth, doors.truth[state.k])
+    told = {k: (state.closed, state.waiting, [fault["id"] for fault in state.faults]) for k, state in shown.items()}
+    assert told[10] == (("gate",), (), [])
+    assert told[20] == ((), (), ["op1"])
+    assert told[22] == ((), ("crate",), ["op1", "op2"])
+    assert told[24] == (("crate",), (), ["op1", "op2"])
+    assert told[28] == (("crate", "gate"), (), ["op2"])
+    assert told[40] == ((), (), ["op3"])
+    assert told[50] == ((), (), [])
+    late = FakeFeed(doors)
+    late.number = 1 + next(i for i, record in enumerate(late.records) if getattr(unpack(record), "k", 0) == 34)
+    late.asked_for = [*asked[:3], Event(30, "opened", None, "gate"), Event(24, "closed", None, "crate")]
+    late.most_events = 0
+    state = watched(late.source())
+    assert (state.closed, [fault["id"] for fault in state.faults]) == (("crate",), ["op2"])
+
+
+def test_a_belief_is_computed_with_what_was_closed_then(doors: Seen) -> None:
+    """The only robot knows all that it truly sees."""
+    wire = FakeFeed(doors)
+    source = wire.source()
+    wire.send(10_000)
+    state = watched(source)
+    assert source.last_seen(1) is None
+    source.wait(10.0)
+    believed = source.last_seen(1)
+    assert believed is not None
+    np.testing.assert_array_equal(believed, doors.truth[state.k])
+
+
 def test_a_robot_that_nobody_hears_is_silent_however_much_it_sends(muted: Seen) -> None:
     run, wire = muted.open(), FakeFeed(muted)
     source = wire.source()
@@ -331,14 +373,16 @@ def test_a_world_tells_of_its_latest_events_by_number_and_of_all_that_was_asked_
         state = RunState(running=True, pace=None)
         feed = Feed(world, journal, header, posted.append, asking, lambda do: do(), lambda: 100.0, lambda: state)
         asked = Event(0, OPERATOR, None, '{"do":"pause"}')
-        for record in (asked, *(Event(k, "fault", None, f"f{k}") for k in range(1, 6))):
+        opened, waits = Event(0, "opened", None, "gate"), Event(0, "waiting", 1, "door waits to close: r1 in it")
+        closures = (Event(0, "closed", None, "gate"), waits, opened)
+        for record in (asked, *closures, *(Event(k, "fault", None, f"f{k}") for k in range(1, 6))):
             feed.write(record)
         feed.between()
     so_far = read_so_far(asking.told[0])
     latest = [event for one in so_far.events if isinstance(event := unpack(one), Event)]
     assert [event.detail for event in latest] == ["f3", "f4", "f5"]
-    assert so_far.event == 3
-    assert so_far.asked == (pack(asked),)
+    assert so_far.event == 6
+    assert so_far.asked == (pack(asked), pack(opened), pack(waits))
 
 
 def test_the_rate_is_right_soon_after_a_pause(quiet: Seen) -> None:

@@ -68,6 +68,25 @@ def test_what_a_robot_believed_is_what_its_mind_held(faulty: Seen) -> None:
     assert player.last_seen("heard") is None
 
 
+def test_closures_what_holds_them_and_beliefs_are_as_they_were(doors: Seen) -> None:
+    """The only robot knows all that it truly sees."""
+    player = Player(doors.open(), Wall())
+    for k, closed, waiting, held in (
+        (30, ["crate"], [], ["op2"]),
+        (12, ["gate"], [], []),
+        (22, [], ["crate"], ["op1", "op2"]),
+        (28, ["crate", "gate"], [], ["op2"]),
+        (45, [], [], ["op3"]),
+        (79, [], [], []),
+    ):
+        state = at(player, k)
+        assert (list(state.closed), list(state.waiting)) == (closed, waiting)
+        assert [fault["id"] for fault in state.faults] == held
+        while (believed := player.last_seen(1)) is None:
+            pass
+        np.testing.assert_array_equal(believed, doors.truth[k])
+
+
 def test_two_who_look_at_two_robots_both_come_to_see_them(faulty: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("monitor.replay.past_beliefs.BUDGET_S", 0.0)
     player = Player(faulty.open(), Wall())

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from monitor.observation.source import Trapped
+from monitor.observation.traps import TrapWatch
 from monitor.replay.player import Player
 from monitor.replay.trap_log import TrapLog
 from patrol.measures.stays import TRAPPED_S
@@ -31,6 +32,21 @@ def test_who_was_trapped_is_known_at_any_tick(trapped: Seen) -> None:
     assert (begins.k, begins.kind, begins.robot) == (found, TRAPPED, 2)
     assert (ends.k, ends.kind, ends.robot) == (390, FREE, 2)
     assert "since 0 s; nobody has seen (" in begins.detail
+
+
+def test_a_robot_that_is_shut_in_is_not_trapped(shut_in: Seen) -> None:
+    run = shut_in.open()
+    assert run.closings.names(run.ticks - 1) == {"side0", "side1", "side2", "side3"}
+    watch = TrapWatch(run.prepared)
+    events = [watch.tick(record, lambda: shut_in.truth[record.k]) for record in run.journal.ticks]  # noqa: B023
+    assert any(events), "it counts where what is closed is unknown"
+    log, wire = TrapLog(run), FakeFeed(shut_in)
+    source = wire.source()
+    while not log.done:
+        log.read()
+    wire.send(10_000)
+    assert watched(source).robots[0].trapped is None
+    assert not log.events
 
 
 def test_it_is_unknown_until_the_journal_is_read_that_far(trapped: Seen, monkeypatch: pytest.MonkeyPatch) -> None:

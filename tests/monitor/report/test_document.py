@@ -70,6 +70,19 @@ def test_a_report_tells_the_whole_run(faulty: Any, tmp_path: Path) -> None:
         assert svg.startswith("<?xml")
 
 
+def test_a_report_says_and_draws_what_was_closed(doors: Any) -> None:
+    analysis = analyse(doors.open())
+    page = report_html(analysis, made := drawings(analysis))
+    assert "closures" in sections(page)
+    assert "% of ground x time was closed out" in page
+    assert "crate waits to close: r1 in it" in page
+    assert "close: closure crate" in page
+    for drawing in made:
+        if drawing.name.startswith("fog-"):
+            texts = {text.get_text() for axes in drawing.figure.axes for text in axes.texts}
+            assert texts == {"gate", "crate"}
+
+
 def test_the_numbers_are_those_of_the_summary(faulty: Any) -> None:
     run = faulty.open()
     summary = run.stated.document()

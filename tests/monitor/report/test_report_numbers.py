@@ -24,7 +24,7 @@ from monitor.report.document import report_html
 from monitor.report.map_charts import paths_chart
 from patrol.journal.records import TickRecord
 from patrol.scenario.faults.kinds import KINDS
-from tests.monitor.conftest import QUIET, run_of
+from tests.monitor.conftest import DOORS, QUIET, run_of
 from tests.monitor.recording.test_run_recorder import decoded
 from tests.monitor.rewritten import rewritten
 
@@ -48,6 +48,8 @@ ALL_KINDS: list[dict[str, Any]] = [
     {"kind": "join", "who": "r5", "at": 20},
     {"kind": "kill", "who": "all", "at": 34},
     {"kind": "motion", "at": 2.0, "for": 3.0, "who": ["r1"], "speed": 0.1},
+    {"kind": "close", "at": 4.0, "for": 6.0, "closure": "crate"},
+    {"kind": "open", "at": 6.0, "for": 3.0, "closure": "gate"},
 ]
 
 LAST = 68
@@ -58,7 +60,7 @@ LAST = 68
 def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     assert {fault["kind"] for fault in ALL_KINDS} == set(KINDS)
     robots = {"count": 4, "spare": 2, "model": "holonomic"}
-    scenario = {**QUIET, "name": "troubled", "robots": robots, "faults": ALL_KINDS}
+    scenario = {**QUIET, "name": "troubled", "robots": robots, "faults": ALL_KINDS, "closures": DOORS["closures"]}
     whole = run_of(tmp_path_factory.mktemp("whole"), scenario)
     folder = tmp_path_factory.mktemp("troubled") / "run"
     return open_run(rewritten(whole, folder, lambda record: record if record.k < LAST else None))
@@ -93,6 +95,12 @@ def test_every_number_that_a_summary_has_too(run: Run) -> None:
         ]
     assert set(rows(page, "robots")) == {"r1", "r2", "r3", "r4", "r5"}
     assert {facts["status"] for facts in summary["robots"].values()} == {"dead", "left", "absent"}
+
+    assert rows(page, "closures") == {
+        name: [name, str(facts["closings"]), f"{facts['closed_s']:g}"] for name, facts in summary["closures"].items()
+    }
+    assert {name: facts["closings"] for name, facts in summary["closures"].items()} == {"gate": 2, "crate": 1}
+    assert {*rows(page, "faults")} >= {name for name, facts in summary["faults"].items() if facts["kind"] == "close"}
 
     messages = summary["messages"]
     for words in (

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from patrol.ground.closed import ChangingTerrain
 from patrol.ground.terrain import Terrain
 from patrol.journal import Event
 from patrol.measures.open_ground import OpenAges, OpenGround
-from patrol.prepare import Prepared, prepare
+from patrol.prepare import Prepared, prepare, sensor_footprint
 from patrol.scenario import load_scenario
 
 WALL = {"name": "wall", "polygon": [[50, 0], [51, 0], [51, 88], [50, 88]], "closed": [[10, 20]]}
@@ -94,3 +96,16 @@ def test_closings_say_what_is_closed_at_any_tick(halves: Prepared) -> None:
     assert closings.grid(8)[40, 50]
     assert not closings.grid(9).any()
     assert not closings.grid(0).any()
+
+
+def test_closings_say_what_waits_and_show_a_sensor_the_ground_of_any_tick(halves: Prepared) -> None:
+    waits = Event(3, "waiting", 1, "wall waits to close: r1 in it")
+    closings = Closings(halves.scenario.closures, halves.terrain, [waits, Event(6, "closed", None, "wall")])
+    more = [Event(8, "opened", None, "wall"), replace(waits, k=9), Event(12, "stays open", None, "wall")]
+    closings.take(more)
+    assert [len(closings.waiting(k)) for k in (2, 3, 5, 6, 8, 9, 12)] == [0, 1, 1, 0, 0, 1, 0]
+    assert (closings.now.names, closings.now.waiting) == (set(), set())
+    sensor, other = (sensor_footprint(halves.scenario, halves.terrain) for _ in range(2))
+    for k, footprint, closed in ((6, sensor, True), (8, other, False), (7, other, True), (0, sensor, False)):
+        closings.show(k, footprint)
+        assert bool(footprint.terrain.passable[40, 50]) is not closed

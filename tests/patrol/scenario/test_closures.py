@@ -47,8 +47,10 @@ def test_hashes() -> None:
 @pytest.mark.parametrize(
     ("closures", "message"),
     [
-        ([closure(closed=None)], r"closures\.0: gate: give either closed: \[\[from, to\], \.\.\.\] or the rates"),
-        ([closure(closes=0.1, opens=0.1)], r"closures\.0: gate: give either closed"),
+        (
+            [closure(closes=0.1, opens=0.1)],
+            r"closures\.0\.closed: gate: closes by rates already; drop closed, or closes",
+        ),
         ([by_rates(opens=None)], r"closures\.0\.opens: door: is missing beside the other rate"),
         ([by_rates(closes=0)], r"closures\.0\.closes = 0: expected a number above 0"),
         ([closure(closed=[])], r"closures\.0\.closed = \[\]: expected 1 or more spans"),
@@ -76,11 +78,13 @@ def test_settings_without_effect_or_support_are_refused() -> None:
 
 def test_closures_off_the_ground_and_on_starts_or_docks_are_refused() -> None:
     robots: dict[str, Any] = {"count": 1, "model": "holonomic", "radius": 0.4, "starts": [[15, 15]]}
-    with pytest.raises(BadInput, match=r"closures\.0: gate lies on the start of r1 at \(15, 15\); move it"):
+    with pytest.raises(BadInput, match=r"closures\.0\.polygon: gate lies on the start of r1 at \(15, 15\); move it"):
         prepare(load_scenario(YARDS | {"robots": robots, "closures": [closure()]}))
     far = closure(polygon=[[200, 0], [210, 0], [210, 5]])
-    with pytest.raises(BadInput, match=r"closures\.0: gate holds no passable ground of yards, which spans x 0 to 100"):
+    with pytest.raises(
+        BadInput, match=r"closures\.0\.polygon: gate holds no passable ground of yards, which spans x 0 to 100"
+    ):
         prepare(load_scenario(YARDS | {"closures": [far]}))
     robots |= {"starts": [[30, 15]], "battery": {"capacity": 6.0, "idle": 10.0, "charge": 130.0}}
-    with pytest.raises(BadInput, match=r"closures\.0: gate lies on docks\.0; move one of them"):
+    with pytest.raises(BadInput, match=r"closures\.0\.polygon: gate lies on docks\.0; move one of them"):
         prepare(load_scenario(YARDS | {"robots": robots, "closures": [closure()], "docks": [{"place": [12.5, 12.5]}]}))

@@ -201,9 +201,76 @@ def test_a_held_world_waits_until_it_is_told_to_stop() -> None:
     assert judge(journal, {}, prepared).valid
 
 
+DOORS: dict[str, Any] = {
+    **SMALL,
+    "closures": [
+        {"name": "gate", "polygon": [[30, 0], [32, 0], [32, 60], [30, 60]], "closed": [[4, 9]]},
+        {"name": "door", "polygon": [[50, 20], [52, 20], [52, 60], [50, 60]], "closes": 0.2, "opens": 0.2},
+        {"name": "crate", "polygon": [[40, 60], [46, 60], [46, 66], [40, 66]]},
+    ],
+}
+
+
+def hold(kind: str, closure: str, **more: Any) -> dict[str, Any]:
+    return {"do": "fault", "fault": {"kind": kind, "closure": closure, **more}}
+
+
+def test_closures_that_an_operator_closes_and_opens_are_judged_and_do_so_again() -> None:
+    prepared = prepare(load_scenario(DOORS))
+    controls = {
+        5: [hold("close", "crate"), hold("open", "door")],
+        10: [hold("open", "gate")],
+        14: [{"do": "heal", "id": "op3"}, hold("close", "door", at=2)],
+        20: [hold("open", "crate")],
+        30: [{"do": "heal", "id": "op5"}, {"do": "heal", "id": "op4"}],
+    }
+    journal, requests, *_ = run(prepared, controls)
+    assert [answer.text for _, answer in requests.answers] == [
+        "op1 close crate from tick 5 on; heal op1 takes it back",
+        "op2 open door from tick 5 on; heal op2 takes it back",
+        "op3 open gate from tick 10 on; heal op3 takes it back",
+        "op3 ends with tick 14",
+        "op4 close door from tick 18 on; heal op4 takes it back",
+        "op5 open crate from tick 20 on; heal op5 takes it back",
+        "op5 ends with tick 30",
+        "op4 ends with tick 30",
+    ]
+    told = [(event.k, event.kind) for event in journal.events if event.detail == "gate"]
+    assert told == [(8, "closed"), (10, "opened"), (14, "closed"), (18, "opened")]
+    assert [(event.k, event.kind) for event in journal.events if event.detail == "crate"] == [
+        (5, "closed"),
+        (20, "opened"),
+    ]
+    verdict = judge(journal, {}, prepared)
+    assert verdict.valid, verdict.failed
+    again = run_in_process(prepared.as_operated(journal.events), threads=1)
+    assert again.verdict.valid, again.verdict.failed
+    assert end_of(again.journal) == end_of(journal)
+    assert tuple(event for event in journal.events if event.kind != OPERATOR) == again.journal.events
+    assert end_of(run_in_process(prepared).journal) != end_of(journal)
+    journal.events = tuple(event for event in journal.events if event.kind != OPERATOR)
+    assert "closures" in {check.name for check in judge(journal, {}, prepared).failed}
+
+
+def test_an_operators_last_word_on_a_closure_replaces_the_one_before() -> None:
+    scenario = load_scenario({**DOORS, "faults": [{"kind": "close", "closure": "gate", "at": 2}]})
+    scenario, _ = amended(scenario, 6, read_control(hold("open", "gate")))
+    scenario, _ = amended(scenario, 8, read_control(hold("close", "crate")))
+    scenario, _ = amended(scenario, 8, read_control(hold("close", "gate", id="mine", at=2)))
+
+    def ids(k: int) -> list[str]:
+        return [fault["id"] for fault in in_force(scenario, k)]
+
+    assert [ids(k) for k in (5, 6, 8, 11, 12)] == [["f1"], ["op1"], ["op1", "op2"], ["op1", "op2"], ["op2", "mine"]]
+    scenario, _ = amended(scenario, 14, read_control({"do": "heal", "id": "mine"}))
+    assert ids(14) == ["op2"]
+
+
 REFUSED: dict[str, dict[str, Any]] = {
     "no robot r9": {"do": "fault", "fault": {"kind": "kill", "who": "r9"}},
     "r1 cannot join": {"do": "fault", "fault": {"kind": "join", "who": "r1"}},
+    "there is no closure gate; the scenario has none; list it in closures": hold("close", "gate"),
+    "fault.closure: missing; give name of a closure": {"do": "fault", "fault": {"kind": "open"}},
     "no such fault": {"do": "heal", "id": "f7"},
     "has not begun": {"do": "heal", "id": "f1"},
     "happens at once": {"do": "heal", "id": "f2"},

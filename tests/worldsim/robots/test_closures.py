@@ -59,6 +59,42 @@ def test_a_closure_waits_until_bodies_are_clear_of_it(lab: Lab) -> None:
     assert world.bodies[1].pose.x >= 9.4
 
 
+def happened(lab: Lab, *faults: dict[str, Any], x: float = 3.0, **when: Any) -> list[tuple[int, str]]:
+    """What becomes of the strip in 16 ticks under faults, with a robot that stands somewhere."""
+    world = lab.world([DISC], [(x, 7.0, 0.0)], duration=8.0, closures=[strip(**when)], faults=faults)
+    return [(event.k, event.kind) for _ in range(16) for event in tick(world, 0.0)[0]]
+
+
+def test_a_fault_holds_a_closure_whatever_its_own_times_say(lab: Lab) -> None:
+    closes = {"kind": "close", "closure": "strip", "at": 1, "for": 2}
+    assert happened(lab) == []
+    assert happened(lab, closes) == [(2, "closed"), (6, "opened")]
+    opens = {"kind": "open", "closure": "strip", "at": 3, "for": 1}
+    assert happened(lab, opens, closed=[[2, 5]]) == [(4, "closed"), (6, "opened"), (8, "closed"), (10, "opened")]
+    assert happened(lab, {**closes, "at": 4}, closed=[[2, 5]]) == [(4, "closed"), (12, "opened")]
+
+
+def test_of_several_faults_the_one_that_began_last_holds(lab: Lab) -> None:
+    closes, opens = ({"kind": kind, "closure": "strip"} for kind in ("close", "open"))
+    assert happened(lab, closes, {**opens, "at": 2, "for": 2}) == [(0, "closed"), (4, "opened"), (8, "closed")]
+    assert happened(lab, {**opens, "at": 2, "for": 2}, closes) == [(0, "closed"), (4, "opened"), (8, "closed")]
+    assert happened(lab, closes, opens) == []
+    assert happened(lab, opens, closes) == [(0, "closed")]
+
+
+def test_a_fault_does_not_close_on_a_body_and_may_end_before_it_could(lab: Lab) -> None:
+    closes = {"kind": "close", "closure": "strip", "at": 1, "for": 2}
+    assert happened(lab, closes, x=8.2) == [(2, "waiting"), (6, "stays open")]
+
+
+def test_a_fault_leaves_no_trace_in_a_closures_draws(lab: Lab) -> None:
+    opens = {"kind": "open", "closure": "strip", "at": 2, "for": 2}
+    free, held = (happened(lab, *faults, closes=0.8, opens=0.8) for faults in ((), (opens,)))
+    assert free != held
+    assert [event for event in free if event[0] > 8] == [event for event in held if event[0] > 8]
+    assert len([event for event in free if event[0] > 8]) > 1
+
+
 def test_rates_close_and_open_as_often_as_they_say(lab: Lab) -> None:
     corner = [[18.0, 13.0], [19.0, 13.0], [19.0, 14.0], [18.0, 14.0]]
     door = {"name": "door", "polygon": corner, "closes": 0.2, "opens": 0.4}

@@ -15,7 +15,7 @@ from patrol.prepare import inboxes_of
 from patrol.radio.fleet_key import fleet_key
 from patrol.radio.heard import heard_by
 from patrol.radio.message import CONTACT, Position
-from patrol.scenario.faults.kinds import PROCESS_KINDS, Forgery, Spoof
+from patrol.scenario.faults.kinds import Forgery, Spoof
 from worldsim.radio.fates import STRANGER
 from worldsim.verdict.common.check import Check, CheckResult
 from worldsim.verdict.common.robots_there import RobotsThere
@@ -120,7 +120,7 @@ class Hearing(Check):
     @classmethod
     def applies(cls, run: JudgedRun) -> bool:
         """Return True if the fog is verified, the world carried frames, and a fault or a key makes robots refuse."""
-        on_frames = any(entry.fault.kind not in PROCESS_KINDS for entry in run.timeline.entries)
+        on_frames = any(entry.fault.acts_on not in ("processes", "closures") for entry in run.timeline.entries)
         keyed = run.prepared.scenario.radio.key is not None
         return run.verify_fog and run.by_ether and (on_frames or keyed)
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from patrol.random import Purpose, draw
+from patrol.scenario.faults.kinds import Close, OnClosure
 from worldsim.verdict.common.check import Check
 from worldsim.verdict.common.closed_ground import ClosedGround
 from worldsim.verdict.common.robots_there import RobotsThere
@@ -28,9 +29,9 @@ SLACK = 1e-6
 class ClosuresKept(Check):
     """No body is in a closure that is closed, by its polygon, and each closes and opens when it is to.
 
-    The times are recomputed from the scenario. A closure may close later than it is to as long as a body is in its way:
-    no farther from the polygon than its radius and the diagonal of a point, by which the closed points may reach beyond
-    the polygon.
+    The times are recomputed from the scenario and its faults, operators' included. A closure may close later than it is
+    to as long as a body is in its way: no farther from the polygon than its radius and the diagonal of a point, by
+    which the closed points may reach beyond the polygon.
     """
 
     name = "closures"
@@ -47,7 +48,8 @@ class ClosuresKept(Check):
         self._radii = {spec.number: spec.radius for spec in scenario.roster}
         self._names = run.names
         self._diagonal = math.sqrt(2.0) * scenario.point
-        self._wanted = [False] * len(self._specs)
+        self._by_draws = [False] * len(self._specs)
+        self._faults = [(entry, entry.fault) for entry in run.timeline.entries if isinstance(entry.fault, OnClosure)]
         self._was_closed: set[str] = set()
         self._turns = self._ticks = 0
 
@@ -60,7 +62,7 @@ class ClosuresKept(Check):
         here = [robot for robot in record.robots if robot.number not in self._expected.away]
         self._ticks += 1
         for number, (spec, corners) in enumerate(zip(self._specs, self._corners, strict=True)):
-            self._wanted[number] = wanted = self._is_wanted(number, spec, record.k)
+            wanted = self._is_wanted(number, spec, record.k)
             is_closed = spec.name in self._closed.names
             self._turns += is_closed != (spec.name in self._was_closed)
             if is_closed and not wanted:
@@ -81,13 +83,20 @@ class ClosuresKept(Check):
 
     def _is_wanted(self, number: int, spec: ClosureSpec, k: int) -> bool:
         step = self._run.step
+        rate = (spec.opens if self._by_draws[number] else spec.closes) or 0.0
+        self._by_draws[number] ^= 1.0 - draw(self._seed, Purpose.CLOSURE, number, k) > math.exp(-rate * step)
+        newest, decides = -1, None
+        for entry, fault in self._faults:
+            in_force = entry.begin <= k and (entry.end is None or entry.end > k)
+            if in_force and fault.closure == spec.name and entry.begin >= newest:
+                newest, decides = entry.begin, fault
+        if decides is not None:
+            return isinstance(decides, Close)
         if spec.closed is not None:
             begun = [first for first, _ in spec.closed if first <= k * step]
             ended = [end for _, end in spec.closed if end <= k * step]
             return len(begun) > len(ended)
-        rate = (spec.opens if self._wanted[number] else spec.closes) or 0.0
-        turns = 1.0 - draw(self._seed, Purpose.CLOSURE, number, k) > math.exp(-rate * step)
-        return self._wanted[number] != turns
+        return self._by_draws[number]
 
     def _good(self) -> str:
         return f"{len(self._specs)} closures closed or opened {self._turns} times in {self._ticks} ticks, as asked"

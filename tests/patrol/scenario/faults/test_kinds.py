@@ -17,7 +17,13 @@ from patrol.scenario import (
 from patrol.scenario.faults.kinds import FRAME_KINDS, INSTANT, KINDS, PROCESS_KINDS, ActsOn, OneFault, Spoof, Wait
 from patrol.scenario.faults.targets import Target, meant
 
-YARDS: dict[str, Any] = {"terrain": {"builtin": "yards"}, "robots": {"count": 5}, "duration": 100}
+GATE = {"name": "gate", "polygon": [[50, 0], [51, 0], [51, 20], [50, 20]]}
+YARDS: dict[str, Any] = {
+    "terrain": {"builtin": "yards"},
+    "robots": {"count": 5},
+    "duration": 100,
+    "closures": [GATE, {**GATE, "name": "door"}],
+}
 EVERY_KIND: list[dict[str, Any]] = [
     {"kind": "kill", "who": "one", "at": 10, "wreck": "removed"},
     {"kind": "restart", "who": "r1", "at": 20},
@@ -39,6 +45,8 @@ EVERY_KIND: list[dict[str, Any]] = [
     {"kind": "drift", "who": "r1", "jump": {"every": 5, "size": 1}},
     {"kind": "clock", "who": "r1", "rate": 0.01},
     {"kind": "motion", "who": "all", "speed": 0.2, "jitter": {"size": 0.1, "every": 9}, "slip": {"rate": 0.1}},
+    {"kind": "close", "closure": "gate", "at": 5},
+    {"kind": "open", "closure": "door", "for": 20},
 ]
 
 
@@ -79,7 +87,7 @@ def test_every_kind_is_in_all_the_lists() -> None:
     assert [get_args(annotated)[0] for annotated in chosen] == list(KINDS.values())
     assert set(INSTANT) == {"kill", "restart", "resume", "join", "leave"}
     assert set(PROCESS_KINDS) == {*INSTANT, "pause"}
-    assert set(KINDS) - {*PROCESS_KINDS, *FRAME_KINDS} == {"drift", "clock", "motion"}
+    assert set(KINDS) - {*PROCESS_KINDS, *FRAME_KINDS} == {"drift", "clock", "motion", "close", "open"}
     assert all(fault.acts_on in get_args(ActsOn) for fault in KINDS.values())
 
 
@@ -124,9 +132,11 @@ def test_faults_can_be_given_as_an_override() -> None:
         (3, "faults.0: expected a fault such as {kind: kill, at: 60, who: one}"),
         ({}, "faults.0.kind: missing; give one of kill, restart"),
         ({"kind": None}, "faults.0.kind: missing; give one of kill, restart"),
-        ({"kind": "lose"}, "faults.0.kind: lose is not a kind of fault; did you mean loss?"),
+        ({"kind": "losss"}, "faults.0.kind: losss is not a kind of fault; did you mean loss?"),
         ({"kind": "xyzzy"}, "faults.0.kind: xyzzy is not a kind of fault; known are kill, restart"),
         ({"kind": ["kill"]}, "faults.0.kind: ['kill'] is not a kind of fault"),
+        ({"kind": "close"}, "faults.0.closure: missing; give "),
+        ({"kind": "open", "closure": "gat"}, "faults.0.closure: there is no closure gat; did you mean gate?"),
         ({"kind": "kill"}, "faults.0.who: missing; give a robot's name, a list of names, one"),
         ({"kind": "kill", "who": "one", "for": 3}, "faults.0.for: a kill happens at once; leave 'for' out"),
         ({"kind": "join", "who": "one", "for": 3}, "faults.0.for: a join happens at once; leave 'for' out"),

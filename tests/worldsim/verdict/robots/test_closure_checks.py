@@ -17,9 +17,10 @@ DISC = {"model": "holonomic", "radius": 0.4}
 BOX = {"name": "box", "polygon": [[14.0, 10.0], [16.0, 10.0], [16.0, 12.0], [14.0, 12.0]]}
 
 
-def failed(lab: Lab, change: Any = None, when: Any = None) -> dict[str, str]:
+def failed(lab: Lab, change: Any = None, when: Any = None, faults: Any = ()) -> dict[str, str]:
     """The failed checks of a run of 10 s with a box that closes at tick 4 and opens at tick 12, after a change."""
-    world = lab.world([DISC], [(3.0, 3.0, 0.0)], duration=10.0, closures=[{**BOX, **(when or {"closed": [[2, 6]]})}])
+    closures = [{**BOX, **({"closed": [[2, 6]]} if when is None else when)}]
+    world = lab.world([DISC], [(3.0, 3.0, 0.0)], duration=10.0, closures=closures, faults=faults)
     journal = lab.run(world)
     if change is not None:
         change(journal)
@@ -31,6 +32,14 @@ def failed(lab: Lab, change: Any = None, when: Any = None) -> dict[str, str]:
 def test_a_run_as_asked_passes(lab: Lab) -> None:
     assert failed(lab) == {}
     assert failed(lab, when={"closes": 0.5, "opens": 0.5}) == {}
+    assert failed(lab, when={}) == {}
+    faults = [
+        {"kind": "close", "closure": "box", "at": 1, "for": 2},
+        {"kind": "open", "closure": "box", "at": 2},
+        {"kind": "close", "closure": "box", "at": 5, "for": 3},
+    ]
+    for when in (None, {}, {"closes": 0.5, "opens": 0.5}):
+        assert failed(lab, when=when, faults=faults) == {}
 
 
 @pytest.mark.parametrize(("x", "caught"), [(14.5, True), (13.7, True), (13.5, False)])
@@ -62,6 +71,23 @@ def test_closings_at_other_times_are_caught(lab: Lab, events: tuple[tuple[int, s
         journal.events = (*others, *(Event(k, kind, None, "box") for k, kind in events))
 
     assert failed(lab, retell)["closures"] == message
+
+
+@pytest.mark.parametrize(
+    ("kind", "own", "message"),
+    [
+        ("open", None, "box is closed at tick 8, when it is to be open"),
+        ("close", {}, "box is open at tick 8, when it is to be closed and nobody is in it"),
+    ],
+)
+def test_a_closure_that_obeys_no_fault_is_caught(lab: Lab, kind: str, own: Any, message: str) -> None:
+    def disobey(journal: Any) -> None:
+        theirs = [event for event in journal.events if event.detail != "box"]
+        by_itself = [] if own is not None else [Event(4, "closed", None, "box"), Event(12, "opened", None, "box")]
+        journal.events = tuple(sorted([*theirs, *by_itself], key=lambda event: event.k))
+
+    fault = {"kind": kind, "closure": "box", "at": 4, "for": 1}
+    assert failed(lab, disobey, own, [fault])["closures"] == message
 
 
 def test_without_closures_there_is_no_such_check(lab: Lab) -> None:

@@ -1,0 +1,132 @@
+"""Closures on the page, in a real browser: what is closed, what waits, and an operator who closes and opens."""
+
+from __future__ import annotations
+
+import json
+from contextlib import closing
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from monitor.observation.source import Answer
+from monitor.replay.player import Player
+from patrol.journal import unpack
+from tests.browser import Look, browser_or_skip
+from tests.monitor.live.test_feed_source import FakeFeed
+from tests.monitor.pages import ServedPage
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from tests.monitor.conftest import Seen
+
+pytestmark = browser_or_skip()
+
+STATES = "[...document.querySelectorAll('#closurelist span')].map((one) => one.textContent).join()"
+ORANGE = """(() => {
+    const { width, height } = document.getElementById('canvas');
+    const copy = new OffscreenCanvas(width, height).getContext('2d', { willReadFrequently: true });
+    copy.drawImage(document.getElementById('canvas'), 0, 0);
+    const d = copy.getImageData(0, 0, width, height).data;
+    let found = 0;
+    for (let i = 0; i < d.length; i += 4) found += d[i] === 224 && d[i + 1] === 123 && d[i + 2] === 0;
+    return found;
+})()"""
+"""How many pixels of the map have the colour of what is closed."""
+HELD = "[...document.querySelectorAll('#closurelist [aria-pressed=true]')].map((one) => one.ariaLabel).join()"
+
+
+class Echo(FakeFeed):
+    """A wire whose world answers with what it was asked for."""
+
+    def control(self, control: Mapping[str, Any]) -> Answer:
+        return Answer(True, json.dumps(control))
+
+
+def asks(look: Look, control: Mapping[str, Any]) -> None:
+    """Wait until the page shows the answer to a control."""
+    look.until(f"document.getElementById('closuresanswer').textContent === {json.dumps(control)!r}")
+
+
+def shows(look: Look, states: str, held: str = "") -> None:
+    """Wait until the panel shows the states of gate and crate, and which buttons are pressed."""
+    look.until(f"{STATES} === {states!r} && {HELD} === {held!r}")
+
+
+def send_until(wire: FakeFeed, k: int) -> None:
+    """Send all records up to those before tick k."""
+    ticks = [getattr(unpack(record), "k", k) for record in wire.records]
+    wire.send(next(i for i, tick in enumerate(ticks) if i and tick >= k) - wire.number)
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_an_operator_closes_and_opens_and_takes_it_back(chromium: Any, doors: Seen, width: int) -> None:
+    wire = Echo(doors)
+    with closing(ServedPage(wire.source())) as served, Look(chromium, served.address, width, 844) as look:
+        look.until("document.body.dataset.frames > 0")
+        look.page.focus("#tab-robots")
+        look.press("ArrowLeft")
+        shows(look, "open,open")
+        assert look.evaluate("document.documentElement.scrollWidth") <= width
+        look.page.focus("[aria-label='close crate']")
+        look.press("Enter")
+        asks(look, {"do": "fault", "fault": {"kind": "close", "closure": "crate"}})
+        send_until(wire, 23)
+        shows(look, "held open,waits until robots have left", "open gate,close crate")
+        look.page.focus("[aria-label='close crate']")
+        look.press(" ")
+        asks(look, {"do": "heal", "id": "op2"})
+        look.page.click("[aria-label='close gate']")
+        asks(look, {"do": "fault", "fault": {"kind": "close", "closure": "gate"}})
+        send_until(wire, 29)
+        shows(look, "closed,held closed", "close crate")
+        send_until(wire, 80)
+        shows(look, "open,open")
+
+
+def test_a_page_without_a_key_shows_what_is_held_and_offers_nothing(chromium: Any, doors: Seen) -> None:
+    wire = FakeFeed(doors)
+    with closing(ServedPage(wire.source())) as served, Look(chromium, served.plain) as look:
+        look.until("document.body.dataset.frames > 0")
+        send_until(wire, 29)
+        look.page.click("#tab-closures")
+        shows(look, "closed,held closed")
+        assert not look.evaluate("document.querySelectorAll('#closurelist button').length")
+        assert "Press" not in look.evaluate("document.getElementById('closureshelp').textContent")
+
+
+def test_a_replay_shows_what_was_closed_and_held(chromium: Any, doors: Seen) -> None:
+    with closing(ServedPage(Player(doors.open()))) as served, Look(chromium, served.address) as look:
+        look.until("document.body.dataset.frames > 0")
+        look.page.click("#tab-closures")
+        look.seek(28)
+        shows(look, "closed,held closed")
+        look.until(f"{ORANGE} > 5000")
+        look.seek(22)
+        shows(look, "held open,waits until robots have left")
+        look.until(f"{ORANGE} < 300")
+        look.seek(60)
+        shows(look, "open,open")
+        look.until(f"{ORANGE} < 300")
+        look.seek(35)
+        shows(look, "open,held closed")
+        look.until(f"{ORANGE} > 300 && {ORANGE} < 5000")
+        shut = look.evaluate(
+            """async () => {
+                const { Store } = await import('/store.js');
+                const store = new Store(() => {});
+                const closures = [{ name: 'gate', runs: [[5, 2]] }, { name: 'door', runs: [[1, 1], [9, 1]] }];
+                store.receive({ type: 'static', width: 4, height: 3, live: false, closures });
+                return [['gate'], ['door', 'gate'], []].map((closed) => {
+                    store.receive({ type: 'state', k: 1, robots: [], closed });
+                    return [...store.shut].sort((one, other) => one[0] - other[0]).join(' ');
+                });
+            }"""
+        )
+        assert shut == ["5,gate 6,gate", "1,door 5,gate 6,gate 9,door", ""]
+
+
+def test_a_page_without_closures_has_no_panel_of_them(chromium: Any, quiet: Seen) -> None:
+    with closing(ServedPage(Player(quiet.open()))) as served, Look(chromium, served.address) as look:
+        look.until("document.body.dataset.frames > 0")
+        assert look.evaluate("document.getElementById('tab-closures').hidden")
