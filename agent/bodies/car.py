@@ -31,7 +31,6 @@ from patrol.pose import TAU, Drive, wrap
 from patrol.random import Purpose
 
 if TYPE_CHECKING:
-    from agent.routes.ground import Spot
     from agent.view import View
     from patrol.pose import Pose
     from patrol.radio.peers import Peer
@@ -455,37 +454,22 @@ class CarBody(BodyBase):
             if self._steering.is_free(pose, aside) and self._footing.may_end(pose, end.x, end.y):
                 return Choice(aside, place.state, place.wander)
         bearing, goal = math.atan2(bend[1] - pose.y, bend[0] - pose.x), Goal(spot, bend)
+        exact = place.exact and self._manoeuvres is not None
         parking = self._parking if self._manoeuvres is None else self._manoeuvres.parking
         near = bend == spot and math.dist((pose.x, pose.y), spot) < parking
-        if near and not view.bumped and self._mode is not Mode.ESCAPING:
+        if near and not exact and not view.bumped and self._mode is not Mode.ESCAPING:
             self._after(Event.NEAR, view.tick)
-            return Choice(self._park(view, spot, exact=place.exact), place.state, bearing, goal)
+            return Choice(self._steering.park(pose, spot), place.state, bearing, goal)
         if self._manoeuvres is not None and self._mode is not Mode.ESCAPING and self._bumps < OFTEN:
             if view.bumped and self._chance(view.tick, 1, Purpose.UNSTUCK) < YIELDS:
                 return Choice(Drive(0.0, 0.0), place.state, bearing, goal)
-            drive = self._manoeuvres.next(view, spot)
+            is_there = exact and view.point_of((view.reported.x, view.reported.y)) == view.point_of(spot)
+            drive = Drive(0.0, 0.0) if is_there else self._manoeuvres.next(view, spot, exact=exact)
             self._after(Event.OVER if drive is None else Event.ARCS, view.tick)
             if drive is not None:
                 return Choice(drive, place.state, bearing, goal)
         choice = self._drive(view, bearing, goal, place.state)
         return Choice(choice.command, choice.state, bearing, goal)
-
-    def _park(self, view: View, spot: Spot, *, exact: bool) -> Drive:
-        """Return a step to a place close by; where none brings the car nearer, arcs that lead onto its point.
-
-        Args:
-            view: Of this tick.
-            spot: The place, x and y in m.
-            exact: Whether such arcs are wanted.
-        """
-        pose, manoeuvres = view.pose, self._manoeuvres
-        if manoeuvres is None or not exact:
-            return self._steering.park(pose, spot)
-        if not manoeuvres.goes_onto(pose, spot):
-            drive = self._steering.park(pose, spot)
-            if drive.speed != 0.0 or view.point_of((pose.x, pose.y)) == view.point_of(spot):
-                return drive
-        return manoeuvres.onto(view, spot) or Drive(0.0, 0.0)
 
     def _come_back(self, view: View, state: str) -> Choice | None:
         """Return a step of a car that is off the reachable points, back to them; None where it knows no way there."""

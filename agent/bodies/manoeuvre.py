@@ -19,6 +19,7 @@ from agent.routes.path_window import FAR
 from agent.routes.wave import LONGEST, BoxPaths, box_around, paths_in
 from patrol.ground.swept_path import advance
 from patrol.pose import Drive
+from patrol.radio.units import CM_PER_M
 
 if TYPE_CHECKING:
     from agent.bodies.steering import CarSteering
@@ -104,51 +105,32 @@ class Manoeuvres:
         self._cell = max(0.5 * stride * self._times * SHORT, terrain.point)
         self._plan: deque[Drive] = deque()
         self._place: Spot | None = None
-        self._onto: Spot | None = None
+        self._exact = False
         self._expected: Pose | None = None
 
     def drop(self) -> None:
         """Forget what was found."""
         self._plan.clear()
         self._place = None
-        self._onto = None
 
-    def next(self, view: View, place: Spot) -> Drive | None:
+    def next(self, view: View, place: Spot, *, exact: bool = False) -> Drive | None:
         """Return the next step towards a place.
 
         Args:
             view: Of this tick.
             place: x and y in m, where the car's centre may be.
+            exact: Whether the car has to be on the very point of the place in the end, as others hear it.
 
         Returns:
             None where no arc brings the car nearer.
         """
-        if self._place is None or math.dist(self._place, place) > self._near:
+        off = math.inf if self._place is None or exact != self._exact else math.dist(self._place, place)
+        if off > (0.0 if exact else self._near):
             self.drop()
         if not self._goes_on(view.pose):
             self.drop()
-            self._approach(view, place)
+            self._approach(view, place, exact=exact)
         return self._take(view.pose)
-
-    def onto(self, view: View, place: Spot) -> Drive | None:
-        """Return the next step of a car that is close to a place, onto its very point.
-
-        Args:
-            view: Of this tick.
-            place: x and y in m, where the car's centre may be.
-
-        Returns:
-            None where no arcs lead there.
-        """
-        if self._onto != place or not self._goes_on(view.pose):
-            self.drop()
-            self._onto = place
-            self._approach(view, place, near=ON_IT * self._terrain.point)
-        return self._take(view.pose)
-
-    def goes_onto(self, pose: Pose, place: Spot) -> bool:
-        """Return True if the car is on its way onto the point of a place (`onto`)."""
-        return self._onto == place and self._goes_on(pose)
 
     def proceed(self, pose: Pose) -> Drive | None:
         """Return the next step of what was found before, wherever it leads.
@@ -199,12 +181,12 @@ class Manoeuvres:
         self._expected = advance(pose, drive, self._step)
         return drive
 
-    def _approach(self, view: View, place: Spot, near: float | None = None) -> None:
+    def _approach(self, view: View, place: Spot, *, exact: bool) -> None:
         """Look for arcs that bring the car nearer to a place; none where no way leads there.
 
-        A search ends `near` m from it, at the place itself, or, without `near`, also where it has made progress.
-        The longest ways that count are twice the direct way and a margin; where the car's own way winds more than that,
-        its length and a margin.
+        A search ends near the place, or on its very point (`exact`), or where it has made progress. The longest ways
+        that count are twice the direct way and a margin; where the car's own way winds more than that, its length and a
+        margin.
         """
         turning, pose, start, ground = self._spec.turning_radius, view.pose, view.start, view.ground
         end = ground.join(*place)
@@ -227,11 +209,11 @@ class Manoeuvres:
             paths = _paths_to(there, ground, first + margin)
         if ground.terrain.point_at(pose.x, pose.y) != here:
             first += math.dist(ground.centre(*start), (pose.x, pose.y))
-        self._place = place
-        if near is None:
-            self._search(view, paths, first, paths.limit, near=min(self._near, 0.5 * first), progress=AHEAD * turning)
-        else:
-            self._search(view, paths, first, paths.limit, near=near, progress=math.inf)
+        if view.point_of((view.reported.x, view.reported.y)) != here:
+            first = max(first, point)  # it may be on the place's point by its own pose alone
+        self._place, self._exact = place, exact
+        near = ON_IT * point if exact else min(self._near, 0.5 * first)
+        self._search(view, paths, first, paths.limit, near=near, progress=AHEAD * turning)
 
     def _search(self, view: View, paths: BoxPaths, first: float, limit: int, *, near: float, progress: float) -> None:
         """Look for arcs that bring the car nearer.
@@ -272,6 +254,7 @@ class Manoeuvres:
                     self._spec.turning_radius,
                     near,
                     progress,
+                    CM_PER_M,
                     MOST_NODES,
                     found,
                 )

@@ -18,11 +18,11 @@ uint64 = types.uint64
 HEADINGS = 32
 """Number of headings that are told apart."""
 
-REVERSE = 1.5
-"""Cost of driving in reverse, relative to driving forward."""
+REVERSE = 1.1
+"""Cost of driving in reverse, relative to driving forward. It takes the same time, but the nose should lead."""
 
-GEAR_CHANGE = 1.0
-"""Cost of a change between forward and reverse, in turning radii."""
+GEAR_CHANGE = 0.3
+"""Cost of a change between forward and reverse, in turning radii. It takes no time, but a plan of many is fragile."""
 
 TURNING = 1.05
 """Cost of an arc, relative to driving straight."""
@@ -103,14 +103,14 @@ def _is_free(blocked, room, closed, point, ox, oy, x, y, heading, distance, curv
 @njit(
     int64(
         MASK, MASK, MASK, LENGTHS, int64, int64, int64, float64, float64, float64, float64, float64, float64,
-        float64, ARCS, float64, float64, float64, float64, float64, float64, int64, FOUND,
+        float64, ARCS, float64, float64, float64, float64, float64, float64, float64, int64, FOUND,
     ),
     cache=True,
     nogil=True,
 )
 def search(
     blocked, room, closed, left, row0, col0, limit, point, ox, oy, x, y, heading, first_left, arcs, cell, radius,
-    clearance, turning, near, progress, most, found,
+    clearance, turning, near, progress, units, most, found,
 ):
     """Find arcs that bring a car nearer to its goal.
 
@@ -141,6 +141,7 @@ def search(
         turning: Of the tightest turn, m.
         near: How short the way left has to be for the search to end, m.
         progress: How much shorter than at the start it has to be for the search to end, m.
+        units: To how many parts of a metre places are rounded before the way left is looked up: as others hear them.
         most: Largest number of nodes to look at.
         found: int64, filled in with the indices of the arcs in driving order, as far as there is room.
 
@@ -233,7 +234,8 @@ def search(
                 samples[index], radius + clearance,
             ):
                 continue
-            row, col = math.floor((ny - oy) / point) - row0, math.floor((nx - ox) / point) - col0
+            row = math.floor((math.floor(ny * units + 0.5) / units - oy) / point) - row0
+            col = math.floor((math.floor(nx * units + 0.5) / units - ox) / point) - col0
             way = limit + 1
             if 0 <= row < left.shape[0] and 0 <= col < left.shape[1]:
                 way = int64(left[row, col])

@@ -18,6 +18,7 @@ from agent.routes.path_window import FAR
 from patrol.ground.swept_path import advance, path_is_free
 from patrol.ground.terrain import Terrain
 from patrol.pose import Drive, Pose
+from patrol.radio.units import CM_PER_M
 from tests.agent.plans import Robots, plan, prepared_in
 
 RADIUS, TURNING, SPEED = 0.5, 1.0, 1.0
@@ -161,7 +162,7 @@ def found_in(terrain: Terrain, pose: Pose, left: np.ndarray, radius: float) -> l
     lengths = np.where(hundredths <= limit, hundredths, FAR).astype(np.int32)
     first = float(left[terrain.point_at(pose.x, pose.y)])
     place = (terrain.point, *terrain.origin, pose.x, pose.y, pose.heading, first)
-    sizes = (0.2, radius, CLEARANCE, 1.0, 0.1, 2.0)
+    sizes = (0.2, radius, CLEARANCE, 1.0, 0.1, 2.0, CM_PER_M)
     grids = (terrain.blocked, terrain.room, nothing, lengths, 0, 0, limit)
     count = search(*grids, *place, np.array(ARCS), *sizes, MOST_NODES, found)
     return [int(index) for index in found[:count]]
