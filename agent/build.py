@@ -203,7 +203,7 @@ def build_mind(
             fleet_chance=lambda question: draw(scenario.seed, Purpose.PERIOD, question),
             zones=zones_in_force(scenario.zones, 0.0),
             docks=scenario.docks,
-            charged=tuple(robot.number for robot in scenario.roster if robot.battery is not None and not robot.spare),
+            charged=frozenset(robot.number for robot in scenario.roster if robot.battery is not None),
         ),
     )
     body = BODIES[spec.model](

@@ -155,7 +155,7 @@ class PolicySetup:
         fleet_chance: A random number in [0, 1) for a question 0, 1, ..., the same for all robots of the fleet.
         zones: Names of the zones that are in force at tick 0.
         docks: The scenario's section `docks`.
-        charged: Numbers of the robots that have a battery and are there from the start, ascending.
+        charged: Numbers of the robots that have a battery.
     """
 
     spec: RobotSpec
@@ -179,7 +179,7 @@ class PolicySetup:
     fleet_chance: Callable[[int], float]
     zones: frozenset[str] = frozenset()
     docks: tuple[DockSpec, ...] = ()
-    charged: tuple[int, ...] = ()
+    charged: frozenset[int] = frozenset()
 
 
 class Policy(Protocol):

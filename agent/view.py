@@ -127,7 +127,7 @@ class View:
         chance: What `draw` asks.
         charge: Share of the robot's battery that is left; None for a robot without a battery.
         zones: Names of the scenario's zones that are in force.
-        charging: Numbers of the robots that stand at docks; they are not among `peers`.
+        charging: Numbers of the robots that stand at docks, or beside them after that; they are not among `peers`.
     """
 
     tick: int

@@ -10,19 +10,24 @@ Robots tell each other where they are and nothing else, so all is inferred from 
 - *Claimed*: of two robots that want one dock, the one with the shorter way goes, at equal lengths the lower number. A
   robot seems to want a dock while its way there gets shorter at half of its speed or more.
 - *Waiting*: a robot for which no dock is free stands a few lengths away from one, clear of those that leave.
+- *Charge of others*: a robot reckons it from where they drive and stand, as if all had a battery like its own.
+- *Number on patrol*: as many robots patrol as the others can recharge meanwhile. One that has charged waits beside its
+  dock while there are so many. While there are more, the one with the least charge goes to a dock early.
+- *Hand-over*: a robot that passes a dock where another has much more charge takes the dock, and the other its place on
+  patrol. If that one still charges, it makes room for the robot, which stops beside the dock for it.
 - *Passing*: a robot that will have to charge soon does so when its patrol leads it past a free dock.
-- *Hand-over*: it also stops beside a dock where another has charged for long. A robot that charges and has enough makes
-  room for one that stands beside its dock. So one joins the patrol where and when one leaves it.
-- *Turns*: robots that start together would all want to charge together. So the first time each goes early, by its place
-  among the numbers of the robots with a battery: of six robots the first goes when a sixth of its charge is used.
-- *Not on the round*: a robot that stands at a dock is hidden from the policies of the others, which close up.
+- *Not on the round*: a robot that stands at a dock, or waits beside it after that, is hidden from the policies of the
+  others, which close up.
+
+For example, of six robots that drive for 40 minutes and charge for 18, four patrol and two charge. Each hand-over
+leaves the gaps between the four as they are.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Set
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -57,25 +62,31 @@ KEEP = 0.8
 CLEAR_RADII = 8.0
 """Distance that waiting robots keep from a dock, in radii of the body, beyond the dock's own radius."""
 
-ENOUGH = 0.65
-"""Share of the capacity from which on a robot makes room for one that waits."""
-
 WAITED_S = 4.0
-"""A robot that has stood beside a dock for so long waits for it, s."""
+"""A robot that has stood beside a dock for so long waits there, s."""
 
-RELIEF = 0.35
-"""Share of the capacity by which a robot is early that passes a dock where another has charged for long."""
+WORTH = 0.35
+"""Share of the capacity that a robot must have more than another that takes over its dock."""
+
+ROUGH = 0.02
+"""Error of a charge that is reckoned, as a share of the capacity."""
+
+STILL_CHARGED = 0.5
+"""Share of `full` down to which a robot that waits beside its dock need not charge again."""
+
+SETTLED_S = 20.0
+"""The number on patrol counts once it has been the same for so long, s: a hand-over changes it for a while."""
 
 ANSWER_S = 15.0
-"""Time for which it waits beside that dock for the other to make room, s."""
+"""Time for which a robot waits beside a dock for another to make room, s."""
 
 PAUSE_S = 120.0
-"""Time after which it asks again, s."""
+"""Time after which it does so again, s."""
 
 PASSING_S = 8.0
 """A robot that a free dock is so near to, in time at top speed, s, charges `EARLY` already: it need not go back."""
 
-EARLY = 0.2
+EARLY = 0.1
 """Share of the capacity by which it is early then: about what one time around uses."""
 
 SHUT_OUT_M = 1e6
@@ -123,20 +134,24 @@ class _Dock:
 
 
 @dataclass(slots=True)
-class _Other:
-    """Another robot as it was heard.
+class _Heard:
+    """A robot as it was heard.
 
     Attributes:
         course: Where it was over the last seconds, oldest first.
         at: Index of the dock at which it is, or None.
         since: Tick since which it is there.
+        rests: Index of the dock at which it has stood last, while it stays near; None otherwise.
         still_since: Tick since which it has not moved.
+        charge: Share of the capacity that its battery holds by reckoning.
     """
 
     course: deque[_Seen] = field(default_factory=deque)
     at: int | None = None
     since: int = 0
+    rests: int | None = None
     still_since: int = 0
+    charge: float = 1.0
 
 
 class Charging:
@@ -163,9 +178,6 @@ class Charging:
         self._use_per_m = 0.0 if spec.battery is None else spec.battery.drive + spec.battery.idle / spec.speed
         self._step = setup.step
         self._clear_m = CLEAR_RADII * spec.radius
-        self._turn = 1.0
-        if spec.number in setup.charged:
-            self._turn = (setup.charged.index(spec.number) + 1) / len(setup.charged)
         routes = Routes(Ground(terrain, setup.fields.reach))
         self._docks: list[_Dock] = []
         for given in setup.docks:
@@ -175,8 +187,12 @@ class Charging:
                 self._docks.append(_Dock(given.place, given.radius, ways, point, given.place))
         for dock in self._docks:
             dock.exit = self._exit_of(dock, terrain.centre)
-        self._others: dict[int, _Other] = {}
-        self._first = True
+        self._others: dict[int, _Heard] = {}
+        self._charged = setup.charged
+        self._ready = False
+        self._own = self._newcomer()
+        self._patrolling: Set[int] = frozenset()
+        self._patrolling_since = 0
         self._dock: int | None = None
         self._asks: int | None = None
         self._asked_at = -(2**30)
@@ -187,7 +203,7 @@ class Charging:
         if self._battery is not None and view.charge is not None and self._docks:
             charge = view.charge
             if self.goes and self._is_done(view, charge):
-                self.goes, self._dock, self._first = False, None, False
+                self.goes, self._ready, self._dock = False, False, None
             elif not self.goes and self._is_due(view, charge):
                 self.goes = True
             if self.goes:
@@ -203,7 +219,12 @@ class Charging:
         for number in [number for number in self._others if number not in view.peers]:
             del self._others[number]
         for number, peer in view.peers.items():
-            self._note(number, (peer.pose.x, peer.pose.y), peer.tick)
+            other = self._others.setdefault(number, self._newcomer())
+            self._note(other, (peer.pose.x, peer.pose.y), peer.tick)
+        self._note(self._own, (view.reported.x, view.reported.y), view.tick)
+        patrolling = self._others.keys() & self._charged - self._off_patrol(view.tick)
+        if patrolling != self._patrolling:
+            self._patrolling, self._patrolling_since = patrolling, view.tick
         is_open = view.ground.open_now
         used = {other.at for other in self._others.values()}
         for index, dock in enumerate(self._docks):
@@ -212,19 +233,38 @@ class Charging:
             elif dock.used_since is None:
                 dock.used_since = view.tick
 
-    def _note(self, number: int, spot: Spot, tick: int) -> None:
-        other = self._others.setdefault(number, _Other(still_since=tick))
-        course = other.course
+    def _newcomer(self) -> _Heard:
+        return _Heard(charge=1.0 if self._battery is None else self._battery.start)
+
+    def _note(self, robot: _Heard, spot: Spot, tick: int) -> None:
+        """Take note of where a robot is, this one or another."""
+        course = robot.course
         if course and course[-1].tick >= tick:
             return
-        if course and math.dist(course[-1].spot, spot) > 2.0 * ROUNDED_M:
-            other.still_since = tick
+        if course:
+            self._reckon(robot, (tick - course[-1].tick) * self._step, math.dist(course[-1].spot, spot))
+        if not course or math.dist(course[-1].spot, spot) > 2.0 * ROUNDED_M:
+            robot.still_since = tick
         course.append(_Seen(tick, spot))
         while course[0].tick < tick - COURSE_S / self._step:
             course.popleft()
         at = next((index for index, dock in enumerate(self._docks) if dock.holds(spot)), None)
-        if at != other.at:
-            other.at, other.since = at, tick
+        if at != robot.at:
+            if robot.at is not None and self._lasts(robot.since, tick, STOOD_S):
+                robot.rests = robot.at
+            robot.at, robot.since = at, tick
+        if robot.rests is not None and not self._is_beside(robot.rests, spot):
+            robot.rests = None
+
+    def _reckon(self, robot: _Heard, passed_s: float, driven_m: float) -> None:
+        """Take off a charge what a robot uses, or add what the dock gives."""
+        if (battery := self._battery) is None:
+            return
+        gained_j = -battery.idle * passed_s - battery.drive * driven_m
+        if robot.at is not None and self._lasts(robot.since, robot.course[-1].tick, STOOD_S):
+            gained_j += battery.charge * passed_s
+        most = max(robot.charge, battery.full)
+        robot.charge = min(max(robot.charge + gained_j / battery.capacity_j, 0.0), most)
 
     def _lasts(self, since: int | None, tick: int, seconds: float) -> bool:
         return since is not None and (tick - since) * self._step >= seconds
@@ -234,12 +274,48 @@ class Charging:
         found = self._others.items()
         return {n for n, other in found if other.at is not None and self._lasts(other.since, tick, STOOD_S)}
 
+    def _is_beside(self, index: int, spot: Spot) -> bool:
+        """Return True if x and y in m are at a dock or near enough to wait for it."""
+        return math.dist(self._docks[index].place, spot) <= self._docks[index].radius + 2.0 * self._clear_m
+
+    def _wants_room(self, other: _Heard, tick: int) -> int | None:
+        """Return the index of the dock beside which a robot waits for one with much more charge to make room."""
+        if other.at is not None or not self._lasts(other.still_since, tick, WAITED_S):
+            return None
+        for index in range(len(self._docks)):
+            if self._is_beside(index, other.course[-1].spot):
+                charged = (
+                    robot.charge for robot in (self._own, *self._others.values()) if index in (robot.at, robot.rests)
+                )
+                if max(charged, default=0.0) >= other.charge + WORTH - ROUGH:
+                    return index
+        return None
+
+    def _off_patrol(self, tick: int) -> set[int]:
+        """Return the robots that stand at docks, beside them after that, or beside them to take over."""
+        found = self._standing(tick)
+        for number, other in self._others.items():
+            still = self._lasts(other.still_since, tick, WAITED_S)
+            if still and (other.rests is not None or self._wants_room(other, tick) is not None):
+                found.add(number)
+        return found
+
+    def _surplus(self, view: View) -> int:
+        """Return how many robots more are on patrol than the others can recharge meanwhile; 0 until that is settled."""
+        battery = self._battery
+        assert battery is not None
+        if not self._lasts(self._patrolling_since, view.tick, SETTLED_S):
+            return 0
+        fleet = 1 + len(self._others.keys() & self._charged)
+        sustained = max(1, math.floor(battery.patrol_share(self._speed) * fleet))
+        return len(self._patrolling) + (not self.goes) - sustained
+
     def _patrol(self, view: View) -> Intent:
-        """Let the policy decide, without the robots that charge; it does not stand still at a dock."""
-        standing = self._standing(view.tick)
-        if standing:
-            peers: Mapping[int, Peer] = {n: peer for n, peer in view.peers.items() if n not in standing}
-            view = replace(view, peers=peers, charging=frozenset(standing))
+        """Let the policy decide, without the robots off patrol; it does not stand still at a dock."""
+        off_patrol = self._off_patrol(view.tick)
+        if off_patrol:
+            peers: Mapping[int, Peer] = {n: peer for n, peer in view.peers.items() if n not in off_patrol}
+            view = replace(view, peers=peers, charging=frozenset(off_patrol))
         intent = self.otherwise.decide(view)
         if isinstance(intent, Stay):
             for dock in self._docks:
@@ -250,7 +326,7 @@ class Charging:
     # --- when to go --------------------------------------------------------------------------------------------------
 
     def _is_due(self, view: View, charge: float) -> bool:
-        """Return True if it is time to charge: the charge just suffices for the way, or it is the robot's turn."""
+        """Return True if it is time to charge, or if the robot takes over a free dock from one that waits beside it."""
         battery = self._battery
         assert battery is not None
         best = self._choose(view)
@@ -262,17 +338,19 @@ class Charging:
         left_j = (charge - battery.reserve) * battery.capacity_j
         if left_j <= way_m * self._use_per_m:
             return True
-        turn = battery.reserve
-        if self._first:
-            turn += (1.0 - self._turn) * (battery.full - battery.reserve)
-        passes = direct_m <= PASSING_S * self._speed
-        early = min(EARLY, 0.5 * (battery.full - turn)) if passes else 0.0
-        return best is not None and charge <= turn + early
+        if self._surplus(view) > 0:
+            own = self._own.charge, self._number
+            lowest = all(own < (self._others[number].charge, number) for number in self._patrolling)
+            return best is not None and lowest and charge <= battery.full - WORTH
+        if best is None or direct_m > PASSING_S * self._speed:
+            return False
+        if charge <= battery.reserve + EARLY:
+            return True
+        return any(o.rests == best and o.charge >= charge + WORTH for o in self._others.values())
 
     def _asks_for_room(self, view: View, charge: float) -> bool:
         """Return True while the robot stands beside a dock for another to make room; it goes there when that does."""
-        battery, tick = self._battery, view.tick
-        assert battery is not None
+        tick = view.tick
         if self._asks is not None:
             if not self._is_taken(self._asks, tick):
                 self.goes, self._dock, self._asks = True, self._asks, None
@@ -280,40 +358,38 @@ class Charging:
             if not self._lasts(self._asked_at, tick, ANSWER_S):
                 return True
             self._asks = None
-        nearest = self._nearest(view)
-        if nearest is None or charge > battery.reserve + RELIEF or not self._lasts(self._asked_at, tick, PAUSE_S):
+        pose = view.pose.x, view.pose.y
+        beside = next((index for index in range(len(self._docks)) if self._is_beside(index, pose)), None)
+        if beside is None or not self._lasts(self._asked_at, tick, PAUSE_S):
             return False
-        dock, way_m = self._docks[nearest], self._way(view, nearest)
-        if not dock.radius + 0.5 * self._clear_m <= way_m <= dock.radius + 2.0 * self._clear_m:
+        standing = (self._others[number] for number in self._standing(tick))
+        if not any(other.at == beside and other.charge >= charge + WORTH for other in standing):
             return False
-        charged = [tick - other.since for other in self._others.values() if other.at == nearest]
-        gained_j = max(charged, default=0) * self._step * (battery.charge - battery.idle)
-        if gained_j < (ENOUGH - battery.reserve) * battery.capacity_j:
-            return False
-        self._asks, self._asked_at = nearest, tick
+        self._asks, self._asked_at = beside, tick
         return True
 
     def _is_done(self, view: View, charge: float) -> bool:
-        """Return True if the robot has charged, or has enough and makes room for one that waits."""
+        """Return True if the robot has charged and is needed on patrol, or makes room for one that takes over."""
         assert self._battery is not None
-        if charge >= self._battery.full:
-            return True
-        if self._dock is None or not self._docks[self._dock].holds((view.pose.x, view.pose.y)):
+        tick, pose = view.tick, (view.pose.x, view.pose.y)
+        self._ready = charge >= (STILL_CHARGED if self._ready else 1.0) * self._battery.full
+        if self._ready:
+            is_relieved = any(self._others[number].at == self._dock for number in self._standing(tick))
+            return self._dock is None or is_relieved or self._surplus(view) < 0
+        if self._dock is None or not self._docks[self._dock].holds(pose):
             return False
-        if charge < max(ENOUGH, 2.0 * self._battery.reserve):
-            return False
-        reach_m = self._docks[self._dock].radius + 2.0 * self._clear_m + view.stride
         return any(
-            other.at is None
-            and self._lasts(other.still_since, view.tick, WAITED_S)
-            and self._length(self._dock, other.course[-1].spot, view) <= reach_m
-            for other in self._others.values()
+            self._wants_room(self._others[number], tick) == self._dock
+            and charge >= self._others[number].charge + WORTH - ROUGH
+            for number in self._others.keys() & self._charged
         )
 
     # --- where to ----------------------------------------------------------------------------------------------------
 
     def _to_dock(self, view: View) -> Intent:
         pose = view.pose.x, view.pose.y
+        if self._ready and self._dock is not None:
+            return self._beside_dock(view, self._dock)
         self._dock = self._choose(view)
         if self._dock is not None:
             dock = self._docks[self._dock]
@@ -325,11 +401,14 @@ class Charging:
         nearest = self._nearest(view)
         if nearest is None:
             return Stay(State.DOCKING)
-        dock = self._docks[nearest]
-        clear_m = dock.radius + self._clear_m
-        if self._way(view, nearest) > 1.5 * clear_m:
+        return self._beside_dock(view, nearest)
+
+    def _beside_dock(self, view: View, index: int) -> Intent:
+        """Return the way to where a robot waits beside a dock: near it, and clear of all docks."""
+        dock, pose = self._docks[index], (view.pose.x, view.pose.y)
+        if self._way(view, index) > 1.5 * (dock.radius + self._clear_m):
             return self._place(view, view.place_of(dock.point), State.DOCKING)
-        if self._way(view, nearest) < clear_m and any(other.holds(pose) for other in self._docks):
+        if any(self._open_length(other, pose, view) <= self._clear_of(other) for other in range(len(self._docks))):
             return self._place(view, dock.exit, State.DOCKING)
         return Stay(State.DOCKING)
 
@@ -392,11 +471,15 @@ class Charging:
             return False
         return self._length(index, first.spot, view) - way_m >= TOWARDS * self._speed * passed_s
 
+    def _clear_of(self, index: int) -> float:
+        """Return the length of the way to a dock from which on a robot is clear of it, m."""
+        return self._docks[index].radius + 0.5 * self._clear_m
+
     def _exit_of(self, dock: _Dock, centre: Callable[[int, int], Spot]) -> Spot:
         """Return the nearest place that is clear of all docks, x and y in m; the dock's own where there is none."""
         clear = np.isfinite(dock.ways)
-        for other in self._docks:
-            clear &= other.ways > other.radius + 0.5 * self._clear_m
+        for index, other in enumerate(self._docks):
+            clear &= other.ways > self._clear_of(index)
         if not clear.any():
             return dock.place
         row, col = np.unravel_index(int(np.where(clear, dock.ways, np.inf).argmin()), dock.ways.shape)

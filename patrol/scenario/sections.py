@@ -129,6 +129,15 @@ class BatterySpec(Section):
         """The capacity, J."""
         return JOULES * self.capacity
 
+    def patrol_share(self, speed: float) -> float:
+        """Return the share of the time for which a robot drives, if it charges for the rest.
+
+        Args:
+            speed: At which it drives, m/s.
+        """
+        gain_w = self.charge - self.idle
+        return gain_w / (gain_w + self.idle + self.drive * speed)
+
     @model_validator(mode="after")
     def _can_be_used_and_charged(self) -> Self:
         if self.idle == 0.0 == self.drive:

@@ -76,7 +76,9 @@ def test_a_robot_goes_when_the_charge_just_suffices_for_the_way() -> None:
     # 40 m away, at 30 + 10 / 1.5 J per m and 1.3 times the way: about 2 kJ of 10.8, above the reserve of 0.1.
     for charge, state in ((0.9, State.HOLDING), (0.4, State.HOLDING), (0.25, State.DOCKING), (0.9, State.DOCKING)):
         assert fleet.step(charge, (50.5, 10.5), {}) == state, charge
-    assert fleet.step(0.96, (50.5, 10.5), {}) == State.HOLDING
+    for _ in range(40):
+        state = fleet.step(0.96, (50.5, 10.5), {})
+    assert state == State.HOLDING
 
 
 def test_a_robot_that_does_not_know_its_charge_is_left_alone() -> None:
@@ -136,41 +138,103 @@ def test_a_policy_that_stands_still_does_not_block_a_dock() -> None:
     assert fleet.step(0.99, (50.5, 50.5), {}) == State.HOLDING
 
 
-def test_one_that_charges_makes_room_for_one_that_waits() -> None:
-    fleet = Fleet(scenario(count=2, docks=DOCKS[:1]), Place(50.0, 50.0))
-    for _ in range(50):
-        assert fleet.step(0.3, (10.5, 10.5), {2: (15.5, 10.5)}) == State.CHARGING
-    assert fleet.step(0.7, (10.5, 10.5), {2: (15.5, 10.5)}) == State.PATROLLING
+def driven(fleet: Fleet, charge: float, own: tuple[float, float]) -> None:
+    """Let robot 2 drive there and back 8 times for 20 m, beside the dock at the end: about half of its charge."""
+    for k in range(320):
+        fleet.step(charge, own, {2: (15.5, 10.5 + 20.0 * abs((k / 20.0) % 2.0 - 1.0))})
+
+
+def test_one_that_charges_makes_room_for_one_with_much_less_charge() -> None:
+    for used, state in ((False, State.CHARGING), (True, State.PATROLLING)):
+        fleet = Fleet(scenario(count=2, docks=DOCKS[:1]), Place(50.0, 50.0))
+        if used:
+            driven(fleet, 0.15, (10.5, 10.5))
+        for _ in range(20):
+            assert fleet.step(0.15, (10.5, 10.5), {2: (15.5, 30.5)}) == State.CHARGING
+        for _ in range(20):
+            last = fleet.step(0.9, (10.5, 10.5), {2: (15.5, 10.5)})
+        assert last == state
 
 
 def beside_one_that_charges() -> Fleet:
-    """A robot whose turn comes last, and another that has stood at a dock for 40 s: 0.7 of the capacity at 190 W."""
-    disc = {"model": "holonomic", "radius": 0.4, "speed": 1.5}
-    docks = [DOCKS[0], {"place": [50.5, 10.5]}]
-    fleet = Fleet(scenario(robots=[{**disc, "battery": BATTERY}, disc], docks=docks))
-    for _ in range(80):
-        assert fleet.step(0.4, (50.5, 50.5), {2: (10.5, 10.5)}) == State.HOLDING
+    """A robot, and another that has stood at a dock for 20 s and has all of its charge."""
+    fleet = Fleet(scenario(count=2, docks=[DOCKS[0], {"place": [50.5, 10.5]}]))
+    for _ in range(40):
+        assert fleet.step(0.5, (50.5, 50.5), {2: (10.5, 10.5)}) == State.HOLDING
     return fleet
 
 
 def test_a_robot_that_passes_one_that_has_charged_for_long_takes_over() -> None:
     fleet = beside_one_that_charges()
-    assert fleet.step(0.4, (15.5, 10.5), {2: (10.5, 10.5)}) == State.DOCKING
+    assert fleet.step(0.5, (15.5, 10.5), {2: (10.5, 10.5)}) == State.DOCKING
     assert fleet.goal is None
     for k in range(1, 6):
-        fleet.step(0.4, (15.5, 10.5), {2: (10.5, 10.5 + 0.7 * k)})
+        fleet.step(0.5, (15.5, 10.5), {2: (10.5, 10.5 + 0.7 * k)})
     assert fleet.goal == (10.5, 10.5)
+
+
+def test_a_robot_that_passes_one_that_has_charged_and_waits_beside_the_dock_takes_over() -> None:
+    fleet = beside_one_that_charges()
+    for _ in range(20):
+        fleet.step(0.5, (50.5, 50.5), {2: (10.5, 13.5)})
+    assert fleet.step(0.5, (15.5, 10.5), {2: (10.5, 13.5)}) == State.DOCKING
+    assert fleet.goal == (10.5, 10.5)
+
+
+def test_a_robot_with_much_charge_takes_nothing_over() -> None:
+    fleet = beside_one_that_charges()
+    assert fleet.step(0.8, (15.5, 10.5), {2: (10.5, 10.5)}) == State.HOLDING
 
 
 def test_it_does_not_wait_long_for_one_that_makes_no_room() -> None:
     fleet = beside_one_that_charges()
-    states = [fleet.step(0.4, (15.5, 10.5), {2: (10.5, 10.5)}) for _ in range(60)]
+    states = [fleet.step(0.5, (15.5, 10.5), {2: (10.5, 10.5)}) for _ in range(60)]
     assert states.count(State.DOCKING) == 30
     assert states[-1] == State.HOLDING
 
 
+def charged_while(others: Mapping[int, tuple[float, float]]) -> Fleet:
+    """A robot of three that has charged at a dock, while others are somewhere; two of the three patrol."""
+    fleet = Fleet(scenario(), Place(50.0, 50.0))
+    for charge in (0.15, 0.15, 0.96):
+        fleet.step(charge, (10.5, 10.5), others)
+    return fleet
+
+
+def test_a_robot_that_has_charged_waits_beside_its_dock_while_enough_are_on_patrol() -> None:
+    others = {2: (50.5, 30.5), 3: (70.5, 30.5)}
+    fleet = charged_while(others)
+    assert fleet.goal is not None
+    assert math.dist(fleet.goal, (10.5, 10.5)) > 1.5
+    for _ in range(80):
+        assert fleet.step(0.96, (10.5, 13.5), others) == State.DOCKING
+    assert fleet.goal is None
+
+
+def test_it_takes_the_place_of_one_that_comes_to_its_dock() -> None:
+    others = {2: (50.5, 30.5), 3: (70.5, 30.5)}
+    fleet = charged_while(others)
+    states = [fleet.step(0.96, (10.5, 13.5), {**others, 2: (10.5, 10.5)}) for _ in range(8)]
+    assert (states[0], states[-1]) == (State.DOCKING, State.PATROLLING)
+
+
+def test_it_goes_back_when_too_few_are_on_patrol() -> None:
+    others = {2: (50.5, 30.5), 3: (90.5, 10.5)}
+    fleet = charged_while(others)
+    states = [fleet.step(0.96, (10.5, 13.5), others) for _ in range(80)]
+    assert (states[0], states[-1]) == (State.DOCKING, State.PATROLLING)
+
+
+@pytest.mark.parametrize(("other_m", "state"), [(0.0, State.DOCKING), (0.6, State.HOLDING)])
+def test_of_too_many_on_patrol_the_one_with_the_least_charge_goes(other_m: float, state: str) -> None:
+    fleet = Fleet(scenario())
+    for k in range(60):
+        last = fleet.step(0.5, (50.5, 30.5 + 0.3 * k), {2: (70.5, 30.5 + other_m * k), 3: (80.5, 50.5)})
+    assert last == state
+
+
 def test_a_robot_that_has_to_charge_soon_does_so_in_passing() -> None:
-    for charge, far, near in ((0.5, State.HOLDING, State.HOLDING), (0.29, State.HOLDING, State.DOCKING)):
+    for charge, far, near in ((0.5, State.HOLDING, State.HOLDING), (0.19, State.DOCKING, State.DOCKING)):
         fleet = Fleet(scenario(count=1))
         assert [fleet.step(charge, (x, 10.5), {}) for x in (40.5, 18.5)] == [far, near]
 
@@ -183,10 +247,10 @@ def test_nobody_strands_whatever_the_policy(policy: str) -> None:
 
     def look(record: TickRecord) -> None:
         nonlocal together
-        at = [[r.number for r in record.robots if math.dist(d.place, (r.x, r.y)) <= d.radius] for d in setting.docks]
-        together = max(together, *map(len, at))
+        at = [[r for r in record.robots if math.dist(d.place, (r.x, r.y)) <= d.radius] for d in setting.docks]
+        together = max(together, *(sum(r.state == State.CHARGING for r in rows) for rows in at))
         for row in record.robots:
-            idles = any(row.number in numbers for numbers in at) and row.state != State.CHARGING
+            idles = any(row in rows for rows in at) and row.state != State.CHARGING
             longest[row.number] = longest[row.number] + 1 if idles else 0
             assert longest[row.number] * setting.step < 120.0
 
