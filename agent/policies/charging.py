@@ -307,8 +307,7 @@ class Charging:
         if not self._lasts(self._patrolling_since, view.tick, SETTLED_S):
             return 0
         fleet = 1 + len(self._others.keys() & self._charged)
-        sustained = max(1, math.floor(battery.patrol_share(self._speed) * fleet))
-        return len(self._patrolling) + (not self.goes) - sustained
+        return len(self._patrolling) + (not self.goes) - battery.most_on_patrol(fleet, self._speed)
 
     def _patrol(self, view: View) -> Intent:
         """Let the policy decide, without the robots off patrol; it does not stand still at a dock."""

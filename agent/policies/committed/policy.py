@@ -35,7 +35,7 @@ from agent.policies.committed.division import Division
 from agent.policies.committed.given_up import GivenUp
 from agent.policies.committed.periods import INTERVALS, Periods
 from agent.policies.committed.rounds import RoundAhead
-from agent.policies.committed.spacing import Spacing
+from agent.policies.committed.spacing import ZONE_SLACK, Spacing
 from agent.policies.random_steps import RandomSteps
 from agent.policies.separation import Separation
 from agent.ports import Bearing, Intent, Place, State, Stay
@@ -144,8 +144,9 @@ class Committed:
         stride = max(setup.spec.speed * setup.step, setup.terrain.point)
         self.ahead = RoundAhead(setup, laid_out)
         whole = max(1, round(team))
+        most_slack = math.inf if self.division is None else ZONE_SLACK
         self.spacing = Spacing.on(
-            laid_out, setup.spec.number, followers, whole, stride, setup.sight.range_m, setup.terrain
+            laid_out, setup.spec.number, followers, whole, stride, setup.sight.range_m, setup.terrain, most_slack
         )
         self._begin_periods(team, tick)
 

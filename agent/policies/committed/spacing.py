@@ -35,6 +35,9 @@ SLACK = 0.1
 SLACK_RANGES = 0.5
 """The same in sensor ranges: robots gain and lose so much by what they see from afar, and it evens out by itself."""
 
+ZONE_SLACK = 0.15
+"""Upper bound of the same on the rounds of zones, as a share of an equal gap: they may be no longer than some ranges."""
+
 OFFSETS = 24
 """Positions of the equally spaced places on the tour that are compared."""
 
@@ -101,6 +104,7 @@ class Spacing:
         followers: Numbers of all robots that follow it; those in other parts of the terrain do not count.
         whole: How many of them there are without the spare ones.
         slack_m: Difference of the gaps that is left alone in any case, m.
+        most_slack: Upper bound of the same, as a share of an equal gap.
         robots: Those that are followed, by number; the robot itself is one.
         heard: The last positions of this robot and of those heard lately, by number.
     """
@@ -111,6 +115,7 @@ class Spacing:
     whole: int
     stride: float
     slack_m: float
+    most_slack: float
     tour: NDArray[np.float64]
     robots: dict[int, Followed] = field(default_factory=dict)
     heard: dict[int, Heard] = field(default_factory=dict)
@@ -129,6 +134,7 @@ class Spacing:
         stride: float,
         range_m: float,
         terrain: Terrain,
+        most_slack: float = math.inf,
     ) -> Spacing:
         """Lay places a stride apart along a round.
 
@@ -140,6 +146,7 @@ class Spacing:
             stride: Its way in a tick, m.
             range_m: Of its sensor, m.
             terrain: The terrain.
+            most_slack: Of the round, as the attribute.
         """
         count = max(4, min(int(laid_out.length_m / stride), len(laid_out.places)))
         at = np.searchsorted(laid_out.along, np.arange(count) * (laid_out.length_m / count))
@@ -148,7 +155,8 @@ class Spacing:
         course = np.roll(spots, -1, axis=0) - np.roll(spots, 1, axis=0)
         length = np.sqrt((course**2).sum(axis=1))[:, None]
         tour = np.ascontiguousarray(np.hstack([spots, course / np.maximum(length, 1e-9)]))
-        return cls(laid_out, number, followers, whole, stride, SLACK_RANGES * range_m, tour, _scratch=np.zeros(count))
+        slack_m = SLACK_RANGES * range_m
+        return cls(laid_out, number, followers, whole, stride, slack_m, most_slack, tour, _scratch=np.zeros(count))
 
     def follow_with(self, followers: frozenset[int]) -> None:
         """Follow the round with other robots than before; those of them that are known stay known."""
@@ -319,8 +327,9 @@ class Spacing:
             on_another_stretch = self.along_m(min(gap, self.count - gap)) > 2.0 * apart + 4.0 * self.stride
             if apart < CLEAR_RADII * view.spec.radius and on_another_stretch:
                 return False
-        places = self.slack_m * self.count / self.round.length_m
-        return ahead < behind - max(SLACK * self.count / len(self.robots), places)
+        equal = self.count / len(self.robots)
+        places = min(self.slack_m * self.count / self.round.length_m, self.most_slack * equal)
+        return ahead < behind - max(SLACK * equal, places)
 
 
 def _pairs(ways: NDArray[np.float64]) -> list[int]:

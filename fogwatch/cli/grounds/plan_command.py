@@ -148,10 +148,21 @@ def plain_lines(plan: FleetPlan) -> Iterator[str]:
     areas = [size.area_m2 for size in plan.sizes]
     if max(areas) > 1.01 * min(areas):
         yield f"ground: fewer robots start in fewer parts and reach less of it, {min(areas):.0f} to {max(areas):.0f} m²"
+    yield from _on_patrol(plan)
     if plan.wanted_s is not None:
         yield from _answer(plan, plan.wanted_s)
     if plan.chosen is not None:
         yield from _tests(plan.size(plan.chosen), plan.wanted_s)
+
+
+def _on_patrol(plan: FleetPlan) -> Iterator[str]:
+    """Say for how much of the time robots with a battery patrol."""
+    spec = plan.scenario.roster[0]
+    if spec.battery is None or not plan.scenario.docks:
+        return
+    robots = plan.sizes[-1].robots if plan.chosen is None else plan.chosen
+    share, most = spec.battery.patrol_share(spec.speed), spec.battery.most_on_patrol(robots, spec.speed)
+    yield f"batteries: on patrol for {100.0 * share:.0f} % of the time; of {_robots(robots)}, {most} at a time"
 
 
 def _answer(plan: FleetPlan, wanted_s: float) -> Iterator[str]:

@@ -76,9 +76,7 @@ def test_a_robot_goes_when_the_charge_just_suffices_for_the_way() -> None:
     # 40 m away, at 30 + 10 / 1.5 J per m and 1.3 times the way: about 2 kJ of 10.8, above the reserve of 0.1.
     for charge, state in ((0.9, State.HOLDING), (0.4, State.HOLDING), (0.25, State.DOCKING), (0.9, State.DOCKING)):
         assert fleet.step(charge, (50.5, 10.5), {}) == state, charge
-    for _ in range(40):
-        state = fleet.step(0.96, (50.5, 10.5), {})
-    assert state == State.HOLDING
+    assert [fleet.step(0.96, (50.5, 10.5), {}) for _ in range(40)][-1] == State.HOLDING
 
 
 def test_a_robot_that_does_not_know_its_charge_is_left_alone() -> None:
@@ -151,9 +149,7 @@ def test_one_that_charges_makes_room_for_one_with_much_less_charge() -> None:
             driven(fleet, 0.15, (10.5, 10.5))
         for _ in range(20):
             assert fleet.step(0.15, (10.5, 10.5), {2: (15.5, 30.5)}) == State.CHARGING
-        for _ in range(20):
-            last = fleet.step(0.9, (10.5, 10.5), {2: (15.5, 10.5)})
-        assert last == state
+        assert [fleet.step(0.9, (10.5, 10.5), {2: (15.5, 10.5)}) for _ in range(20)][-1] == state
 
 
 def beside_one_that_charges() -> Fleet:
@@ -228,9 +224,10 @@ def test_it_goes_back_when_too_few_are_on_patrol() -> None:
 @pytest.mark.parametrize(("other_m", "state"), [(0.0, State.DOCKING), (0.6, State.HOLDING)])
 def test_of_too_many_on_patrol_the_one_with_the_least_charge_goes(other_m: float, state: str) -> None:
     fleet = Fleet(scenario())
-    for k in range(60):
-        last = fleet.step(0.5, (50.5, 30.5 + 0.3 * k), {2: (70.5, 30.5 + other_m * k), 3: (80.5, 50.5)})
-    assert last == state
+    states = [
+        fleet.step(0.5, (50.5, 30.5 + 0.3 * k), {2: (70.5, 30.5 + other_m * k), 3: (80.5, 50.5)}) for k in range(60)
+    ]
+    assert states[-1] == state
 
 
 def test_a_robot_that_has_to_charge_soon_does_so_in_passing() -> None:

@@ -173,10 +173,14 @@ def test_who_has_bumped_drives_on() -> None:
     assert not waits(spacing, at(8, apart))
 
 
-@pytest.mark.parametrize(("range_m", "waited"), [(2.0, True), (50.0, False)])
-def test_gaps_that_differ_by_less_than_half_a_sensor_range_are_left_alone(range_m: float, waited: bool) -> None:
+@pytest.mark.parametrize(
+    ("range_m", "most_slack", "waited"), [(2.0, math.inf, True), (50.0, math.inf, False), (50.0, 0.15, True)]
+)
+def test_gaps_that_differ_by_less_than_half_a_sensor_range_are_left_alone(
+    range_m: float, most_slack: float, waited: bool
+) -> None:
     places = {1: (10.5, 0.5), 2: (20.5, 0.5), 3: (10.5, 10.5)}  # 10 m ahead of robot 1, 30 m behind
-    spacing = Spacing.on(RING[0], 1, frozenset({1, 2, 3}), 3, STRIDE, range_m, RING[1])
+    spacing = Spacing.on(RING[0], 1, frozenset({1, 2, 3}), 3, STRIDE, range_m, RING[1], most_slack)
     for tick in range(6):
         note(spacing, at(tick, places))
     assert waits(spacing, at(6, places)) is waited
