@@ -36,7 +36,7 @@ SLACK_RANGES = 0.5
 """The same in sensor ranges: robots gain and lose so much by what they see from afar, and it evens out by itself."""
 
 ZONE_SLACK = 0.15
-"""Upper bound of the same on the rounds of zones, as a share of an equal gap: they may be no longer than some ranges."""
+"""Upper bound of the same on the rounds of zones, as a share of an equal gap: they may be short."""
 
 OFFSETS = 24
 """Positions of the equally spaced places on the tour that are compared."""
