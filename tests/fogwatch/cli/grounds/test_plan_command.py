@@ -69,7 +69,8 @@ def test_a_plan_says_for_how_much_of_the_time_robots_with_a_battery_patrol(
     for given, said in ((battery, False), ([*docks, *battery], True)):
         assert fogwatch("plan", rooms, "--robots", "3", "--quick", *BODY, *given, "--out", f"plan-{said}") == 0
         # 120 W to charge, 40 W on patrol.
-        assert ("batteries: on patrol for 75 % of the time; of 3 robots, 2 at a time" in capsys.readouterr().out) is said
+        line = "batteries: on patrol for 75 % of the time; of 3 robots, 2 at a time"
+        assert (line in capsys.readouterr().out) is said
 
 
 def test_a_plan_names_the_number_of_robots_and_its_scenarios_repeat_the_runs(
