@@ -38,6 +38,9 @@ SLACK_RANGES = 0.5
 ZONE_SLACK = 0.15
 """Upper bound of the same on the rounds of zones, as a share of an equal gap: they may be short."""
 
+LEAST_STRIDES = 3.0
+"""Lower bound of that bound, in strides: robots that wait for less go by fits and starts."""
+
 OFFSETS = 24
 """Positions of the equally spaced places on the tour that are compared."""
 
@@ -328,7 +331,8 @@ class Spacing:
             if apart < CLEAR_RADII * view.spec.radius and on_another_stretch:
                 return False
         equal = self.count / len(self.robots)
-        places = min(self.slack_m * self.count / self.round.length_m, self.most_slack * equal)
+        per_m = self.count / self.round.length_m
+        places = min(self.slack_m * per_m, max(self.most_slack * equal, LEAST_STRIDES * self.stride * per_m))
         return ahead < behind - max(SLACK * equal, places)
 
 
