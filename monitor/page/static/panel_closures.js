@@ -34,7 +34,7 @@ export class ClosuresPanel {
     if (!state || $("closures").hidden) return;
     for (const { name, word, buttons } of this.items) {
       const held = this.#held(name);
-      const { text, kind } = closureState(name, state, held);
+      const { text, kind } = closureState(name, state, held, this.store.facts.step);
       write(word, text);
       word.className = `s-${kind}`;
       buttons.forEach((button, i) => {
@@ -44,9 +44,11 @@ export class ClosuresPanel {
     }
   }
 
-  /** The operators' fault in force that holds a closure; undefined where none does. */
+  /** The operators' fault in force that holds a closure, the one that began last; undefined where none does. */
   #held(name) {
-    return this.store.state.faults.findLast(({ kind, closure }) => KINDS.includes(kind) && closure === name);
+    return this.store.state.faults
+      .filter(({ kind, closure }) => KINDS.includes(kind) && closure === name)
+      .reduce((last, one) => (last && last.at > one.at ? last : one), undefined);
   }
 
   #item(name, mayControl) {
@@ -72,10 +74,10 @@ export class ClosuresPanel {
   }
 }
 
-/** The state of a closure as {text, kind}; kind as for a robot. */
-function closureState(name, { closed, waiting }, held) {
+/** The state of a closure as {text, kind}; kind as for a robot. A fault of the scenario may overrule an operator's. */
+function closureState(name, { closed, waiting, k }, held, step) {
   if (waiting.includes(name)) return { text: "waits until robots have left", kind: "warn" };
-  const isClosed = closed.includes(name);
-  if (held && isClosed !== (held.kind === "close")) return { text: isClosed ? "opens with the next tick" : "closes with the next tick", kind: "warn" };
-  return { text: `${held ? "held " : ""}${isClosed ? "closed" : "open"}`, kind: isClosed ? "warn" : "good" };
+  const isClosed = closed.includes(name), agrees = held && isClosed === (held.kind === "close");
+  if (held && !agrees && held.at > k * step) return { text: isClosed ? "opens with the next tick" : "closes with the next tick", kind: "warn" };
+  return { text: `${agrees ? "held " : ""}${isClosed ? "closed" : "open"}`, kind: isClosed ? "warn" : "good" };
 }

@@ -11,6 +11,8 @@ import pytest
 from monitor.observation.source import Answer
 from monitor.replay.player import Player
 from patrol.journal import unpack
+from patrol.journal.records import Event
+from patrol.scenario.controls import OPERATOR
 from tests.browser import Look, browser_or_skip
 from tests.monitor.live.test_feed_source import FakeFeed
 from tests.monitor.pages import ServedPage
@@ -82,6 +84,21 @@ def test_an_operator_closes_and_opens_and_takes_it_back(chromium: Any, doors: Se
         shows(look, "closed,held closed", "close crate")
         send_until(wire, 80)
         shows(look, "open,open")
+
+
+def test_of_several_in_force_the_one_that_began_last_is_shown_as_held(chromium: Any, doors: Seen) -> None:
+    wire = FakeFeed(doors)
+    for fault in ('"kind":"close","closure":"crate","at":4', '"kind":"open","closure":"crate"'):
+        wire.asked_for.append(Event(0, OPERATOR, None, f'{{"do":"fault","fault":{{{fault}}}}}'))
+    with closing(ServedPage(wire.source())) as served, Look(chromium, served.address) as look:
+        look.until("document.body.dataset.frames > 0")
+        look.page.click("#tab-closures")
+        send_until(wire, 6)
+        shows(look, "open,held open", "open crate")
+        send_until(wire, 8)
+        shows(look, "open,closes with the next tick", "close crate")
+        send_until(wire, 10)
+        shows(look, "open,open", "close crate")  # this world knows of no fault, so the page does not say that it closes
 
 
 def test_a_page_without_a_key_shows_what_is_held_and_offers_nothing(chromium: Any, doors: Seen) -> None:
