@@ -1,6 +1,6 @@
 // The zones: which of them are in force, and a button for each to switch it.
 
-import { $ } from "./dom.js";
+import { $, write } from "./dom.js";
 
 export class ZonesPanel {
   static id = "zones";
@@ -8,7 +8,8 @@ export class ZonesPanel {
   static topics = ["state", "open"];
   static html = `
     <ul id="zonelist"></ul>
-    <p id="zonenote" class="small"></p>`;
+    <p id="zonenote" class="small"></p>
+    <p id="zonesanswer" class="small" role="status"></p>`;
 
   constructor({ store, operate }) {
     this.store = store;
@@ -22,18 +23,19 @@ export class ZonesPanel {
     $("zonelist").classList.toggle("switches", can);
     $("zonelist").replaceChildren(...facts.zones.map((zone) => this.#item(zone, can)));
     $("zonenote").textContent = can ? "A zone that is switched stays so to the end of the run, whatever its times say." : "";
-    this.shown = "";
+    write($("zonesanswer"), "");
   }
 
   update() {
     const { state } = this.store;
-    if (!state || this.shown === state.zones.join("\n")) return;
-    this.shown = state.zones.join("\n");
+    if (!state || $("zones").hidden) return;
     for (const item of $("zonelist").children) {
       const on = state.zones.includes(item.dataset.name), button = item.querySelector("button");
       item.classList.toggle("off", !on);
-      item.querySelector(".held").textContent = on ? "in force" : "not in force";
-      if (button) button.textContent = on ? "switch off" : "switch on";
+      write(item.querySelector(".held"), on ? "in force" : "not in force");
+      if (!button) continue;
+      write(button, on ? "switch off" : "switch on");
+      button.disabled = Boolean(state.ended);
     }
   }
 
@@ -49,8 +51,9 @@ export class ZonesPanel {
       button.type = "button";
       button.setAttribute("aria-label", `switch ${name}`);
       button.addEventListener("click", () => {
+        if (!this.store.state) return;
         const on = !this.store.state.zones.includes(name);
-        this.operate({ do: "zone", name, on }, `${name}: ${on ? "on" : "off"}`);
+        this.operate({ do: "zone", name, on }, "", "zonesanswer");
       });
       item.append(button);
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import closing
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,7 +12,7 @@ from monitor.replay.player import Player
 from patrol.journal.records import Event
 from patrol.scenario.controls import OPERATOR
 from tests.browser import Look, browser_or_skip
-from tests.monitor.conftest import QUIET, Seen, run_of
+from tests.monitor.conftest import DOORS, QUIET, Seen, run_of
 from tests.monitor.live.test_feed_source import FakeFeed
 from tests.monitor.pages import ServedPage
 
@@ -27,7 +28,8 @@ LISTED = "[...document.querySelectorAll('#zonelist li')].map((one) => one.innerT
 
 @pytest.fixture(scope="module")
 def zoned(tmp_path_factory: pytest.TempPathFactory) -> Seen:
-    return run_of(tmp_path_factory.mktemp("zoned"), {**QUIET, "name": "zoned", "zones": ZONES})
+    closures = DOORS["closures"]
+    return run_of(tmp_path_factory.mktemp("zoned"), {**QUIET, "name": "zoned", "zones": ZONES, "closures": closures})
 
 
 def test_a_replay_lists_the_zones_and_which_are_in_force_at_its_time(chromium: Any, zoned: Seen) -> None:
@@ -50,13 +52,25 @@ def test_an_operator_switches_a_zone(chromium: Any, zoned: Seen, width: int) -> 
         look.until(f"{LISTED}[1] === 'ward 0.5 m/s|in force|switch off'")
         assert look.evaluate(LISTED)[::2] == ["vault x10|not in force|switch on", "stairs: keep out|in force"]
         look.page.click("[aria-label='switch ward']")
-        look.until("document.getElementById('answer').textContent === 'done'")
+        look.until("document.getElementById('zonesanswer').innerText === 'done'")
         look.page.click("[aria-label='switch vault']")
-        look.until("document.body.scrollWidth <= innerWidth")
+        assert look.page.is_visible("#tab-closures")
+        assert look.evaluate("document.documentElement.scrollWidth") <= width
     assert wire.asked == [
         {"do": "zone", "name": "ward", "on": False},
         {"do": "zone", "name": "vault", "on": True},
     ]
+
+
+def test_with_no_zone_in_force_each_can_be_switched_on(chromium: Any, tmp_path: Path) -> None:
+    asleep = run_of(tmp_path, {**QUIET, "name": "asleep", "zones": [{**ZONES[1], "times": []}]})
+    wire = FakeFeed(asleep)
+    with closing(ServedPage(wire.source())) as served, Look(chromium, served.address) as look:
+        look.until("document.body.dataset.frames > 0")
+        look.page.click("#tab-zones")
+        look.until(f"{LISTED}[0] === 'ward 0.5 m/s|not in force|switch on'")
+        wire.send(len(wire.records))
+        look.until("document.querySelector('#zonelist button').disabled")
 
 
 def test_what_was_switched_before_a_viewer_came_is_shown(chromium: Any, zoned: Seen) -> None:
