@@ -34,7 +34,7 @@ from patrol.journal.records import Event
 from patrol.scenario import Scenario, ZoneSpec, load_scenario
 from patrol.scenario.faults.kinds import Clock, Lasting, OnClosure, nothing
 from patrol.scenario.faults.roster import tick_of, ticks_of
-from patrol.scenario.zones import holds_tick
+from patrol.scenario.zones import Span, holds_tick
 from patrol.values.section import Section
 from patrol.values.types import Corner, Flag, Name, Positive, expecting
 
@@ -220,8 +220,8 @@ def amended(scenario: Scenario, k: int, control: Control) -> tuple[Scenario, str
         case SwitchZone():
             mapping, number = _mapping(scenario), _zone_of(scenario, control.name)
             mapping["zones"][number]["times"] = _switched(scenario, k, scenario.zones[number], control.on)
-            change = f"is in force from tick {k} on" if control.on else f"ends with tick {k}"
-            return _loaded(mapping, len(scenario.faults)), f"{control.name} {change}"
+            held = "in force" if control.on else "out of force"
+            return _loaded(mapping, len(scenario.faults)), f"{control.name} is {held} from tick {k} on"
     return scenario, ""
 
 
@@ -394,22 +394,22 @@ def _zone_of(scenario: Scenario, name: str) -> int:
     return names.index(name)
 
 
-def _switched(scenario: Scenario, k: int, zone: ZoneSpec, on: bool) -> list[tuple[float, float]]:
+def _switched(scenario: Scenario, k: int, zone: ZoneSpec, on: bool) -> tuple[Span, ...]:
     """Return the times of a zone that is switched on or off before tick k: as before up to then."""
     step, begin = scenario.step, _time_of(k, scenario.step)
     if zone.keep_out:
         raise BadInput(f"control: name = {zone.name}: a keep-out always holds; only other zones can be switched")
-    if zone.holds(k * step) == on:
-        state = "is in force already" if on else "is not in force"
-        raise BadInput(f"control: name = {zone.name}: {state}")
     times = ((0.0, scenario.duration),) if zone.times is None else zone.times
     cut = [(first, min(end, begin)) for first, end in times]
-    past = [span for span in cut if holds_tick(span, step)]
-    if not on:
-        return past
-    if past and past[-1][1] == begin:
-        begin = past.pop()[0]
-    return [*past, (begin, scenario.duration)]
+    switched = [span for span in cut if holds_tick(span, step)]
+    if on:
+        if switched and switched[-1][1] == begin:
+            begin = switched.pop()[0]
+        switched.append((begin, scenario.duration))
+    if tuple(switched) == times:
+        state = "is in force to the end already" if on else "is not in force, and will not be"
+        raise BadInput(f"control: name = {zone.name}: {state}")
+    return tuple(switched)
 
 
 def _is_over(scenario: Scenario, k: int, name: str) -> bool:

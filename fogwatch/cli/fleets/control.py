@@ -42,6 +42,11 @@ WAIT_S = 15.0
 OF_CLOSURES = ("close", "open")
 """Kinds of faults of closures that are words of their own on the command line."""
 
+OF_ROBOTS = ("stop", "release")
+"""What robots do that no world simulates."""
+
+FOR_A_ZONE = "control zone: give its name and whether it is on, such as '{name: vault, on: false}'"
+
 REFUSED, UNANSWERED = 1, 3
 
 
@@ -87,7 +92,7 @@ def control(
     themselves, when they stand; one that is stopped stands until whoever stopped it releases it, also when its agent
     is started again meanwhile.
     """
-    if do in {"stop", "release"}:
+    if do in OF_ROBOTS:
         return _stop(run, do, value, fleet, wait)
     if fleet is not None:
         raise BadInput(f"--fleet {fleet}: is for stop and release; leave the option out")
@@ -182,13 +187,15 @@ def control_of(do: str, value: str | None) -> dict[str, Any]:
     from patrol.scenario.controls import CONTROLS, EXAMPLES
 
     if do not in (known := (*CONTROLS, *OF_CLOSURES)):
-        raise BadInput(f"control: do = {quoted(do)}: {did_you_mean(do, known)}")
+        raise BadInput(f"control: {quoted(do)}: {did_you_mean(do, (*known, *OF_ROBOTS))}")
     if do in OF_CLOSURES:
         if value is None:
             raise BadInput(f"control {do}: give the name of a closure too, such as door")
         return {"do": "fault", "fault": {"kind": do, "closure": value}}
     field, example = next(iter(EXAMPLES.get(do, {}).items()), (None, ""))
     if value is None:
+        if do == "zone":
+            raise BadInput(FOR_A_ZONE)
         if field is not None and do != "step":
             example = f"'{example}'" if example[0] in "[{" else example
             raise BadInput(f"control {do}: give its {field} too, such as {example}")
@@ -202,4 +209,6 @@ def control_of(do: str, value: str | None) -> dict[str, Any]:
     given = parse_yaml(value, f"control {do}")
     if do in {"intruder", "zone"} and isinstance(given, dict):
         return {"do": do, **given}
+    if do == "zone":
+        raise BadInput(FOR_A_ZONE)
     return {"do": do, field: given}

@@ -44,10 +44,10 @@ def test_zones_that_an_operator_switches_leave_the_same_trace(
     held = at.step(30)
     assert at.ask(do="zone", name="ward", on=True).text == f"ward is in force from tick {held} on"
     held = at.step(10)
-    assert at.ask(do="zone", name="vault", on=False).text == f"vault ends with tick {held}"
+    assert at.ask(do="zone", name="vault", on=False).text == f"vault is out of force from tick {held} on"
     refused = at.ask(do="zone", name="vault", on=False)
     assert not refused.done
-    assert refused.text == "control: name = vault: is not in force"
+    assert refused.text == "control: name = vault: is not in force, and will not be"
     assert at.ask(do="go").done
     at.run.pass_ticks(30)
     at.run.interrupt()

@@ -91,17 +91,27 @@ def test_robots_learn_of_it_from_the_world() -> None:
     assert {sensed.zones for sensed in world.begin_tick().values()} == {(0, 1, 2)}
     world.end_tick({})
     scenario, text = amended(world.scenario, 2, read_control(switch("vault", False)))
-    assert text == "vault ends with tick 2"
+    assert text == "vault is out of force from tick 2 on"
     world.amend(scenario)
     assert {sensed.zones for sensed in world.begin_tick().values()} == {(1, 2)}
+
+
+def test_a_switch_outlasts_the_zones_times() -> None:
+    """An operator can also keep a zone in force that would end, and keep one away that would begin."""
+    scenario = load_scenario(SITE | {"zones": [VAULT | {"times": [[1, 4], [6, 9]]}, WARD | {"times": [[5, 8]]}]})
+    for name, on in (("vault", True), ("ward", False)):
+        scenario, _ = amended(scenario, 4, read_control(switch(name, on)))
+        with pytest.raises(BadInput, match="already" if on else "will not be"):
+            amended(scenario, 9, read_control(switch(name, on)))
+    assert [zone.times for zone in scenario.zones] == [((1.0, scenario.duration),), ()]
 
 
 @pytest.mark.parametrize(
     ("control", "problem"),
     [
         (switch("stairs", False), "name = stairs: a keep-out always holds; only other zones can be switched"),
-        (switch("vault", True), "name = vault: is in force already"),
-        (switch("ward", False), "name = ward: is not in force"),
+        (switch("vault", True), "name = vault: is in force to the end already"),
+        (switch("ward", False), "name = ward: is not in force, and will not be"),
         (switch("valt", False), "name = valt: did you mean vault?"),
         ({"do": "zone", "name": "vault"}, "on: missing; give true or false"),
         ({"do": "zone", "name": "vault", "on": 1}, "on = 1: expected true or false"),
