@@ -17,6 +17,7 @@ import base64
 import binascii
 import math
 import zlib
+from bisect import bisect_right
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Self
@@ -198,7 +199,10 @@ class ZoneSpec(Section):
         Args:
             time_s: Since tick 0, s.
         """
-        return self.times is None or any(first <= time_s < end for first, end in self.times)
+        if self.times is None:
+            return True
+        place = bisect_right(self.times, (time_s, math.inf))
+        return place > 0 and time_s < self.times[place - 1][1]
 
 
 def zones_in_force(zones: Iterable[ZoneSpec], time_s: float) -> frozenset[str]:
