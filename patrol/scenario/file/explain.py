@@ -182,7 +182,7 @@ def _known_at(location: Sequence[int | str]) -> tuple[type[Section], str]:
         if section is Scenario:
             top = part
             section = _SECTIONS.get(part, Scenario)
-        elif top == "faults":
+        elif top == "faults" and field:
             section = _OF_FAULTS.get(part, section)
         elif top == "terrain" and part == "graph":
             section = GraphSpec

@@ -162,6 +162,7 @@ def test_faults_can_be_given_as_an_override() -> None:
             {"kind": "pause", "who": "one", "for": 0},
             "faults.0.for = 0: expected a number above 0 and at most 1e9 (s, d",
         ),
+        ({"kind": "close", "who": "r1"}, "faults.0.who: unknown key; known are kind, id, at, for, closure"),
         ({"kind": "loss", "rat": 1}, "faults.0.rat: unknown key; did you mean rate?"),
         ({"kind": "loss", "rate": 1.5}, "faults.0.rate = 1.5: expected a number from 0 to 1 (share of the frames)"),
         ({"kind": "loss", "rate": "1"}, 'faults.0.rate = "1": expected a number from 0 to 1'),
