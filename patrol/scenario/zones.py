@@ -199,10 +199,7 @@ class ZoneSpec(Section):
         Args:
             time_s: Since tick 0, s.
         """
-        if self.times is None:
-            return True
-        place = bisect_right(self.times, (time_s, math.inf))
-        return place > 0 and time_s < self.times[place - 1][1]
+        return self.times is None or is_in_one_of(self.times, time_s)
 
 
 def zones_in_force(zones: Iterable[ZoneSpec], time_s: float) -> frozenset[str]:
@@ -213,6 +210,17 @@ def zones_in_force(zones: Iterable[ZoneSpec], time_s: float) -> frozenset[str]:
         time_s: Since tick 0, s.
     """
     return frozenset(zone.name for zone in zones if zone.holds(time_s))
+
+
+def is_in_one_of(spans: Sequence[Span], time_s: float) -> bool:
+    """Return True if a time lies in one of some spans of time.
+
+    Args:
+        spans: From and to of each, s, as `check_spans` passes them.
+        time_s: s.
+    """
+    place = bisect_right(spans, (time_s, math.inf))
+    return place > 0 and time_s < spans[place - 1][1]
 
 
 def holds_tick(span: Span, step: float) -> bool:

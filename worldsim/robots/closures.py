@@ -22,6 +22,7 @@ from patrol.journal.records import CLOSED, OPENED, STAYS_OPEN
 from patrol.radio.message import as_received
 from patrol.random import Purpose, draw
 from patrol.scenario.faults.kinds import Close, OnClosure
+from patrol.scenario.zones import is_in_one_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -121,7 +122,7 @@ class Closures:
     def _closes_by_itself(self, number: int, spec: ClosureSpec, k: int) -> bool:
         """Return True if a closure is to be closed in a tick by its times or draws; call it once for each tick."""
         if spec.closed is not None:
-            return any(first <= k * self._step < end for first, end in spec.closed)
+            return is_in_one_of(spec.closed, k * self._step)
         if spec.closes is None or spec.opens is None:
             return False
         rate = spec.opens if self._drawn[number] else spec.closes
