@@ -36,7 +36,7 @@ from patrol.scenario.faults.kinds import Clock, Lasting, OnClosure, nothing
 from patrol.scenario.faults.roster import tick_of, ticks_of
 from patrol.scenario.zones import Span, holds_tick
 from patrol.values.section import Section
-from patrol.values.types import Corner, Flag, Name, Positive, expecting
+from patrol.values.types import LARGEST, Corner, Flag, Name, Positive, expecting
 
 OPERATOR = "operator"
 """The kind of the journal's events that tell of controls; their detail is JSON, as `as_detail` makes it."""
@@ -322,8 +322,8 @@ def _with_fault(scenario: Scenario, k: int, control: AddFault) -> tuple[Scenario
         scenario = _healed(scenario, k, control.instead)
     entry = dict(control.fault)
     delay_s = entry.get("at", 0.0)
-    if isinstance(delay_s, bool) or not isinstance(delay_s, int | float) or not 0.0 <= delay_s < math.inf:
-        raise BadInput(f"control: fault.at = {quoted(delay_s)}: expected seconds from now, 0 or more")
+    if isinstance(delay_s, bool) or not isinstance(delay_s, int | float) or not 0.0 <= delay_s <= LARGEST:
+        raise BadInput(f"control: fault.at = {quoted(delay_s)}: expected seconds from now, from 0 to {LARGEST:g}")
     begin = k + tick_of(delay_s, scenario.step)
     entry["at"] = _time_of(begin, scenario.step)
     for before in [fault for fault in scenario.faults if isinstance(fault, OnClosure)]:

@@ -278,6 +278,8 @@ REFUSED: dict[str, dict[str, Any]] = {
     "rename one": {"do": "fault", "fault": {"kind": "loss", "rate": 0.1, "id": "f1"}},
     "would never happen": {"do": "fault", "fault": {"kind": "loss", "rate": 0.1, "at": 40}},
     "seconds from now": {"do": "fault", "fault": {"kind": "loss", "rate": 0.1, "at": -1}},
+    "fault.at = 1e+308: expected seconds from now, from 0 to 1e+09": hold("close", "gate", at=1e308),
+    "0000...: expected seconds from now": hold("close", "gate", at=10**400),
     "from 0 to 1": {"do": "fault", "fault": {"kind": "loss", "rate": 1.1}},
     "did you mean loss": {"do": "fault", "fault": {"kind": "los", "rate": 1.0}},
     "did you mean pause": {"do": "pause_"},
