@@ -60,6 +60,16 @@ class Processes:
             process.wait(self._patience_s)
 
 
+def one_and_many(scenario: Mapping[str, Any], folder: Path) -> tuple[fogwatch.Result, fogwatch.Result]:
+    """Run a scenario in one process and as processes: both valid, with one trace. Folders: ``one`` and ``many``."""
+    one = fogwatch.run(scenario, out=folder / "one", picture=False)
+    many = fogwatch.run(scenario, out=folder / "many", in_process=False, picture=False)
+    assert one.verdict.valid, one.verdict.failed
+    assert many.verdict.valid, many.verdict.failed
+    assert many.trace_hash == one.trace_hash
+    return one, many
+
+
 def trace_of(scenario: Mapping[str, Any] | Path, ticks: int, folder: Path) -> str:
     """Return the trace hash of the first ticks of a scenario, run in one process; the run's folder is ``one``."""
     length = {"duration": ticks * load_scenario(scenario).step}

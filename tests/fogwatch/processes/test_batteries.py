@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-import fogwatch
-from tests.fleets import COARSE
+from tests.fleets import COARSE, one_and_many
 
 pytestmark = pytest.mark.processes
 
@@ -21,11 +20,7 @@ def test_robots_that_charge_leave_the_same_trace(tmp_path: Path) -> None:
         "docks": [{"place": [30.5, 30.5]}, {"place": [70.5, 60.5]}],
         "faults": [{"kind": "pause", "who": "r2", "at": 10, "for": 5}],
     }
-    one = fogwatch.run(scenario, out=tmp_path / "one", picture=False)
-    many = fogwatch.run(scenario, out=tmp_path / "many", in_process=False, picture=False)
-    assert one.verdict.valid, one.verdict.failed
-    assert many.verdict.valid, many.verdict.failed
-    assert many.trace_hash == one.trace_hash
+    one, many = one_and_many(scenario, tmp_path)
     figures = {name: facts["battery"] for name, facts in many.summary["robots"].items()}
     assert figures == {name: facts["battery"] for name, facts in one.summary["robots"].items()}
     assert any(battery["patrol_share"] < 1.0 for battery in figures.values())

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import fogwatch
-from tests.fleets import COARSE
+from tests.fleets import COARSE, one_and_many
 
 pytestmark = pytest.mark.processes
 
@@ -22,10 +22,6 @@ def test_robots_among_closures_leave_the_same_trace(tmp_path: Path) -> None:
             {"name": "box", "polygon": [[20, 40], [24, 40], [24, 44], [20, 44]], "closes": 0.1, "opens": 0.1},
         ],
     }
-    one = fogwatch.run(scenario, out=tmp_path / "one", picture=False)
-    many = fogwatch.run(scenario, out=tmp_path / "many", in_process=False, picture=False)
-    assert one.verdict.valid, one.verdict.failed
-    assert many.verdict.valid, many.verdict.failed
-    assert many.trace_hash == one.trace_hash
+    one, _ = one_and_many(scenario, tmp_path)
     open_s = fogwatch.run({**scenario, "closures": []}, out=tmp_path / "open", picture=False)
     assert open_s.trace_hash != one.trace_hash

@@ -16,7 +16,7 @@ import fogwatch
 from fogwatch.launch.children import child_control
 from patrol.journal import RobotTick, Status, TickRecord, read_journal
 from patrol.process.starting.forking import can_fork
-from tests.fleets import COARSE
+from tests.fleets import COARSE, one_and_many
 from tests.fogwatch.processes.test_feed import attached
 from worldsim.faults.lifecycle import LOOKED_AT, STOPPED
 
@@ -75,11 +75,7 @@ def test_every_process_fault_leaves_the_same_trace(model: str, tmp_path: Path) -
         "patrol": {"options": {"separation": "claims"}},
         "faults": EVERYTHING,
     }
-    one = fogwatch.run(scenario, out=tmp_path / "one", picture=False)
-    many = fogwatch.run(scenario, out=tmp_path / "many", in_process=False, picture=False)
-    assert one.verdict.valid, one.verdict.failed
-    assert many.verdict.valid, many.verdict.failed
-    assert many.trace_hash == one.trace_hash
+    one, many = one_and_many(scenario, tmp_path)
     journals = [read_journal(run.folder / "journal") for run in (one, many)]
     told = [[event for event in journal.events if event.kind != LOOKED_AT] for journal in journals]
     assert told[0] == told[1]

@@ -13,6 +13,7 @@ import pytest
 
 import fogwatch
 from patrol.journal import Status, read_journal
+from tests.fleets import one_and_many
 
 HERE = Path(__file__).parent
 EXAMPLE = HERE.parents[2] / "examples" / "my_policy.py"
@@ -38,11 +39,7 @@ def scenario(policy: str, **patrol: Any) -> dict[str, Any]:
 @pytest.mark.processes
 def test_a_policy_of_ones_own_gives_the_same_trace_in_one_process_and_in_many(tmp_path: Path) -> None:
     mapping = scenario(f"{EXAMPLE}:GreedyTarget", options={"near": 8})
-    one = fogwatch.run(mapping, out=tmp_path / "one", picture=False)
-    many = fogwatch.run(mapping, out=tmp_path / "many", in_process=False, picture=False)
-    assert one.verdict.valid
-    assert many.verdict.valid
-    assert one.trace_hash == many.trace_hash
+    _, many = one_and_many(mapping, tmp_path)
     kept = tmp_path / "many" / "policy" / EXAMPLE.name
     assert kept.read_bytes() == EXAMPLE.read_bytes()
     again = fogwatch.run(tmp_path / "many" / "scenario.yaml", out=tmp_path / "again", picture=False)

@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 
-import fogwatch
 from patrol.errors import Malformed
 from patrol.net.keys import ROOT
 from patrol.net.link import open_link
@@ -17,6 +16,7 @@ from patrol.net.mailbox import Payload
 from patrol.net.messages.phases import ReplyA, decode_to_world
 from patrol.radio.fleet_key import new_key
 from patrol.radio.message import MAX_FRAME
+from tests.fleets import one_and_many
 from tests.worldsim.test_fleet_by_hand import PATIENCE_S, Hand
 
 pytestmark = pytest.mark.processes
@@ -71,11 +71,7 @@ def test_a_troubled_radio_gives_the_same_trace_as_processes_and_in_one(
         new_key(tmp_path / "fleet.key")
         radio["key"] = str(tmp_path / "fleet.key")
     scenario = {**SCENARIO, "faults": FAULTS, "radio": radio}
-    one = fogwatch.run(scenario, out=tmp_path / "one", picture=False)
-    many = fogwatch.run(scenario, out=tmp_path / "many", in_process=False, picture=False)
-    for run in (one, many):
-        assert run.verdict.valid, run.verdict.failed
-    assert many.trace_hash == one.trace_hash
+    one, many = one_and_many(scenario, tmp_path)
     for what in ("messages", "links", "faults"):
         assert many.summary[what] == one.summary[what]
     links = [link for row in one.summary["links"].values() for link in row.values()]

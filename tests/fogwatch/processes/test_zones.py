@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 import fogwatch
-from tests.fleets import COARSE
+from tests.fleets import COARSE, one_and_many
 from tests.fogwatch.processes.test_control import Operating, operate
 
 __all__ = ["operate"]
@@ -28,11 +28,7 @@ SITE: dict[str, Any] = {
 
 def test_zones_that_begin_and_end_leave_the_same_trace(tmp_path: Path) -> None:
     scenario = {**SITE, "duration": 60}
-    one = fogwatch.run(scenario, out=tmp_path / "one", picture=False)
-    many = fogwatch.run(scenario, out=tmp_path / "many", in_process=False, picture=False)
-    assert one.verdict.valid, one.verdict.failed
-    assert many.verdict.valid, many.verdict.failed
-    assert many.trace_hash == one.trace_hash
+    one, _ = one_and_many(scenario, tmp_path)
     plain = fogwatch.run({**scenario, "zones": []}, out=tmp_path / "plain", picture=False)
     assert plain.trace_hash != one.trace_hash
 
