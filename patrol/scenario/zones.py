@@ -187,7 +187,7 @@ class ZoneSpec(Section):
 
     @property
     def when(self) -> str:
-        """When it is in force, for people: ``20 to 60 s, 80 to 90 s``."""
+        """The times at which it is in force, for people: ``20 to 60 s, 80 to 90 s``."""
         if not self.times:
             return "always" if self.times is None else "never"
         more = f" and {len(self.times) - MOST_NAMED} times more" if len(self.times) > MOST_NAMED else ""

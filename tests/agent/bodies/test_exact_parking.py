@@ -55,7 +55,7 @@ def test_it_ends_on_the_point_and_stays_there(spot: tuple[float, float], prepare
 @settings(max_examples=15, deadline=None)
 @given(heading=st.floats(-3.1, 3.1), x=st.integers(35, 130), y=st.integers(35, 90))
 def test_it_ends_where_others_hear_it_on_a_small_point(heading: float, x: int, y: int, fine: Prepared) -> None:
-    """What is seen from a place is computed from the place as others hear it, rounded to centimetres."""
+    """Others hear places rounded to centimetres, and what is seen from a place is computed from that."""
     drives = Drives(fine, Place(0.1 * x + 0.05, 0.1 * y + 0.05, exact=True), Pose(10.0, 5.0, heading))
     for _ in range(120):
         drives.tick()

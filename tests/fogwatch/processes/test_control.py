@@ -44,7 +44,7 @@ class Operating:
         return ControlClient(self.link, self.keys, token, time.monotonic, os.urandom)
 
     def paused(self) -> bool:
-        """Whether the world takes controls yet; it is paused then."""
+        """Pause the world; return whether it takes controls yet."""
         try:
             return self.client(self.access.token).ask({"do": "pause"}, 30.0).answer.done
         except Unanswered:

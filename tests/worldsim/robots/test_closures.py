@@ -60,7 +60,7 @@ def test_a_closure_waits_until_bodies_are_clear_of_it(lab: Lab) -> None:
 
 
 def happened(lab: Lab, *faults: dict[str, Any], x: float = 3.0, **when: Any) -> list[tuple[int, str]]:
-    """What becomes of the strip in 16 ticks under faults, with a robot that stands somewhere."""
+    """Return the events of 16 ticks of the strip under faults, with a robot that stands somewhere."""
     world = lab.world([DISC], [(x, 7.0, 0.0)], duration=8.0, closures=[strip(**when)], faults=faults)
     return [(event.k, event.kind) for _ in range(16) for event in tick(world, 0.0)[0]]
 
