@@ -42,6 +42,10 @@ NODE = "fogwatch"
 SAY_S = 5.0
 """Time between two lines about what is waited for, s."""
 
+QUIET_S = 2.0
+"""Time for which a robot's localisation has to say nothing, from the first odometry on, before it is told where it is,
+s: one that knows is told nothing, and its first word may come after the odometry."""
+
 GRAPH_S = 1.0
 """Time for a router to list the nodes that it knows, s."""
 
@@ -249,6 +253,7 @@ def _found(hardware: Hardware, link: ZenohRos2Link, process: ProcessContext) -> 
     wait_s = process.options.wait
     initial = _initial_pose(hardware)
     began = reported_at = time.monotonic()
+    heard_at: float | None = None
     while not process.ending.wait(_LOOK_S):
         now, fix = time.monotonic(), hardware.fix()
         doubt = hardware.why if fix is None else "" if initial is None else initial.doubt(fix.pose, now)
@@ -256,7 +261,9 @@ def _found(hardware: Hardware, link: ZenohRos2Link, process: ProcessContext) -> 
             return fix.pose
         if fix is not None and initial is not None and not initial.was_told:
             raise BadInput(f"--start: the robot is localised already, and {doubt}")
-        if initial is not None:
+        if heard_at is None and hardware.odometry_age_s is not None:
+            heard_at = now
+        if initial is not None and heard_at is not None and now - heard_at >= QUIET_S:
             if not initial.was_told and hardware.stamp_ns():
                 process.log.info("tells the robot's localisation where --start says it is")
             initial.tell(hardware.stamp_ns(), now)
