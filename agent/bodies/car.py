@@ -22,7 +22,7 @@ from itertools import chain
 from typing import TYPE_CHECKING
 
 from agent.bodies.giveway import Bumps, nearest
-from agent.bodies.manoeuvre import Manoeuvres
+from agent.bodies.manoeuvre import Manoeuvres, car_moves
 from agent.bodies.setup import CLEAR_SHARE, BodyBase, BodySetup, way_of
 from agent.bodies.steering import EASIER, CarSteering, Footing
 from agent.ports import Bearing, Choice, Goal, Intent, Place, State
@@ -369,7 +369,8 @@ class CarBody(BodyBase):
                 setup.step,
                 lambda k: chance(k, 2, Purpose.UNSTUCK),
             )
-            self._manoeuvres = Manoeuvres(setup.spec, setup.ground.terrain, self._steering, setup.step)
+            moves = car_moves(setup.spec.speed, setup.spec.turning_radius, setup.step)
+            self._manoeuvres = Manoeuvres(moves, setup.spec, setup.ground.terrain, self._steering.is_free, setup.step)
 
     def obey(self, intent: Intent, view: View) -> Choice:
         """Return the command that best carries out an intent (`agent.ports.Body.obey`)."""

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from itertools import chain
 
 from agent.bodies.giveway import Bumps, nearest
+from agent.bodies.manoeuvre import Manoeuvres, wheel_moves
 from agent.bodies.setup import BARELY, BLOCKED_SHARE, CLEAR_SHARE, BodyBase, BodySetup, way_of
 from agent.bodies.steering import EASIER, Footing, HolonomicSteering
 from agent.ports import Bearing, Choice, Goal, Place, State
@@ -24,7 +25,7 @@ from agent.routes.ground import Ground, Spot
 from agent.view import View
 from patrol.ground.swept_path import advance, line_is_free, path_is_free
 from patrol.ground.terrain import Terrain
-from patrol.pose import TAU, Pose, Twist, halted, wrap
+from patrol.pose import TAU, Command, Pose, Twist, halted, wrap
 from patrol.random import Purpose
 from patrol.scenario import RobotSpec
 
@@ -346,6 +347,10 @@ class DifferentialBody(BodyBase):
         self._near = 2.0 * self.stride
         self._towards_places = self._either_way if setup.sees_all_round else self._steering.towards
         self._turns_to: float | None = None
+        self._manoeuvres: Manoeuvres | None = None
+        if setup.patrol.manoeuvres:
+            moves = wheel_moves(setup.spec, setup.step, reverses=setup.sees_all_round)
+            self._manoeuvres = Manoeuvres(moves, setup.spec, setup.ground.terrain, self._steering.is_free, setup.step)
 
     def _stay(self, state: str, view: View) -> Choice:
         self._back_off.end()
@@ -399,6 +404,8 @@ class DifferentialBody(BodyBase):
             return Choice(back.command, back.state, bearing, goal)
         if place.wander is not None:
             return Choice(self._steering.turning(pose, place.wander), place.state, place.wander)
+        if (command := self._manoeuvre(place, found, view)) is not None:
+            return Choice(command, place.state, bearing, goal)
         enough = CLEAR_SHARE * min(self.stride, math.dist((pose.x, pose.y), bend))
         targets = [bend, view.ground.centre(*start)]
         if place.lean is not None:
@@ -408,6 +415,23 @@ class DifferentialBody(BodyBase):
             for target in targets
         )
         return self._take(options, place.state, view, self._towards_places)
+
+    def _manoeuvre(self, place: Place, way: tuple[Spot, Spot], view: View) -> Command | None:
+        """Return the next step of arcs to near a place; None where there are none, or the policy leans aside.
+
+        Args:
+            place: The intent.
+            way: The target, and where the way there first bends; each x and y in m.
+            view: Of this tick.
+        """
+        if self._manoeuvres is None or place.lean is not None:
+            return None
+        spot, bend = way
+        is_near = bend == spot and math.dist((view.pose.x, view.pose.y), spot) < self._manoeuvres.parking
+        if view.bumped or is_near:
+            self._manoeuvres.drop()
+            return None
+        return self._manoeuvres.next(view, spot)
 
     def _come_back(self, view: View) -> Choice:
         """A step of a robot that is off the reachable points, back to them; it holds where no way leads there."""

@@ -1,15 +1,19 @@
-"""Manoeuvres: how a car gets where no single arc leads, with three-point turns and ways out in reverse.
+"""Manoeuvres: how a body gets where no single arc leads, with three-point turns and ways out in reverse.
 
-A car that drives towards the next bend with its nose ends up facing walls that it cannot turn away from. So a car on
-its way to a place searches over the arcs that it can drive, forward and in reverse (hybrid A*), guided by the length of
-the way that is left, and drives what it has found to the end. Every search brings it nearer to the place.
+A body that drives towards the next bend with its nose ends up facing walls that it cannot turn away from. So a car or a
+differential robot on its way to a place searches over the arcs that it can drive, forward and in reverse (hybrid A*),
+guided by the length of the way that is left, and drives what it has found to the end. Every search brings it nearer to
+the place. A differential robot's search has turns on the spot besides, and its tighter arcs are slower, because the
+wheels share their speed between driving and turning.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +22,10 @@ from agent.bodies.kernels.manoeuvre import CLEARANCE, search
 from agent.routes.path_window import FAR
 from agent.routes.wave import LONGEST, BoxPaths, box_around, paths_in
 from patrol.ground.swept_path import advance
-from patrol.pose import Drive
+from patrol.pose import Command, Drive, Twist
 from patrol.radio.units import CM_PER_M
 
 if TYPE_CHECKING:
-    from agent.bodies.steering import CarSteering
     from agent.routes.ground import Ground, Spot
     from agent.view import View
     from patrol.ground.terrain import Terrain
@@ -34,6 +37,21 @@ LEAST_TURN = 0.25
 
 TIGHTNESS = (0.0, 1.0, -1.0, 0.5, -0.5)
 """Curvatures of the arcs, as shares of the tightest."""
+
+TURNS = (0.125, -0.125, 0.25, -0.25, 0.5, -0.5)
+"""Turns on the spot, as shares of half a circle."""
+
+TIGHTEST_RADII = 2.0
+"""Radius of a differential robot's tightest arcs, in radii of its body."""
+
+REVERSE = 1.1
+"""Cost of driving in reverse, relative to driving forward. It takes the same time, but the nose should lead."""
+
+GEAR_CHANGE = 0.3
+"""Cost of a change between forward and reverse, in turning radii. It takes no time, but a plan of many is fragile."""
+
+TURNING = 1.05
+"""Cost of an arc, relative to driving straight."""
 
 SHORT = 0.4
 """Length of the short arcs, as a share of the long ones; they fit where those do not."""
@@ -48,7 +66,7 @@ MOST_ARCS = 256
 """Arcs that one search may find."""
 
 OFF_COURSE = 0.1
-"""Largest distance of a car from where its last step should have brought it, in strides."""
+"""Largest distance of a body from where its last step should have brought it, in strides."""
 
 ASKEW = 0.05
 """Largest difference of its heading from the expected one, rad."""
@@ -66,44 +84,117 @@ OFF_CENTRES = 1.5
 """Sum of the distances of two places from the centres of their points, in points; rounded up."""
 
 
+@dataclass(frozen=True, slots=True)
+class Move:
+    """A command that a search may choose, and for how long.
+
+    Attributes:
+        command: For each of the ticks.
+        ticks: How many.
+        arc: What comes of it: length (m, negative in reverse), curvature (1/m), turn on the spot (rad) and cost (m).
+    """
+
+    command: Command
+    ticks: int
+    arc: tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Moves:
+    """What a body can do.
+
+    Attributes:
+        each: The moves.
+        ticks: How many an arc takes.
+        turning: Radius of the tightest arcs, m.
+    """
+
+    each: list[Move]
+    ticks: int
+    turning: float
+
+
+def car_moves(speed: float, turning: float, step: float) -> Moves:
+    """Return the moves of a car.
+
+    All of its arcs take the same time, however short they are, so they cost the same.
+
+    Args:
+        speed: Top speed, m/s.
+        turning: Radius of the tightest arcs, m.
+        step: s per tick.
+    """
+    ticks = max(1, math.ceil(LEAST_TURN * turning / (speed * step)))
+    moves = []
+    for share in (1.0, SHORT):
+        for sense in (1.0, -1.0):
+            for bend in TIGHTNESS:
+                drive = Drive(sense * share * speed, bend * (1.0 / turning))
+                length = ticks * step
+                cost = speed * length * (REVERSE if sense < 0.0 else 1.0) * (TURNING if bend != 0.0 else 1.0)
+                moves.append(Move(drive, ticks, (drive.speed * length, drive.curvature, 0.0, cost)))
+    return Moves(moves, ticks, turning)
+
+
+def wheel_moves(spec: RobotSpec, step: float, *, reverses: bool) -> Moves:
+    """Return the moves of a differential robot: arcs as a car's, as fast as the wheels allow, and turns on the spot.
+
+    Args:
+        spec: The robot's radius (m) and speed (m/s).
+        step: s per tick.
+        reverses: Whether it also drives in reverse.
+    """
+    as_a_car = car_moves(spec.speed, TIGHTEST_RADII * spec.radius, step)
+    moves = []
+    for move in as_a_car.each:
+        length, curvature, _, cost = move.arc
+        slower = 1.0 / (1.0 + spec.radius * abs(curvature))
+        speed = slower * length / (move.ticks * step)
+        if length > 0.0 or reverses:
+            twist = Twist(speed, speed * curvature)
+            moves.append(Move(twist, move.ticks, (slower * length, curvature, 0.0, cost)))
+    most = spec.speed / spec.radius * step
+    for share in TURNS:
+        turn = share * math.pi
+        ticks = max(1, math.ceil(abs(turn) / most))
+        cost = spec.speed * ticks * step * TURNING
+        moves.append(Move(Twist(0.0, turn / (ticks * step)), ticks, (0.0, 0.0, turn, cost)))
+    return Moves(moves, as_a_car.ticks, as_a_car.turning)
+
+
 class Manoeuvres:
     """Arcs to be driven one after the other.
 
     Attributes:
-        parking: A car no farther than this from a place, with nothing in between, parks there; m.
+        parking: A body no farther than this from a place, with nothing in between, parks there; m.
     """
 
-    def __init__(self, spec: RobotSpec, terrain: Terrain, steering: CarSteering, step: float) -> None:
+    def __init__(
+        self, moves: Moves, spec: RobotSpec, terrain: Terrain, is_free: Callable[[Pose, Any], bool], step: float
+    ) -> None:
         """Lay out the arcs of the search.
 
         Args:
-            spec: The car's.
+            moves: What the body can do.
+            spec: The body's radius (m) and speed (m/s).
             terrain: The map.
-            steering: Of this car.
+            is_free: Called with a pose and a command; returns whether the next step touches no wall.
             step: s per tick.
         """
-        self._spec = spec
+        self._moves = moves.each
+        self._turning = moves.turning
+        self._radius = spec.radius
         self._terrain = terrain
-        self._steering = steering
+        self._is_free = is_free
         self._step = step
         stride = spec.speed * step
         self._tolerance = OFF_COURSE * stride
-        self._times = max(1, math.ceil(LEAST_TURN * spec.turning_radius / stride))
         self._near = max(NEAR * stride, terrain.point)
-        # Ways are measured between the centres of points, so the car may be this much farther away.
+        # Ways are measured between the centres of points, so the body may be this much farther away.
         self.parking = self._near + OFF_CENTRES * terrain.point
-        tightest = 1.0 / spec.turning_radius
-        drives = [
-            Drive(sign * share * spec.speed, bend * tightest)
-            for share in (1.0, SHORT)
-            for sign in (1.0, -1.0)
-            for bend in TIGHTNESS
-        ]
-        self._drives = drives
-        length = self._times * step
-        self._arcs = np.array([(drive.speed * length, drive.curvature) for drive in drives])
-        self._cell = max(0.5 * stride * self._times * SHORT, terrain.point)
-        self._plan: deque[Drive] = deque()
+        self._arcs = np.array([move.arc for move in moves.each])
+        self._cell = max(0.5 * stride * moves.ticks * SHORT, terrain.point)
+        self._plan: deque[Command] = deque()
         self._place: Spot | None = None
         self._exact = False
         self._expected: Pose | None = None
@@ -113,16 +204,16 @@ class Manoeuvres:
         self._plan.clear()
         self._place = None
 
-    def next(self, view: View, place: Spot, *, exact: bool = False) -> Drive | None:
+    def next(self, view: View, place: Spot, *, exact: bool = False) -> Command | None:
         """Return the next step towards a place.
 
         Args:
             view: Of this tick.
-            place: x and y in m, where the car's centre may be.
-            exact: Whether the car has to be on the very point of the place in the end, as others hear it.
+            place: x and y in m, where the body's centre may be.
+            exact: Whether the body has to be on the very point of the place in the end, as others hear it.
 
         Returns:
-            None where no arc brings the car nearer.
+            None where no arc brings the body nearer.
         """
         off = math.inf if self._place is None or exact != self._exact else math.dist(self._place, place)
         if off > (0.0 if exact else self._near):
@@ -132,26 +223,26 @@ class Manoeuvres:
             self._approach(view, place, exact=exact)
         return self._take(view.pose)
 
-    def proceed(self, pose: Pose) -> Drive | None:
+    def proceed(self, pose: Pose) -> Command | None:
         """Return the next step of what was found before, wherever it leads.
 
         Args:
-            pose: The car's own.
+            pose: The body's own.
 
         Returns:
-            None where nothing was found, or the car cannot go on with it.
+            None where nothing was found, or the body cannot go on with it.
         """
         return self._take(pose) if self._goes_on(pose) else None
 
-    def back(self, view: View, paths: BoxPaths) -> Drive | None:
-        """Return the next step of a car that is off the reachable points, back to one of them.
+    def back(self, view: View, paths: BoxPaths) -> Command | None:
+        """Return the next step of a body that is off the reachable points, back to one of them.
 
         Args:
             view: Of this tick.
             paths: Back to the reachable points (`agent.routes.way_back.WayBack.paths`).
 
         Returns:
-            None where no arc brings the car nearer.
+            None where no arc brings the body nearer.
         """
         pose = view.pose
         if self._place is not None or not self._goes_on(pose):
@@ -162,19 +253,19 @@ class Manoeuvres:
         return self._take(pose)
 
     def _goes_on(self, pose: Pose) -> bool:
-        """Return True if the car is where the last step should have brought it, and can take the next one."""
+        """Return True if the body is where the last step should have brought it, and can take the next one."""
         expected = self._expected
         return (
             expected is not None
             and math.dist((pose.x, pose.y), (expected.x, expected.y)) <= self._tolerance
             and abs(math.remainder(pose.heading - expected.heading, math.tau)) <= ASKEW
             and bool(self._plan)
-            and self._steering.is_free(pose, self._plan[0])
+            and self._is_free(pose, self._plan[0])
         )
 
-    def _take(self, pose: Pose) -> Drive | None:
+    def _take(self, pose: Pose) -> Command | None:
         """Return the first step of the plan; None without one that is free."""
-        if not self._plan or not self._steering.is_free(pose, self._plan[0]):
+        if not self._plan or not self._is_free(pose, self._plan[0]):
             self.drop()
             return None
         drive = self._plan.popleft()
@@ -182,13 +273,13 @@ class Manoeuvres:
         return drive
 
     def _approach(self, view: View, place: Spot, *, exact: bool) -> None:
-        """Look for arcs that bring the car nearer to a place; none where no way leads there.
+        """Look for arcs that bring the body nearer to a place; none where no way leads there.
 
         A search ends near the place, or on its very point (`exact`), or where it has made progress. The longest ways
-        that count are twice the direct way and a margin; where the car's own way winds more than that, its length and a
-        margin.
+        that count are twice the direct way and a margin; where the body's own way winds more than that, its length and
+        a margin.
         """
-        turning, pose, start, ground = self._spec.turning_radius, view.pose, view.start, view.ground
+        turning, pose, start, ground = self._turning, view.pose, view.start, view.ground
         end = ground.join(*place)
         if end is None:
             # Robots do stand on what is closed at this tick.
@@ -216,12 +307,12 @@ class Manoeuvres:
         self._search(view, paths, first, paths.limit, near=near, progress=AHEAD * turning)
 
     def _search(self, view: View, paths: BoxPaths, first: float, limit: int, *, near: float, progress: float) -> None:
-        """Look for arcs that bring the car nearer.
+        """Look for arcs that bring the body nearer.
 
         Args:
             view: Of this tick.
             paths: The ways left.
-            first: The way left from where the car is, m.
+            first: The way left from where the body is, m.
             limit: The longest way that counts, in hundredths of a point.
             near: How short the way left has to be, m.
             progress: How much shorter it has to become otherwise, m.
@@ -248,10 +339,11 @@ class Manoeuvres:
                     pose.heading,
                     first,
                     self._arcs,
+                    GEAR_CHANGE * self._turning,
                     self._cell,
-                    self._spec.radius,
+                    self._radius,
                     clearance,
-                    self._spec.turning_radius,
+                    self._turning,
                     near,
                     progress,
                     CM_PER_M,
@@ -259,10 +351,11 @@ class Manoeuvres:
                     found,
                 )
         for index in found[:count]:
-            self._plan.extend([self._drives[index]] * self._times)
+            move = self._moves[index]
+            self._plan.extend([move.command] * move.ticks)
 
     def _closed(self, view: View) -> NDArray[np.uint8]:
-        """The points that are closed at this tick; of size 0 where there are none or the car is on one of them."""
+        """The points that are closed at this tick; of size 0 where there are none or the body is on one of them."""
         ground = view.ground
         row, col = self._terrain.point_at(view.pose.x, view.pose.y)
         if ground.static is ground:

@@ -1,4 +1,4 @@
-"""Kernel of manoeuvres: a search over the arcs that a car can drive, forward and in reverse (hybrid A*)."""
+"""Kernel of manoeuvres: a search over the arcs that a body can drive, forward and in reverse (hybrid A*)."""
 
 from __future__ import annotations
 
@@ -17,15 +17,6 @@ uint64 = types.uint64
 
 HEADINGS = 32
 """Number of headings that are told apart."""
-
-REVERSE = 1.1
-"""Cost of driving in reverse, relative to driving forward. It takes the same time, but the nose should lead."""
-
-GEAR_CHANGE = 0.3
-"""Cost of a change between forward and reverse, in turning radii. It takes no time, but a plan of many is fragile."""
-
-TURNING = 1.05
-"""Cost of an arc, relative to driving straight."""
 
 GREED = 1.3
 """Weight of the way that is left in a node's rank; a node's cost is at most so many times the least."""
@@ -103,16 +94,16 @@ def _is_free(blocked, room, closed, point, ox, oy, x, y, heading, distance, curv
 @njit(
     int64(
         MASK, MASK, MASK, LENGTHS, int64, int64, int64, float64, float64, float64, float64, float64, float64,
-        float64, ARCS, float64, float64, float64, float64, float64, float64, float64, int64, FOUND,
+        float64, ARCS, float64, float64, float64, float64, float64, float64, float64, float64, int64, FOUND,
     ),
     cache=True,
     nogil=True,
 )
 def search(
-    blocked, room, closed, left, row0, col0, limit, point, ox, oy, x, y, heading, first_left, arcs, cell, radius,
-    clearance, turning, near, progress, units, most, found,
+    blocked, room, closed, left, row0, col0, limit, point, ox, oy, x, y, heading, first_left, arcs, gear_change, cell,
+    radius, clearance, turning, near, progress, units, most, found,
 ):
-    """Find arcs that bring a car nearer to its goal.
+    """Find arcs that bring a body nearer to its goal.
 
     Nodes are poses, told apart by a grid of ``cell`` and `HEADINGS`. The search ends at the first node from which the
     way left is at most ``near`` or shorter by ``progress`` than at the start. When it ends without one, the arcs lead
@@ -130,11 +121,13 @@ def search(
         point: Side of a point, m.
         ox: x of the grid's origin, m.
         oy: y of the grid's origin, m.
-        x: Of the car, m.
-        y: Of the car, m.
-        heading: Of the car, rad.
-        first_left: The way left from where the car is, m.
-        arcs: float64 (n, 2), the arcs to drive: length (m, negative in reverse) and curvature (1/m).
+        x: Of the body, m.
+        y: Of the body, m.
+        heading: Of the body, rad.
+        first_left: The way left from where the body is, m.
+        arcs: float64 (n, 4), the arcs to drive: length (m, negative in reverse), curvature (1/m), turn on the spot
+            (rad, of an arc without length) and cost.
+        gear_change: Cost of a change between forward and reverse.
         cell: Side of the grid that tells nodes apart, m.
         radius: Of the body, m.
         clearance: Gap to keep between the body and walls, m.
@@ -163,22 +156,19 @@ def search(
     heap[0], rank[0] = 0, GREED * first_left
     size = 1
     best, goal = 0, -1
-    # Every arc takes the same time, however short it is.
-    longest = np.abs(arcs[:, 0]).max()
     # Between two samples a wall's corner gets in by at most s**2 / 8 * (1 / radius + curvature).
     spacing = min(0.5 * point, math.sqrt(8.0 * CLEARANCE / (1.0 / radius + 1.0 / turning)))
-    # What of an arc does not depend on where it begins: its samples, half its turn, its chord and its price; and the
-    # first arc with the same turn, which ends in the same direction.
+    # What of an arc does not depend on where it begins: its samples, half its turn and its chord; and the first arc
+    # with the same turn, which ends in the same direction.
     samples, like = np.empty(arcs.shape[0], dtype=np.int64), np.empty(arcs.shape[0], dtype=np.int64)
-    halves, chords, prices = np.empty(arcs.shape[0]), np.empty(arcs.shape[0]), np.empty(arcs.shape[0])
+    halves, chords = np.empty(arcs.shape[0]), np.empty(arcs.shape[0])
     for index in range(arcs.shape[0]):
         distance, curvature = arcs[index, 0], arcs[index, 1]
-        number = math.ceil(abs(distance) / spacing)
-        half = 0.5 * distance * number / number * curvature
+        number = max(math.ceil(abs(distance) / spacing), 1)
+        half = 0.5 * distance * number / number * curvature + 0.5 * arcs[index, 2]
         chord = distance * number / number
         samples[index], halves[index] = number, half
         chords[index] = chord * (math.sin(half) / half if abs(half) > 1e-5 else 1.0 - half * half / 6.0)
-        prices[index] = longest * (REVERSE if distance < 0.0 else 1.0) * (TURNING if curvature != 0.0 else 1.0)
         like[index] = index
         for other in range(index - 1, -1, -1):
             like[index] = other if halves[other] == half else like[index]
@@ -212,9 +202,9 @@ def search(
             nx = px[node] + chords[index] * across[like[index]]
             ny = py[node] + chords[index] * up[like[index]]
             nh = ph[node] + 2.0 * half
-            price = prices[index]
+            price = arcs[index, 3]
             if by[node] >= 0 and (arcs[by[node], 0] < 0.0) != (distance < 0.0):
-                price += GEAR_CHANGE * turning
+                price += gear_change
             price += cost[node]
             turn = int64(math.floor(nh * (HEADINGS / (2.0 * math.pi)) + 0.5)) % HEADINGS
             cell_x, cell_y = int64(math.floor(nx / cell)), int64(math.floor(ny / cell))
@@ -229,17 +219,18 @@ def search(
                 other = nodes[slot]
             if other > 0 and cost[other] <= price:
                 continue
-            if not _is_free(
+            if distance != 0.0 and not _is_free(
                 blocked, room, closed, point, ox, oy, px[node], py[node], ph[node], distance, arcs[index, 1],
                 samples[index], radius + clearance,
             ):
                 continue
+            # A turn on the spot leaves the way as long as it was, even between two points.
             row = math.floor((math.floor(ny * units + 0.5) / units - oy) / point) - row0
             col = math.floor((math.floor(nx * units + 0.5) / units - ox) / point) - col0
             way = limit + 1
             if 0 <= row < left.shape[0] and 0 <= col < left.shape[1]:
                 way = int64(left[row, col])
-            there = way * (point / 100.0) if way <= limit else pleft[node] + abs(distance)
+            there = way * (point / 100.0) if way <= limit and distance != 0.0 else pleft[node] + abs(distance)
             if count >= most:
                 size = 0
                 break

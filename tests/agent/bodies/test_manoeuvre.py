@@ -17,7 +17,7 @@ from agent.routes.ground import Spot
 from agent.routes.path_window import FAR
 from patrol.ground.swept_path import advance, path_is_free
 from patrol.ground.terrain import Terrain
-from patrol.pose import Drive, Pose
+from patrol.pose import Drive, Pose, Twist
 from patrol.radio.units import CM_PER_M
 from tests.agent.plans import Robots, plan, prepared_in
 
@@ -142,19 +142,26 @@ def cluttered(seed: int, point: float) -> Terrain:
 
 
 ARCS = [(sign * share * 0.5, bend) for share in (1.0, 0.4) for sign in (1.0, -1.0) for bend in (0.0, 1.0, -1.0, 0.5)]
+"""Lengths in m, and curvatures in 1/m."""
+
+ON_THE_SPOT = (0.5, -0.5, 1.5, -1.5)
+"""Turns, rad."""
 
 
 MOST_NODES = 3000
 
 
-def found_in(terrain: Terrain, pose: Pose, left: np.ndarray, radius: float) -> list[int]:
-    """The arcs that a search finds, which ends 2 m nearer to the goal.
+def found_in(
+    terrain: Terrain, pose: Pose, left: np.ndarray, radius: float, *, turns: bool = False
+) -> list[Drive | Twist]:
+    """What a search finds, which ends 2 m nearer to the goal, as commands for 1 s.
 
     Args:
         terrain: The map.
         pose: Where it begins.
         left: float64 (h, w), the way left from each point, m.
         radius: Of the body, m.
+        turns: Whether the body turns on the spot, too.
     """
     found = np.zeros(MOST_ARCS, dtype=np.int64)
     nothing = np.zeros((0, 0), dtype=np.uint8)
@@ -162,10 +169,12 @@ def found_in(terrain: Terrain, pose: Pose, left: np.ndarray, radius: float) -> l
     lengths = np.where(hundredths <= limit, hundredths, FAR).astype(np.int32)
     first = float(left[terrain.point_at(pose.x, pose.y)])
     place = (terrain.point, *terrain.origin, pose.x, pose.y, pose.heading, first)
-    sizes = (0.2, radius, CLEARANCE, 1.0, 0.1, 2.0, CM_PER_M)
+    arcs = [(*arc, 0.0, 0.5) for arc in ARCS] + [(0.0, 0.0, turn, 0.5) for turn in (ON_THE_SPOT if turns else ())]
+    sizes = (0.3, 0.2, radius, CLEARANCE, 1.0, 0.1, 2.0, CM_PER_M)
     grids = (terrain.blocked, terrain.room, nothing, lengths, 0, 0, limit)
-    count = search(*grids, *place, np.array(ARCS), *sizes, MOST_NODES, found)
-    return [int(index) for index in found[:count]]
+    count = search(*grids, *place, np.array(arcs), *sizes, MOST_NODES, found)
+    moves = [Drive(*arc) for arc in ARCS] + [Twist(0.0, turn) for turn in ON_THE_SPOT]
+    return [moves[index] for index in found[:count]]
 
 
 @settings(max_examples=80)
@@ -176,18 +185,17 @@ def found_in(terrain: Terrain, pose: Pose, left: np.ndarray, radius: float) -> l
     heading=st.floats(-3.1, 3.1),
     x=st.floats(1.0, 7.0),
     y=st.floats(1.0, 7.0),
+    turns=st.booleans(),
 )
 def test_every_arc_that_is_found_is_free_and_they_lead_nearer(
-    seed: int, point: float, radius: float, heading: float, x: float, y: float
+    seed: int, point: float, radius: float, heading: float, x: float, y: float, turns: bool
 ) -> None:
     terrain = cluttered(seed, point)
     pose = Pose(x, y, heading)
     rows, cols = np.mgrid[0 : terrain.height, 0 : terrain.width]
     left = np.hypot((rows + 0.5) * point - 7.0, (cols + 0.5) * point - 7.0)
     start = pose
-    for index in found_in(terrain, pose, left, radius):
-        length, curvature = ARCS[index]
-        drive = Drive(length, curvature)
+    for drive in found_in(terrain, pose, left, radius, turns=turns):
         assert path_is_free(terrain, pose, drive, 1.0, radius)
         pose = advance(pose, drive, 1.0)
     if pose != start:
@@ -236,6 +244,20 @@ def test_where_no_way_leads_nothing_is_found() -> None:
     left[:, :25] += 10.0
     left[:, 24:25] = np.where(np.abs(rows[:, :1] - 40) < 2, 0.5, 20.0)
     assert found_in(terrain, Pose(2.45, 4.0, 0.0), left, 0.5) == []
+
+
+def test_in_a_corridor_as_wide_as_its_body_only_a_body_that_turns_on_the_spot_faces_the_way_out() -> None:
+    terrain = plan((8.0, 8.0), (3.5, 0.0, 4.5, 8.0))
+    rows, _ = np.mgrid[0:80, 0:80]
+    left = 8.0 - (rows + 0.5) * 0.1
+    across = Pose(4.0, 2.0, 0.0)
+    assert found_in(terrain, across, left, 0.45) == []
+    commands = found_in(terrain, across, left, 0.45, turns=True)
+    assert commands[0] == Twist(0.0, 1.5)
+    end = across
+    for command in commands:
+        end = advance(end, command, 1.0)
+    assert end.y >= 3.9
 
 
 def test_a_plan_is_driven_to_its_end_and_made_anew_only_when_needed(monkeypatch: pytest.MonkeyPatch) -> None:
