@@ -1,8 +1,9 @@
 """A body with two driven wheels: it drives arcs, forward and in reverse, and turns on the spot.
 
 Wherever a straight line leads, turning first and driving then gets it there. It drives an arc instead where that saves
-the turn. On its way to a place it drives in reverse where that needs the smaller turn, unless its sensor looks ahead
-only: out of a narrow room, for example.
+the turn. On its way to a place it searches for arcs and turns on the spot (`agent.bodies.manoeuvre`), in reverse too
+unless its sensor looks ahead only, and drives straight on the last bit. So it gets through a slanting slit, where the
+way bends at each point, without a stop at each bend.
 
 Its moves are hardly random, so two such robots that block each other in a corridor would do so for ever. A robot that
 keeps bumping therefore drives away from the nearest robot for a moment, forward or in reverse, whichever needs the
