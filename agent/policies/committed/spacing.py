@@ -62,9 +62,6 @@ PLAUSIBLE = 2.0
 LONG_BUMPED_S = 5.0
 """Time after a bump in which a robot does not wait, so that it does not block others, s."""
 
-CLEAR_RADII = 6.0
-"""A robot does not wait while one that drives another stretch of the tour is nearer than so many of its radii."""
-
 
 class Heard(NamedTuple):
     """The last position of a robot that was heard.
@@ -88,7 +85,6 @@ class Followed:
         spot: Where it was then, x and y in m.
         course: Direction in which it last drove, x and y; (0, 0) before it has.
         costs: float64, of each place (`agent.policies.committed.kernels.track.follow`).
-        until: Tick until which it is taken to be on its way to `place`.
     """
 
     place: int
@@ -96,7 +92,6 @@ class Followed:
     spot: Spot
     course: Spot
     costs: NDArray[np.float64]
-    until: int = -1
 
 
 @dataclass(slots=True)
@@ -245,10 +240,7 @@ class Spacing:
                 best = max(lengths), sum(lengths)
                 chosen = {number: slots[slot] for number, slot in zip(numbers, pairs, strict=True)}
         for number in numbers:
-            spot = heard[number].spot
-            way_m = math.dist(spot, tuple(self.tour[chosen[number], :2]))
-            self._enter(number, spot, view.tick, chosen[number])
-            self.robots[number].until = view.tick + 4 + math.ceil(2.0 * way_m / view.stride)
+            self._enter(number, heard[number].spot, view.tick, chosen[number])
         return chosen[self.number]
 
     def note(self, view: View) -> None:
@@ -286,10 +278,6 @@ class Spacing:
             robot.course = across / driven, up / driven
             robot.spot = spot
         robot.heard = heard
-        if heard < robot.until:
-            if math.dist(spot, tuple(self.tour[robot.place, :2])) > 2.0 * self.round.length_m / self.count:
-                return
-            robot.until = -1
         spacing = self.round.length_m / self.count
         robot.place = follow(robot.costs, self._scratch, self.tour, spacing, ticks, *spot, *robot.course)
 
@@ -313,7 +301,7 @@ class Spacing:
 
     def _is_too_near(self, view: View) -> bool:
         own = self.robots.get(self.number)
-        if own is None or len(self.robots) < 2 or any(robot.until > view.tick for robot in self.robots.values()):
+        if own is None or len(self.robots) < 2:
             return False
         if view.tick - self._bumped < LONG_BUMPED_S * view.spec.speed / view.stride:
             return False
@@ -326,10 +314,6 @@ class Spacing:
             if gap == 0 and number > self.number:
                 gap = self.count
             ahead, behind = min(ahead, gap), min(behind, self.count - gap)
-            apart = math.dist(self.heard[number].spot, (view.pose.x, view.pose.y))
-            on_another_stretch = self.along_m(min(gap, self.count - gap)) > 2.0 * apart + 4.0 * self.stride
-            if apart < CLEAR_RADII * view.spec.radius and on_another_stretch:
-                return False
         equal = self.count / len(self.robots)
         per_m = self.count / self.round.length_m
         places = min(self.slack_m * per_m, max(self.most_slack * equal, LEAST_STRIDES * self.stride * per_m))
