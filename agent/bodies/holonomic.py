@@ -66,6 +66,7 @@ class HolonomicBody(BodyBase):
         if found is None or start is None:
             return self._come_back(view)
         spot, bend = found
+        bend = self._farthest(spot, bend, view)
         bearing = math.atan2(bend[1] - pose.y, bend[0] - pose.x)
         if view.bumped and view.draw(0, Purpose.RANDOM_MOVE) < AFTER_BUMP:
             aside = self._aside(pose, TAU * view.draw(1, Purpose.RANDOM_MOVE))
@@ -83,6 +84,29 @@ class HolonomicBody(BodyBase):
             # It stands between points, and no straight line leads to the one that it joins.
             velocity, way = self._steering.towards(pose, out)
         return Choice(velocity, place.state, bearing, Goal(spot, bend))
+
+    def _farthest(self, spot: Spot, bend: Spot, view: View) -> Spot:
+        """Return the farthest of the bends within a step to which the body gets straight.
+
+        Ways run over the centres of points, so in a slanting slit they bend at each point. The body need not.
+
+        Args:
+            spot: Where the way ends, x and y in m.
+            bend: Where it first bends.
+            view: Of this tick.
+        """
+        pose, state = view.pose, view.ground.state
+        here, (to_row, to_col) = (pose.x, pose.y), view.point_of(spot)
+        farthest = at = bend
+        for _ in range(math.ceil(self.stride / self._point)):
+            row, col = view.point_of(at)
+            if math.dist(here, at) >= self.stride or (row, col) == (to_row, to_col) or not state[row + 1, col + 1]:
+                break
+            expected = round(100.0 * (2.0 * math.dist(at, spot) + self.stride) / self._point)
+            at = view.routes.way((row + 1, col + 1), (to_row + 1, to_col + 1), expected).bend
+            if self._steering.towards(pose, at)[1] >= min(self.stride, math.dist(here, at)) - BARELY:
+                farthest = at
+        return farthest
 
     def _aside(self, pose: Pose, bearing: float) -> Velocity | None:
         """Return a step in a direction, in rad; None where no route would lead on from its end."""

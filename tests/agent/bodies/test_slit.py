@@ -1,0 +1,39 @@
+"""Bodies in a slanting slit, where the way over the centres of points bends at each of them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from agent.ports import Place
+from patrol.ground.terrain import Terrain
+from patrol.pose import Pose
+from tests.agent.minds import STEP
+from tests.agent.plans import POINT, Robots, prepared_in
+
+SPEED = 1.0
+SLANT = 0.6
+"""Direction of the slit, rad."""
+
+
+def slit(width: float) -> Terrain:
+    """A slit of 12 m that joins two rooms, in the middle of 16 x 12 m."""
+    rows, cols = np.mgrid[0:120, 0:160]
+    x, y = (cols + 0.5) * POINT - 8.0, (rows + 0.5) * POINT - 6.0
+    along, across = x * math.cos(SLANT) + y * math.sin(SLANT), y * math.cos(SLANT) - x * math.sin(SLANT)
+    return Terrain("slit", (np.abs(along) > 6.0) | (np.abs(across) < 0.5 * width), POINT)
+
+
+@pytest.mark.parametrize("model", ["holonomic", "differential", "car"])
+@pytest.mark.parametrize("width", [0.88, 0.9, 1.0])
+def test_it_drives_through_a_slit_without_a_stop_at_each_bend(model: str, width: float) -> None:
+    across, up = 6.6 * math.cos(SLANT), 6.6 * math.sin(SLANT)
+    start, end = (8.0 - across, 6.0 - up), (8.0 + across, 6.0 + up)
+    body = {"model": model, "radius": 0.3, "speed": SPEED}
+    if model == "car":
+        body["turning_radius"] = 0.6
+    robots = Robots(prepared_in(slit(width), [Pose(*start, SLANT)], body), Place(*end))
+    robots.until_near(end, 0.15, round(1.1 * math.dist(start, end) / (SPEED * STEP)))
+    assert robots.bodies[0].collisions == 0
