@@ -134,6 +134,7 @@ class Committed:
         self._least_age = 0
         self._progress_at = 0
         self._on_round = False
+        self._was_at: tuple[float, float] | None = None
         self._may_be_away = bool(setup.docks)
         self._left_out_at: int | None = None
         self._decided_at = 0
@@ -200,7 +201,7 @@ class Committed:
             # The body has to find its way back to the reachable ground first.
             return Bearing((), wander=wander)
         if self._on_round and self.spacing is not None and self.spacing.waits(view):
-            self._progress_at = view.tick
+            self._progress_at, self._was_at = view.tick, None
             return Stay(state=State.PATROLLING, figures={"way_m": 0.0, "age_s": 0.0})
         way = self._kept(view, start) or self._chosen(view, start)
         target = self.target
@@ -298,7 +299,10 @@ class Committed:
             if way is None:
                 self.given_up.add(view.tick, stop.stand)
                 continue
-            if stop.age > 0 or way.length == 0.0:
+            # A car comes no nearer to where it parks. It goes on from there, because nothing is stale.
+            parked, self._was_at = self._was_at, (view.pose.x, view.pose.y)
+            arrived = way.length == 0.0 or (way.length <= view.stride and parked == self._was_at)
+            if stop.age > 0 or arrived:
                 ahead.cursor = stop.place
             else:
                 ahead.come_to(spacing.along_m(spacing.own_place))

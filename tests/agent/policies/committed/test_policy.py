@@ -135,6 +135,22 @@ class Held(Robots):
         return decisions
 
 
+@pytest.mark.parametrize("model", MODELS)
+def test_a_robot_drives_on_along_the_round_while_others_see_everything(model: str) -> None:
+    robots = {**BASE, "model": model, **({"turning_radius": 1.0} if model == "car" else {})}
+    prepared = prepared_in(two_rooms(), [CORNER], robots, patrol={"options": {"random_move": 0.0}})
+    one = Robots(prepared)
+    fog, moved = one.minds[0].belief.fog, []
+    for _ in range(200):
+        before = one.bodies[0].pose
+        one.tick()
+        fog.last_seen[prepared.patrolled] = one.k
+        moved.append(one.apart((before.x, before.y)) > 0.0)
+    assert policy_of(one).ahead is not None
+    halts = [len(list(run)) for drives, run in itertools.groupby(moved) if not drives]
+    assert max(halts, default=0) <= 5
+
+
 def test_who_comes_no_nearer_gives_up_and_leaves_the_place_out() -> None:
     robots = Held(alone(two_rooms()))
     changed = changes(robots, round(2.4 * (NO_NEARER_S + 2.0) / STEP) + robots.held_from)
