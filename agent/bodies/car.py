@@ -369,7 +369,7 @@ class CarBody(BodyBase):
                 setup.step,
                 lambda k: chance(k, 2, Purpose.UNSTUCK),
             )
-            moves = car_moves(setup.spec.speed, setup.spec.turning_radius, setup.step)
+            moves = car_moves(setup.spec, setup.step, setup.ground.terrain.point)
             self._manoeuvres = Manoeuvres(moves, setup.spec, setup.ground.terrain, self._steering.is_free, setup.step)
 
     def obey(self, intent: Intent, view: View) -> Choice:

@@ -74,7 +74,8 @@ class WheelSteering:
     """Steering of a robot that drives forward and backward, and turns, also on the spot.
 
     A step is possible where the body touches no wall, and a straight drive leads from its end to the ground that routes
-    run over. So the body can always come back from where it goes. One that is off that ground takes any step.
+    run over, so that the body can come back. One that is off that ground takes any step. Manoeuvres touch no wall
+    either, but may lead over places from which no route leads on.
 
     Attributes:
         stride: Longest way in one step, m.
@@ -395,7 +396,7 @@ class DifferentialBody(BodyBase):
         """Return a step towards a place, round others that are in the way."""
         pose, start, found = view.pose, view.start, way_of(place, view)
         if found is None or start is None:
-            return self._backing_off(place.state, view) or self._come_back(view)
+            return self._backing_off(place.state, view) or self._proceed(place.state, view) or self._come_back(view)
         spot, bend = found
         bearing, goal = math.atan2(bend[1] - pose.y, bend[0] - pose.x), Goal(spot, bend)
         if math.dist((pose.x, pose.y), spot) < BARELY:
@@ -416,6 +417,13 @@ class DifferentialBody(BodyBase):
             for target in targets
         )
         return self._take(options, place.state, view, self._towards_places)
+
+    def _proceed(self, state: str, view: View) -> Choice | None:
+        """Return the next step of a manoeuvre that leads over places from which no route leads on, to its end."""
+        if self._manoeuvres is None or view.bumped:
+            return None
+        command = self._manoeuvres.proceed(view.pose)
+        return None if command is None else Choice(command, state)
 
     def _manoeuvre(self, place: Place, way: tuple[Spot, Spot], view: View) -> Command | None:
         """Return the next step of arcs to near a place; None where there are none, or the policy leans aside.

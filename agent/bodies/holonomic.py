@@ -95,18 +95,30 @@ class HolonomicBody(BodyBase):
             bend: Where it first bends.
             view: Of this tick.
         """
-        pose, state = view.pose, view.ground.state
-        here, (to_row, to_col) = (pose.x, pose.y), view.point_of(spot)
+        pose, ground = view.pose, view.ground
+        here, target = (pose.x, pose.y), view.point_of(spot)
         farthest = at = bend
         for _ in range(math.ceil(self.stride / self._point)):
             row, col = view.point_of(at)
-            if math.dist(here, at) >= self.stride or (row, col) == (to_row, to_col) or not state[row + 1, col + 1]:
+            if math.dist(here, at) >= self.stride or (row, col) == target or not ground.open_now[row, col]:
                 break
             expected = round(100.0 * (2.0 * math.dist(at, spot) + self.stride) / self._point)
-            at = view.routes.way((row + 1, col + 1), (to_row + 1, to_col + 1), expected).bend
-            if self._steering.towards(pose, at)[1] >= min(self.stride, math.dist(here, at)) - BARELY:
+            at = view.routes.way((row + 1, col + 1), (target[0] + 1, target[1] + 1), expected).bend
+            gets_there = self._steering.towards(pose, at)[1] >= min(self.stride, math.dist(here, at)) - BARELY
+            if gets_there and not self._is_closed_to(at, view):
                 farthest = at
         return farthest
+
+    def _is_closed_to(self, spot: Spot, view: View) -> bool:
+        """Return True if something that is closed at this tick lies on the straight line to a spot."""
+        pose, ground = view.pose, view.ground
+        samples = math.ceil(2.0 * math.dist((pose.x, pose.y), spot) / self._point)
+        for sample in range(1, samples + 1):
+            share = sample / samples
+            point = view.point_of((pose.x + share * (spot[0] - pose.x), pose.y + share * (spot[1] - pose.y)))
+            if ground.static.open_now[point] and not ground.open_now[point]:
+                return True
+        return False
 
     def _aside(self, pose: Pose, bearing: float) -> Velocity | None:
         """Return a step in a direction, in rad; None where no route would lead on from its end."""

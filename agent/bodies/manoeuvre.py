@@ -105,35 +105,27 @@ class Moves:
 
     Attributes:
         each: The moves.
-        ticks: How many an arc takes.
         turning: Radius of the tightest arcs, m.
+        cell: Side of the grid that tells poses apart, m. Arcs that end in the cell where they began are left out.
     """
 
     each: list[Move]
-    ticks: int
     turning: float
+    cell: float
 
 
-def car_moves(speed: float, turning: float, step: float) -> Moves:
+def car_moves(spec: RobotSpec, step: float, point: float) -> Moves:
     """Return the moves of a car.
 
-    All of its arcs take the same time, however short they are, so they cost the same.
-
     Args:
-        speed: Top speed, m/s.
-        turning: Radius of the tightest arcs, m.
+        spec: The car's speed (m/s) and turning radius (m).
         step: s per tick.
+        point: Side of the terrain's points, m.
     """
-    ticks = max(1, math.ceil(LEAST_TURN * turning / (speed * step)))
-    moves = []
-    for share in (1.0, SHORT):
-        for sense in (1.0, -1.0):
-            for bend in TIGHTNESS:
-                drive = Drive(sense * share * speed, bend * (1.0 / turning))
-                length = ticks * step
-                cost = speed * length * (REVERSE if sense < 0.0 else 1.0) * (TURNING if bend != 0.0 else 1.0)
-                moves.append(Move(drive, ticks, (drive.speed * length, drive.curvature, 0.0, cost)))
-    return Moves(moves, ticks, turning)
+    stride = spec.speed * step
+    ticks = max(1, math.ceil(LEAST_TURN * spec.turning_radius / stride))
+    moves = _arcs(spec.speed, spec.turning_radius, ticks, step)
+    return Moves(moves, spec.turning_radius, max(0.5 * stride * ticks * SHORT, point))
 
 
 def wheel_moves(spec: RobotSpec, step: float, *, reverses: bool) -> Moves:
@@ -144,22 +136,37 @@ def wheel_moves(spec: RobotSpec, step: float, *, reverses: bool) -> Moves:
         step: s per tick.
         reverses: Whether it also drives in reverse.
     """
-    as_a_car = car_moves(spec.speed, TIGHTEST_RADII * spec.radius, step)
+    stride, turning = spec.speed * step, TIGHTEST_RADII * spec.radius
+    slowest = 1.0 / (1.0 + spec.radius / turning)
+    ticks = max(1, math.ceil(LEAST_TURN * turning / (slowest * stride)))
     moves = []
-    for move in as_a_car.each:
+    for move in _arcs(spec.speed, turning, ticks, step):
         length, curvature, _, cost = move.arc
         slower = 1.0 / (1.0 + spec.radius * abs(curvature))
-        speed = slower * length / (move.ticks * step)
+        speed = slower * length / (ticks * step)
         if length > 0.0 or reverses:
             twist = Twist(speed, speed * curvature)
-            moves.append(Move(twist, move.ticks, (slower * length, curvature, 0.0, cost)))
+            moves.append(Move(twist, ticks, (slower * length, curvature, 0.0, cost)))
     most = spec.speed / spec.radius * step
     for share in TURNS:
         turn = share * math.pi
-        ticks = max(1, math.ceil(abs(turn) / most))
-        cost = spec.speed * ticks * step * TURNING
-        moves.append(Move(Twist(0.0, turn / (ticks * step)), ticks, (0.0, 0.0, turn, cost)))
-    return Moves(moves, as_a_car.ticks, as_a_car.turning)
+        needed = max(1, math.ceil(abs(turn) / most))
+        cost = stride * needed * TURNING
+        moves.append(Move(Twist(0.0, turn / (needed * step)), needed, (0.0, 0.0, turn, cost)))
+    return Moves(moves, turning, 0.5 * stride * ticks * SHORT)
+
+
+def _arcs(speed: float, turning: float, ticks: int, step: float) -> list[Move]:
+    """Return a car's arcs. All take the same time, however short they are, so they cost the same."""
+    moves = []
+    for share in (1.0, SHORT):
+        for sense in (1.0, -1.0):
+            for bend in TIGHTNESS:
+                drive = Drive(sense * share * speed, bend * (1.0 / turning))
+                length = ticks * step
+                cost = speed * length * (REVERSE if sense < 0.0 else 1.0) * (TURNING if bend != 0.0 else 1.0)
+                moves.append(Move(drive, ticks, (drive.speed * length, drive.curvature, 0.0, cost)))
+    return moves
 
 
 class Manoeuvres:
@@ -193,7 +200,7 @@ class Manoeuvres:
         # Ways are measured between the centres of points, so the body may be this much farther away.
         self.parking = self._near + OFF_CENTRES * terrain.point
         self._arcs = np.array([move.arc for move in moves.each])
-        self._cell = max(0.5 * stride * moves.ticks * SHORT, terrain.point)
+        self._cell = moves.cell
         self._plan: deque[Command] = deque()
         self._place: Spot | None = None
         self._exact = False
@@ -218,7 +225,7 @@ class Manoeuvres:
         off = math.inf if self._place is None or exact != self._exact else math.dist(self._place, place)
         if off > (0.0 if exact else self._near):
             self.drop()
-        if not self._goes_on(view.pose):
+        if not self._goes_on(view.pose) or self._is_closed_ahead(view):
             self.drop()
             self._approach(view, place, exact=exact)
         return self._take(view.pose)
@@ -262,6 +269,17 @@ class Manoeuvres:
             and bool(self._plan)
             and self._is_free(pose, self._plan[0])
         )
+
+    def _is_closed_ahead(self, view: View) -> bool:
+        """Return True if the next step leads from open ground onto a point that has been closed since the search."""
+        closed = self._closed(view)
+        if closed.size == 0 or not self._plan:
+            return False
+        for share in (0.5, 1.0):
+            end = advance(view.pose, self._plan[0], share * self._step)
+            if closed[view.point_of((end.x, end.y))]:
+                return True
+        return False
 
     def _take(self, pose: Pose) -> Command | None:
         """Return the first step of the plan; None without one that is free."""
