@@ -1,8 +1,9 @@
-"""Cars in corridors: three-point turns, ways out in reverse, and ways round what is closed."""
+"""Manoeuvres of cars and differential robots: three-point turns, ways out in reverse, ways round what is closed."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,17 +12,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agent.bodies.kernels.manoeuvre import CLEARANCE, _fits, _is_free, search
-from agent.bodies.manoeuvre import MOST_ARCS
+from agent.bodies.manoeuvre import MOST_ARCS, wheel_moves
 from agent.ports import Place, State
 from agent.routes.ground import Spot
 from agent.routes.path_window import FAR
 from patrol.ground.swept_path import advance, path_is_free
 from patrol.ground.terrain import Terrain
-from patrol.pose import Drive, Pose, Twist
+from patrol.pose import Drive, Pose, Twist, wrap
 from patrol.radio.units import CM_PER_M
+from patrol.scenario import RobotSpec
+from tests.agent.minds import STEP
 from tests.agent.plans import Robots, plan, prepared_in
 
 RADIUS, TURNING, SPEED = 0.5, 1.0, 1.0
+SPEC = RobotSpec(1, "r1", "differential", SPEED, RADIUS, TURNING, None)
 CAR = {"model": "car", "radius": RADIUS, "turning_radius": TURNING, "speed": SPEED}
 
 
@@ -124,6 +128,33 @@ def test_a_place_close_by_round_a_corner_is_reached() -> None:
     terrain = plan((8.0, 8.0), (0.0, 0.0, 8.0, 3.8), (0.0, 4.2, 8.0, 8.0), (5.5, 3.8, 8.0, 4.2))
     robots = car(terrain, Pose(4.9, 3.0, 0.0), (5.0, 5.0))
     robots.until_near((5.0, 5.0), 0.8, 60)
+
+
+@pytest.mark.parametrize(("point", "radius", "speed"), [(0.5, 0.15, 0.2), (0.5, 0.2, 0.5), (0.25, 0.1, 0.2)])
+def test_a_small_slow_robot_gets_across_a_hall_of_large_points(point: float, radius: float, speed: float) -> None:
+    terrain = Terrain("hall", np.ones((round(10.0 / point), round(10.0 / point)), dtype=np.bool_), point)
+    body = {"model": "differential", "radius": radius, "speed": speed}
+    robots = Robots(prepared_in(terrain, [Pose(1.1, 1.2, 2.5)], body), Place(8.6, 8.3))
+    robots.until_near((8.6, 8.3), 0.5 * point, round(1.5 * math.dist((1.1, 1.2), (8.6, 8.3)) / (speed * STEP)))
+
+
+def test_a_differential_robot_that_sees_ahead_only_does_not_reverse() -> None:
+    both, ahead = (wheel_moves(SPEC, STEP, reverses=reverses).each for reverses in (True, False))
+    assert any(move.arc[0] < 0.0 for move in both)
+    assert [move for move in both if move.arc[0] >= 0.0] == ahead
+
+
+@settings(max_examples=100)
+@given(radius=st.floats(0.05, 2.0), speed=st.floats(0.05, 5.0), step=st.floats(0.05, 1.0))
+def test_all_moves_are_within_the_limits_of_the_wheels(radius: float, speed: float, step: float) -> None:
+    spec = replace(SPEC, radius=radius, speed=speed)
+    for move in wheel_moves(spec, step, reverses=True).each:
+        assert move.command.is_within(spec.limits)
+        end = advance(Pose(0.0, 0.0, 0.0), move.command, move.ticks * step)
+        length, curvature, turn, _ = move.arc
+        assert end.heading == pytest.approx(wrap(length * curvature + turn), abs=1e-9)
+        if length == 0.0:
+            assert (end.x, end.y) == (0.0, 0.0)
 
 
 # --- the search alone ------------------------------------------------------------------------------------------------
