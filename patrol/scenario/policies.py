@@ -184,7 +184,7 @@ class PatrolSpec(Section):
     )
     give_way: Flag = Field(True, description="of two robots that bumped, one goes round the other, or goes back")
     manoeuvres: Flag = Field(
-        True, description="cars make three-point turns and back out; all find back to the ground of routes"
+        True, description="cars and differential robots search for arcs; all find back to the ground of routes"
     )
     goal_distance: AutoPositive = Field(
         AUTO, description="m, from the robot to its goal; auto: 2.5 strides, at least 5.5 radii"
