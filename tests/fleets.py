@@ -1,4 +1,4 @@
-"""What tests of whole fleets have in common: a quick scenario, what a viewer is told, and processes one by one."""
+"""Helpers of tests of whole fleets: a quick scenario, what a viewer is told, and processes one by one."""
 
 from __future__ import annotations
 

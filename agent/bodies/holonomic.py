@@ -111,12 +111,12 @@ class HolonomicBody(BodyBase):
 
     def _is_closed_to(self, spot: Spot, view: View) -> bool:
         """Return True if something that is closed at this tick lies on the straight line to a spot."""
-        pose, ground = view.pose, view.ground
+        pose = view.pose
         samples = math.ceil(2.0 * math.dist((pose.x, pose.y), spot) / self._point)
         for sample in range(1, samples + 1):
             share = sample / samples
             point = view.point_of((pose.x + share * (spot[0] - pose.x), pose.y + share * (spot[1] - pose.y)))
-            if ground.static.open_now[point] and not ground.open_now[point]:
+            if view.ground.is_closed(*point):
                 return True
         return False
 

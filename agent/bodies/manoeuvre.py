@@ -101,7 +101,7 @@ class Move:
 
 @dataclass(frozen=True, slots=True)
 class Moves:
-    """What a body can do.
+    """The moves of a body, and what they have in common.
 
     Attributes:
         each: The moves.
@@ -272,14 +272,11 @@ class Manoeuvres:
 
     def _is_closed_ahead(self, view: View) -> bool:
         """Return True if the next step leads from open ground onto a point that has been closed since the search."""
-        closed = self._closed(view)
-        if closed.size == 0 or not self._plan:
+        pose, ground = view.pose, view.ground
+        if not self._plan or ground.is_closed(*view.point_of((pose.x, pose.y))):
             return False
-        for share in (0.5, 1.0):
-            end = advance(view.pose, self._plan[0], share * self._step)
-            if closed[view.point_of((end.x, end.y))]:
-                return True
-        return False
+        ends = (advance(pose, self._plan[0], share * self._step) for share in (0.5, 1.0))
+        return any(ground.is_closed(*view.point_of((end.x, end.y))) for end in ends)
 
     def _take(self, pose: Pose) -> Command | None:
         """Return the first step of the plan; None without one that is free."""
@@ -375,13 +372,9 @@ class Manoeuvres:
     def _closed(self, view: View) -> NDArray[np.uint8]:
         """The points that are closed at this tick; of size 0 where there are none or the body is on one of them."""
         ground = view.ground
-        row, col = self._terrain.point_at(view.pose.x, view.pose.y)
-        if ground.static is ground:
+        if ground.static is ground or ground.is_closed(*self._terrain.point_at(view.pose.x, view.pose.y)):
             return np.zeros((0, 0), dtype=np.uint8)
-        closed = ground.static.open_now & ~ground.open_now
-        if closed[row, col]:
-            return np.zeros((0, 0), dtype=np.uint8)
-        return closed.view(np.uint8)
+        return (ground.static.open_now & ~ground.open_now).view(np.uint8)
 
 
 def _paths_to(point: tuple[int, int], ground: Ground, within: float) -> BoxPaths:

@@ -109,6 +109,15 @@ class Ground:
             self._static = Ground(self.terrain, self._reach)
         return self._static
 
+    def is_closed(self, row: int, col: int) -> bool:
+        """Return True if the robot's centre may be on a point of the terrain, but not at this tick.
+
+        Args:
+            row: Of the terrain.
+            col: Of the terrain.
+        """
+        return bool(self.static.open_now[row, col] and not self.open_now[row, col])
+
     def begin(self, discs: Sequence[Disc]) -> None:
         """Begin a tick: open everything again, then close the points whose centres lie within some discs.
 

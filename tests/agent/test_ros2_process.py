@@ -1,4 +1,4 @@
-"""How the process of a ROS 2 robot finds the robot: when its localisation is told where it is, and when it is not."""
+"""The search for a ROS 2 robot by its process: its localisation is told where it is only if it does not know."""
 
 from __future__ import annotations
 

@@ -124,7 +124,7 @@ def test_bumped_again_and_again_it_waits_now_and_then_and_finally_gets_itself_un
 
 
 def test_a_place_close_by_round_a_corner_is_reached() -> None:
-    """Where little of the way is left and a wall is in between, the car neither parks nor swings."""
+    """The car neither parks nor swings where little of the way is left and a wall is in between."""
     terrain = plan((8.0, 8.0), (0.0, 0.0, 8.0, 3.8), (0.0, 4.2, 8.0, 8.0), (5.5, 3.8, 8.0, 4.2))
     robots = car(terrain, Pose(4.9, 3.0, 0.0), (5.0, 5.0))
     robots.until_near((5.0, 5.0), 0.8, 60)
@@ -185,7 +185,7 @@ MOST_NODES = 3000
 def found_in(
     terrain: Terrain, pose: Pose, left: np.ndarray, radius: float, *, turns: bool = False
 ) -> list[Drive | Twist]:
-    """What a search finds, which ends 2 m nearer to the goal, as commands for 1 s.
+    """Return the commands, each for 1 s, of a search that ends 2 m nearer to the goal.
 
     Args:
         terrain: The map.

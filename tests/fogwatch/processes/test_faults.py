@@ -54,7 +54,7 @@ def rows(run: Run, number: int, first: int = 0) -> list[RobotTick]:
 
 
 def each(run: Run, first: int, what: Callable[[RobotTick], bool]) -> bool:
-    """Whether it was so of each robot in some tick, from the first on."""
+    """Return True if it was so of each robot in some tick, from the first on."""
     columns = list(zip(*(tick.robots for tick in ticks(run, first)), strict=True))
     return bool(columns) and all(any(map(what, column)) for column in columns)
 
