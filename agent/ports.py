@@ -85,7 +85,7 @@ class Place:
         x: m.
         y: m. A place that no way leads to stands for the nearest one that can be reached.
         bend: Where the shortest way there first bends, x and y in m; the body looks for it itself where this is None.
-            A car or a differential robot that manoeuvres goes by the place alone.
+            A car goes by the place alone, and so does a differential robot between bends that are close together.
         lean: A point to head for in place of the bend as long as that leads on, such as one pushed aside by others.
         wander: A direction, rad, to be taken for this one step instead where the body can; None for none.
         exact: Whether a car that is as near as one step brings it goes on until it is on the very point of the place.

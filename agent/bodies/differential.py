@@ -1,9 +1,9 @@
 """A body with two driven wheels: it drives arcs, forward and in reverse, and turns on the spot.
 
 Wherever a straight line leads, turning first and driving then gets it there. It drives an arc instead where that saves
-the turn. On its way to a place it searches for arcs and turns on the spot (`agent.bodies.manoeuvre`), in reverse too
-unless its sensor looks ahead only, and drives straight on the last bit. So it gets through a slanting slit, where the
-way bends at each point, without a stop at each bend.
+the turn. On its way to a place it drives so on long straight stretches and on the last bit. Elsewhere it searches for
+arcs and turns on the spot (`agent.bodies.manoeuvre`), in reverse too unless its sensor looks ahead only. So it gets
+through a slanting slit, where the way bends at each point, without a stop at each bend.
 
 Its moves are hardly random, so two such robots that block each other in a corridor would do so for ever. A robot that
 keeps bumping therefore drives away from the nearest robot for a moment, forward or in reverse, whichever needs the
@@ -38,6 +38,9 @@ GENTLY = 0.3
 
 ALIGNED = 1e-12
 """A smaller misalignment is rounding, rad: a step in this direction is straight."""
+
+STRAIGHT_RADII = 5.0
+"""A body does without a search where its way leads straight for so many of its radii: arcs would miss the line."""
 
 WORTH_DRIVING = 0.05
 """The body turns on the spot where an arc would leave less than this share of its speed."""
@@ -437,10 +440,17 @@ class DifferentialBody(BodyBase):
             return None
         spot, bend = way
         is_near = bend == spot and math.dist((view.pose.x, view.pose.y), spot) < self._manoeuvres.parking
-        if view.bumped or is_near:
+        if view.bumped or is_near or self._leads_straight(bend, view):
             self._manoeuvres.drop()
             return None
         return self._manoeuvres.next(view, spot)
+
+    def _leads_straight(self, bend: Spot, view: View) -> bool:
+        """Return True if the way is straight and free of walls for long, up to where it first bends."""
+        here, radius = (view.pose.x, view.pose.y), self.spec.radius
+        return math.dist(here, bend) >= STRAIGHT_RADII * radius and line_is_free(
+            view.ground.terrain, here, bend, radius
+        )
 
     def _come_back(self, view: View) -> Choice:
         """A step of a robot that is off the reachable points, back to them; it holds where no way leads there."""

@@ -1,4 +1,4 @@
-"""Bodies in a slanting slit, where the way over the centres of points bends at each of them."""
+"""Bodies in a slanting slit, where the way over the centres of points bends at each of them, and in a hall."""
 
 from __future__ import annotations
 
@@ -37,3 +37,14 @@ def test_it_drives_through_a_slit_without_a_stop_at_each_bend(model: str, width:
     robots = Robots(prepared_in(slit(width), [Pose(*start, SLANT)], body), Place(*end))
     robots.until_near(end, 0.15, round(1.1 * math.dist(start, end) / (SPEED * STEP)))
     assert robots.bodies[0].collisions == 0
+
+
+@pytest.mark.parametrize("askew", [0.37, -0.5, 1.3])
+def test_a_differential_robot_drives_straight_across_a_hall(askew: float) -> None:
+    start, end, speed = (1.0, 2.0), (15.0, 9.0), 0.35
+    bearing = math.atan2(end[1] - start[1], end[0] - start[0])
+    hall = Terrain("hall", np.ones((120, 160), dtype=np.bool_), POINT)
+    body = {"model": "differential", "radius": 0.3, "speed": speed}
+    robots = Robots(prepared_in(hall, [Pose(*start, bearing + askew)], body), Place(*end))
+    needs_s = math.dist(start, end) / speed + abs(askew) * 0.3 / speed
+    robots.until_near(end, 0.15, round(1.03 * needs_s / STEP))
