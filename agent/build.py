@@ -205,6 +205,7 @@ def build_mind(
             docks=scenario.docks,
             charged=frozenset(robot.number for robot in scenario.roster if robot.battery is not None),
         ),
+        shared.speed_limits,
     )
     body = BODIES[spec.model](
         BodySetup(
@@ -268,7 +269,7 @@ def _rounds(scenario: Scenario, terrain: Terrain, lengths: BodyLengths, kind: Po
     return min(round(lengths.dilatation / scenario.point), terrain.height + terrain.width)
 
 
-def _policy_of(kind: PolicyKind, setup: PolicySetup) -> Policy:
+def _policy_of(kind: PolicyKind, setup: PolicySetup, speed_limits: SpeedLimits) -> Policy:
     """Make a policy of a kind, beside the one that surrounds intruders and, where there are docks, the watch.
 
     Raises:
@@ -281,7 +282,7 @@ def _policy_of(kind: PolicyKind, setup: PolicySetup) -> Policy:
             raise
         why = f"{type(error).__name__}: {error}{raised_at(error)}"
         raise PolicyFailed(f"policy {kind.name}: cannot be made for {setup.spec.name}: {why}") from error
-    return Charging(setup, policy) if setup.docks else policy
+    return Charging(setup, policy, speed_limits) if setup.docks else policy
 
 
 def _sending(scenario: Scenario, terrain: Terrain) -> Sending:
