@@ -183,7 +183,7 @@ class Mind:
         zones = self.facts.zones
         if sensed.zones is None:
             return zones_in_force(zones, sensed.k * self.facts.step)
-        return frozenset(zones[number].name for number in sensed.zones if number < len(zones))
+        return frozenset(zones[number].name for number in sensed.zones)
 
     def _leave_out_blocked(self, blocked: Blocked, pose: Pose) -> None:
         """Close what is believed blocked for this tick, and leave what lies behind it out of the policy's fog."""

@@ -102,7 +102,8 @@ def _patrol(mind: Mind, scenario: Scenario, meeting: Meeting, on_air: str | None
     alive = process.notifier.alive
     # A launcher ends its agents when the world is gone; until then the world may be slow, or the router stand still.
     patience_s = process.patience_s
-    robot = join(link, keys, identity, len(scenario.roster), ending, patience_s, waiting, blind_s, spec.model, alive)
+    counts = len(scenario.roster), len(scenario.zones)
+    robot = join(link, keys, identity, *counts, ending, patience_s, waiting, blind_s, spec.model, alive)
     telemetry = TelemetrySender(link.publisher(keys.telemetry(spec.name)))
     radio: SimRobot | DirectRadio = robot
     if scenario.radio.via == "direct":

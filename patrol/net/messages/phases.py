@@ -290,13 +290,19 @@ def encode(message: ToRobot | ToWorld) -> bytes:
     return packed
 
 
-def decode_to_robot(payload: bytes) -> ToRobot:
+def decode_to_robot(payload: bytes, zones: int = MOST_ZONES) -> ToRobot:
     """Decode a message from the world.
+
+    Args:
+        payload: The bytes.
+        zones: How many zones the scenario has.
 
     Raises:
         Malformed: The bytes are not a message to a robot. No other exception is raised, whatever the bytes.
     """
     message: ToRobot = _decode(payload, _TO_ROBOT)
+    if isinstance(message, PhaseA) and (number := max(message.sensed.zones or (), default=-1)) >= zones:
+        raise Malformed(f"zone {number} is in force, and the scenario's {zones} are numbered from 0")
     return message
 
 

@@ -49,7 +49,7 @@ poses = st.builds(Pose, finite, finite, finite)
 pairs = st.lists(st.tuples(finite, finite), max_size=MAX_CONTACTS).map(tuple)
 
 
-zones = st.none() | st.lists(counts, max_size=MOST_ZONES).map(tuple)
+zones = st.none() | st.lists(st.integers(0, MOST_ZONES - 1), max_size=MOST_ZONES).map(tuple)
 
 
 def phase_a(
@@ -192,6 +192,18 @@ def test_hostile_bytes_are_malformed(payload: bytes) -> None:
 def test_an_oversized_reply_is_malformed() -> None:
     with pytest.raises(Malformed, match="at most"):
         decode_to_world(encode(ReplyA(1, 1, 0, 9, (bytes(MAX_REPLY),))))
+
+
+@pytest.mark.parametrize(("in_force", "zones", "known"), [((0, 1), 2, True), ((0, 2), 2, False), ((0,), 0, False)])
+def test_a_zone_that_the_scenario_does_not_have_is_malformed(
+    in_force: tuple[int, ...], zones: int, known: bool
+) -> None:
+    payload = encode(PhaseA(1, 1, 0, 9, Sensed(0, Pose(1.0, 2.0, 3.0), zones=in_force), bytes(PROOF)))
+    if known:
+        assert isinstance(decode_to_robot(payload, zones), PhaseA)
+        return
+    with pytest.raises(Malformed, match=rf"zone {in_force[-1]} is in force, and the scenario's {zones} "):
+        decode_to_robot(payload, zones)
 
 
 def test_a_pose_that_is_not_finite_is_malformed() -> None:
