@@ -59,7 +59,7 @@ def _run(process: ProcessContext) -> int:
     from agent.own_robot import mind_of, spec_of
     from patrol.net.keys import check_radio
     from patrol.net.security.roles import Kind
-    from patrol.scenario import load_scenario
+    from patrol.scenario import load_scenario, naming
 
     options = process.options
     meeting = process.meet(Kind.ROBOT)
@@ -67,7 +67,8 @@ def _run(process: ProcessContext) -> int:
     on_air = check_radio(options.radio, "--radio", scenario.radio.via)
     spec = spec_of(scenario, robot_named(options.robot, meeting.credentials), "--robot")
     process.follow(spec.name, fleet=meeting.keys.fleet)
-    _, mind = mind_of(process, scenario, spec, options.incarnation)
+    with naming(options.scenario):
+        _, mind = mind_of(process, scenario, spec, options.incarnation)
     return _patrol(mind, scenario, meeting, on_air, process)
 
 

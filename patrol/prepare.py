@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from patrol.closures import closure_points
-from patrol.errors import BadInput
+from patrol.errors import BadInput, NotPrepared
 from patrol.ground.closed import ChangingFootprint
 from patrol.ground.fields import StaticFields, compute_fields, load_grid
 from patrol.ground.footprint import REMEMBERED, Footprint
@@ -180,11 +180,18 @@ def prepare(scenario: Scenario, terrain: Terrain | None = None) -> Prepared:
         terrain: The ground, if the caller has it.
 
     Raises:
-        BadInput: For an unusable map, for intruders and critical areas that are not on passable ground, for docks that
-            no robot gets to, for closures off the ground or on a start or dock, for starts that do not fit, for zones
-            that no robot sees, for a graph that is not all on the terrain, for vertices that are to be patrolled and
-            that no robot sees, for bodies too wide for the terrain and for regions that do not make a split.
+        NotPrepared: For an unusable map, for intruders and critical areas that are not on passable ground, for docks
+            that no robot gets to, for closures off the ground or on a start or dock, for starts that do not fit, for
+            zones that no robot sees, for a graph that is not all on the terrain, for vertices that are to be patrolled
+            and that no robot sees, for bodies too wide for the terrain and for regions that do not make a split.
     """
+    try:
+        return _prepared(scenario, terrain)
+    except BadInput as error:
+        raise NotPrepared(str(error)) from None
+
+
+def _prepared(scenario: Scenario, terrain: Terrain | None) -> Prepared:
     from patrol.ground.maps import load_terrain  # here: loading a prepared scenario needs neither
     from patrol.starts import place_starts
 
