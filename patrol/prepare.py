@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from patrol.graph.graph import Graph
     from patrol.journal.records import Event
     from patrol.regions.split import RegionSplit
-    from patrol.scenario import IntruderSpec, Scenario
+    from patrol.scenario import ClosureSpec, IntruderSpec, Scenario
 
 TICKS_APART = 4
 """Most ticks between two robots of a fleet where the world waits for none of them."""
@@ -201,7 +201,8 @@ def _prepared(scenario: Scenario, terrain: Terrain | None) -> Prepared:
         check_intruder(intruder, terrain, f"intruders.{number}.place")
     _check_critical_areas(scenario, terrain)
     _check_graph(scenario, terrain)
-    starts = tuple(place_starts(terrain, scenario.roster, scenario.seed))
+    all_closed = _with_closed(terrain, scenario.closures) if scenario.closures else None
+    starts = tuple(place_starts(terrain, scenario.roster, scenario.seed, all_closed))
     by_radius: dict[float, StaticFields] = {}
     for radius in sorted({spec.radius for spec in scenario.roster}):
         own = [start for spec, start in zip(scenario.roster, starts, strict=True) if spec.radius == radius]
@@ -345,14 +346,11 @@ def _check_closures(scenario: Scenario, terrain: Terrain, starts: Sequence[Pose]
 
     for number, closure in enumerate(scenario.closures):
         where = f"closures.{number}.polygon: {closure.name}"
-        points = closure_points(closure, terrain)
-        if not points.size:
+        if not closure_points(closure, terrain).size:
             xmin, ymin, xmax, ymax = terrain.bounds
             span = f"spans x {xmin:g} to {xmax:g} m and y {ymin:g} to {ymax:g} m"
             raise BadInput(f"{where} holds no passable ground of {terrain.name}, which {span}; move or drop it")
-        closed = np.zeros(terrain.shape, dtype=np.bool_)
-        closed.reshape(-1)[points] = True
-        ground = Terrain(terrain.name, terrain.passable & ~closed, terrain.point, terrain.origin)
+        ground = _with_closed(terrain, [closure])
         for spec, start in zip(scenario.roster, starts, strict=True):
             if free_fraction(ground, start, start, spec.radius) < 1.0:
                 at = f"({start.x:g}, {start.y:g})"
@@ -362,6 +360,14 @@ def _check_closures(scenario: Scenario, terrain: Terrain, starts: Sequence[Pose]
             widest = max(spec.radius for spec in scenario.roster if spec.battery is not None)
             if free_fraction(ground, pose, pose, widest) < 1.0:
                 raise BadInput(f"{where} lies on docks.{place}; move one of them")
+
+
+def _with_closed(terrain: Terrain, closures: Sequence[ClosureSpec]) -> Terrain:
+    """Return the ground with some closures closed."""
+    passable = terrain.passable.copy()
+    for closure in closures:
+        passable.reshape(-1)[closure_points(closure, terrain)] = False
+    return Terrain(terrain.name, passable, terrain.point, terrain.origin)
 
 
 def _check_graph(scenario: Scenario, terrain: Terrain) -> None:
