@@ -11,7 +11,7 @@ from patrol.exchange import FIRST_INCARNATION, Reply, Sensed
 from patrol.ground.closed import ChangingFootprint
 from patrol.ground.speed_limits import SpeedLimits
 from patrol.journal import Event, RobotTick, Status, TickRecord
-from patrol.journal.records import FORGED
+from patrol.journal.records import FORGED, IN_FORCE, OUT_OF_FORCE
 from patrol.pose import Pose, slowed
 from patrol.prepare import check_intruder, sensor_footprint
 from patrol.radio.message import MAX_FRAMES
@@ -109,11 +109,15 @@ class World:
         return [number for number, body in self.bodies.items() if body.alive]
 
     def close_and_open(self) -> Iterator[Event]:
-        """Between ticks: close and open what is due before the next one.
+        """Between ticks: close and open what is due before the next one, and let zones begin and end.
 
         Yields:
             The events for the journal.
         """
+        in_force = zones_in_force(self.scenario.zones, self.tick * self.step)
+        for zone in self.scenario.zones if self.tick else ():
+            if (zone.name in in_force) != (zone.name in self._zones):
+                yield Event(self.tick, IN_FORCE if zone.name in in_force else OUT_OF_FORCE, None, zone.name)
         if isinstance(self.truth.footprint, ChangingFootprint):
             yield from self.closures.tick(self.tick, self.bodies, self.truth.footprint)
 

@@ -8,7 +8,7 @@ import pytest
 
 from experiments.inprocess import run_in_process
 from patrol.errors import BadInput
-from patrol.journal.records import Event
+from patrol.journal.records import IN_FORCE, OUT_OF_FORCE, Event
 from patrol.prepare import prepare
 from patrol.scenario import load_scenario
 from patrol.scenario.control_words import described
@@ -51,6 +51,14 @@ def test_what_is_switched_is_judged_and_gives_the_same_trace_again() -> None:
     assert verdict.valid, verdict.failed
     (slow,) = (check for check in verdict.checks if check.name == "slow zones")
     assert slow.detail == "120 steps in 1 slow zones, none too fast"  # of the last of 30 + 1 ticks nothing follows
+    turns = [(event.k, event.kind, event.detail) for event in journal.events if event.kind in (IN_FORCE, OUT_OF_FORCE)]
+    assert turns == [
+        (9, OUT_OF_FORCE, "vault"),
+        (20, IN_FORCE, "ward"),
+        (21, OUT_OF_FORCE, "ward"),
+        (30, IN_FORCE, "vault"),
+        (30, IN_FORCE, "ward"),
+    ]
     again = run_in_process(prepared.as_operated(journal.events), threads=1)
     assert again.verdict.valid, again.verdict.failed
     assert journal.end is not None
@@ -67,7 +75,7 @@ def test_a_verdict_that_knows_nothing_of_the_operator_does_not_see_slow_zones_ke
     journal, *_ = run(prepared, {9: [switch("ward", False)]})
     assert judge(journal, {}, prepared).valid
     journal.events = tuple(event for event in journal.events if event.kind != OPERATOR)
-    assert {check.name for check in judge(journal, {}, prepared).failed} == {"slow zones"}
+    assert {check.name for check in judge(journal, {}, prepared).failed} == {"slow zones", "zone times"}
 
 
 def test_the_zones_in_force_follow_the_switches_and_keep_their_past() -> None:
