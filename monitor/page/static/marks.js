@@ -45,7 +45,7 @@ export function drawZones(map) {
       }
       c.stroke();
     }
-    if (on) label(c, zone.label, ...map.toScreen(...zone.at), "center", r);
+    if (on) labelMark(map, zone.label, ...map.toScreen(...zone.at), 0, false);
   }
   c.setLineDash([]);
 }

@@ -25,6 +25,17 @@ ZONES: list[dict[str, Any]] = [
 ]
 LISTED = "[...document.querySelectorAll('#zonelist li')].map((one) => one.innerText.split('\\n').join('|'))"
 
+NOTE_LABELS = """(() => {
+  const { prototype } = CanvasRenderingContext2D, draw = prototype.fillText;
+  window.labels = [];
+  prototype.fillText = function (text, x, y) {
+    const half = 0.5 * this.measureText(text).width, canvas = this.canvas.width;
+    if (this.textAlign === "center") window.labels.push({ text, left: x - half, right: x + half, canvas });
+    return draw.call(this, text, x, y);
+  };
+})()"""
+"""Keeps the texts that are drawn centred, with the columns of their canvas from and to which they reach."""
+
 
 @pytest.fixture(scope="module")
 def zoned(tmp_path_factory: pytest.TempPathFactory) -> Seen:
@@ -90,3 +101,16 @@ def test_without_zones_there_is_no_such_tab(chromium: Any, quiet: Seen) -> None:
         look.until("document.body.dataset.frames > 0")
         assert not look.page.is_visible("#tab-zones")
         assert look.page.is_visible("#tab-faults")
+
+
+def test_the_label_of_a_zone_at_the_rim_is_not_cut_off(chromium: Any, tmp_path: Path) -> None:
+    zone = {"name": "the-treasury-in-the-north-wing", "polygon": [[92, 2], [100, 2], [100, 10], [92, 10]], "speed": 0.5}
+    rim = run_of(tmp_path, {**QUIET, "name": "rim", "zones": [zone]})
+    with closing(ServedPage(Player(rim.open()))) as served, Look(chromium, served.address, 390) as look:
+        look.until("document.body.dataset.frames > 0")
+        look.evaluate(NOTE_LABELS)
+        look.seek(9)
+        look.until("window.labels.some(({ text }) => text.startsWith('the-treasury'))")
+        labels = look.evaluate("window.labels.filter(({ text }) => text.startsWith('the-treasury'))")
+        assert {label["text"] for label in labels} == {"the-treasury-in-the-north-wing 0.5 m/s"}
+        assert all(label["left"] >= 0 and label["right"] <= label["canvas"] for label in labels)
