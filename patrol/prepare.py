@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from patrol.journal.records import Event
     from patrol.regions.split import RegionSplit
     from patrol.scenario import ClosureSpec, IntruderSpec, Scenario
+    from patrol.scenario.zones import Weighing
 
 TICKS_APART = 4
 """Most ticks between two robots of a fleet where the world waits for none of them."""
@@ -57,7 +58,7 @@ class Prepared:
         fields: By robot number.
         regions: By robot number, or None where paths do not lead through regions.
         rounds: By robot number, once somebody has asked for one (`patrol.measures.best_tour.round_of`).
-        zoned: The ground by the names of the weighing zones in force, likewise (`patrol.measures.zoned.zoned_ground`).
+        zoned: The ground by the zones in force and their weights, likewise (`patrol.measures.zoned.zoned_ground`).
     """
 
     scenario: Scenario
@@ -66,7 +67,7 @@ class Prepared:
     fields: Mapping[int, StaticFields]
     regions: Mapping[int, RegionSplit] | None = None
     rounds: dict[int, Round | None] = field(default_factory=dict)
-    zoned: dict[frozenset[str], ZonedGround] = field(default_factory=dict)
+    zoned: dict[Weighing, ZonedGround] = field(default_factory=dict)
 
     def regions_of(self, number: int) -> RegionSplit | None:
         """Return the split for a robot's body, or None where paths do not lead through regions.
@@ -137,7 +138,7 @@ class Prepared:
             "starts": [[start.x, start.y, start.heading] for start in self.starts],
             "fields": {str(number): places[id(fields)] for number, fields in self.fields.items()},
             "rounds": {str(number): laid_out and kept[id(laid_out)] for number, laid_out in self.rounds.items()},
-            "zoned": [sorted(names) for names in self.zoned],
+            "zoned": [sorted(weighing) for weighing in self.zoned],
         }
         (folder / FACTS).write_text(json.dumps(facts, indent=1), encoding="utf-8")
 
@@ -166,8 +167,8 @@ class Prepared:
             regions=_load_regions(scenario, folder, {int(number): part for number, part in facts["fields"].items()}),
             rounds={int(number): part and kept[part] for number, part in facts["rounds"].items()},
             zoned={
-                frozenset(names): ZonedGround.load(folder / f"{ZONED}-{number}")
-                for number, names in enumerate(facts["zoned"])
+                frozenset((name, weight) for name, weight in weighing): ZonedGround.load(folder / f"{ZONED}-{number}")
+                for number, weighing in enumerate(facts["zoned"])
             },
         )
 

@@ -73,6 +73,23 @@ def test_an_operator_switches_a_zone(chromium: Any, zoned: Seen, width: int) -> 
     ]
 
 
+@pytest.mark.parametrize("width", [1280, 390])
+def test_an_operator_changes_a_weight(chromium: Any, zoned: Seen, width: int) -> None:
+    wire = FakeFeed(zoned)
+    wire.asked_for = [Event(0, OPERATOR, None, '{"do":"zone","name":"vault","on":true}')]
+    wire.asked_for += [Event(0, OPERATOR, None, '{"do":"zone","name":"vault","weight":3}')]
+    with closing(ServedPage(wire.source())) as served, Look(chromium, served.address, width) as look:
+        look.until("document.body.dataset.frames > 0")
+        look.page.click("#tab-zones")
+        look.until(f"{LISTED}[0] === 'vault x3|in force|switch off'")
+        look.page.fill("[aria-label='weight of vault']", "0.5")
+        look.page.press("[aria-label='weight of vault']", "Enter")
+        look.until("document.getElementById('zonesanswer').innerText === 'done'")
+        assert look.evaluate("document.querySelectorAll('#zonelist input').length") == 1
+        assert look.evaluate("document.documentElement.scrollWidth") <= width
+    assert wire.asked == [{"do": "zone", "name": "vault", "weight": 0.5}]
+
+
 def test_with_no_zone_in_force_each_can_be_switched_on(chromium: Any, tmp_path: Path) -> None:
     asleep = run_of(tmp_path, {**QUIET, "name": "asleep", "zones": [{**ZONES[1], "times": []}]})
     wire = FakeFeed(asleep)
