@@ -53,6 +53,12 @@ Weight = Annotated[
 MOST_TIMES = 10_000
 """Times of one zone or closure, at most."""
 
+Weights = Annotated[
+    tuple[tuple[NotNegative, Weight], ...],
+    Field(json_schema_extra={"maxItems": MOST_TIMES}),
+    at_most(MOST_TIMES, "weights"),
+]
+
 MOST_NAMED = 4
 """Times of a zone that are named to people, at most."""
 
@@ -63,11 +69,6 @@ Weighing = frozenset[tuple[str, float | None]]
 """The zones in force whose ages count otherwise than elsewhere: the name and weight of each, None for a wanted age."""
 
 Spans = Annotated[tuple[Span, ...], Field(json_schema_extra={"maxItems": MOST_TIMES}), at_most(MOST_TIMES, "spans")]
-Weights = Annotated[
-    tuple[tuple[NotNegative, Weight], ...],
-    Field(json_schema_extra={"maxItems": MOST_TIMES}),
-    at_most(MOST_TIMES, "weights"),
-]
 Side = Annotated[int, Field(ge=1, le=MOST_CELLS, strict=True), expecting("a number of cells above 0")]
 
 
@@ -202,21 +203,21 @@ class ZoneSpec(Section):
 
     @property
     def label(self) -> str:
-        """The name, and what holds there at first, as maps show it: ``vault x10``."""
-        return self.label_at(0.0)
-
-    def label_at(self, time_s: float) -> str:
-        """Return the name, and what holds there at a time.
-
-        Args:
-            time_s: Since tick 0, s.
-        """
+        """The name, and what holds there, as maps show it: ``vault x10``."""
         if self.keep_out:
             return f"{self.name}: keep out"
         if self.speed is not None:
             return f"{self.name} {self.speed:g} m/s"
+        return f"{self.name} {self.age:g} s" if self.weight is None else f"{self.name} x{self.weight:g}"
+
+    def label_at(self, time_s: float) -> str:
+        """Return `label` with the weight at a time.
+
+        Args:
+            time_s: Since tick 0, s.
+        """
         weight = self.weight_at(time_s)
-        return f"{self.name} {self.age:g} s" if weight is None else f"{self.name} x{weight:g}"
+        return self.label if weight is None else f"{self.name} x{weight:g}"
 
     @property
     def when(self) -> str:

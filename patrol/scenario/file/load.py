@@ -270,7 +270,7 @@ def _meaning(scenario: Scenario) -> dict[str, Any]:
 
 
 def _drop_what_is_not_given(meaning: dict[str, Any]) -> None:
-    """Drop zones, docks and closures where there are none, and what a zone may leave out: hashes stay as before."""
+    """Drop zones, docks, closures and what a zone does not say, which came later: hashes stay as before."""
     if not meaning["closures"]:
         del meaning["patrol"]["blocked_memory"]
     for field in ("zones", "docks", "closures"):
