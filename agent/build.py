@@ -38,7 +38,7 @@ from patrol.prepare import inboxes_of, sensor_footprint
 from patrol.radio.prediction import Predictor
 from patrol.random import Purpose, draw
 from patrol.scenario.policies import COMMITTED
-from patrol.scenario.zones import zones_in_force
+from patrol.scenario.zones import weighing_at
 
 if TYPE_CHECKING:
     from agent.routes.path_window import PathWindow
@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from patrol.prepare import Prepared
     from patrol.scenario import PatrolSpec, Scenario
     from patrol.scenario.lengths import BodyLengths
+    from patrol.scenario.zones import Weighing
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,10 +202,11 @@ def build_mind(
             followers=lambda: followers_of(prepared, number),
             zoned=zoned_of(prepared),
             fleet_chance=lambda question: draw(scenario.seed, Purpose.PERIOD, question),
-            zones=zones_in_force(scenario.zones, 0.0),
+            weighing=weighing_at(scenario.zones, 0.0),
             docks=scenario.docks,
             charged=frozenset(robot.number for robot in scenario.roster if robot.battery is not None),
         ),
+        shared.speed_limits,
     )
     body = BODIES[spec.model](
         BodySetup(
@@ -240,7 +242,7 @@ def build_mind(
     return Mind(facts, belief, fog, ground, Routes(ground), policy, body, chance, blocked)
 
 
-def zoned_of(prepared: Prepared) -> Callable[[frozenset[str]], ZonedGround] | None:
+def zoned_of(prepared: Prepared) -> Callable[[Weighing], ZonedGround] | None:
     """Return what gives the ground by the zones in force: `PolicySetup.zoned`.
 
     Args:
@@ -252,8 +254,8 @@ def zoned_of(prepared: Prepared) -> Callable[[frozenset[str]], ZonedGround] | No
     if not any(zone.weighs for zone in prepared.scenario.zones):
         return None
 
-    def ground(zones: frozenset[str]) -> ZonedGround:
-        zoned = zoned_ground(prepared, zones)
+    def ground(weighing: Weighing) -> ZonedGround:
+        zoned = zoned_ground(prepared, weighing)
         assert zoned is not None
         return zoned
 
@@ -268,7 +270,7 @@ def _rounds(scenario: Scenario, terrain: Terrain, lengths: BodyLengths, kind: Po
     return min(round(lengths.dilatation / scenario.point), terrain.height + terrain.width)
 
 
-def _policy_of(kind: PolicyKind, setup: PolicySetup) -> Policy:
+def _policy_of(kind: PolicyKind, setup: PolicySetup, speed_limits: SpeedLimits) -> Policy:
     """Make a policy of a kind, beside the one that surrounds intruders and, where there are docks, the watch.
 
     Raises:
@@ -281,7 +283,7 @@ def _policy_of(kind: PolicyKind, setup: PolicySetup) -> Policy:
             raise
         why = f"{type(error).__name__}: {error}{raised_at(error)}"
         raise PolicyFailed(f"policy {kind.name}: cannot be made for {setup.spec.name}: {why}") from error
-    return Charging(setup, policy) if setup.docks else policy
+    return Charging(setup, policy, speed_limits) if setup.docks else policy
 
 
 def _sending(scenario: Scenario, terrain: Terrain) -> Sending:

@@ -22,7 +22,7 @@ from patrol.ground.speed_limits import SpeedLimits
 from patrol.pose import Pose, slowed
 from patrol.radio.message import MAX_CONTACTS, Position, as_received
 from patrol.scenario import RobotSpec, ZoneSpec
-from patrol.scenario.zones import zones_in_force
+from patrol.scenario.zones import Weighing, weighing_at, zones_in_force
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,6 +176,7 @@ class Mind:
             chance=self._chance,
             charge=sensed.charge,
             zones=self._zones_in_force(sensed),
+            weighing=self._weighing(sensed),
         )
 
     def _zones_in_force(self, sensed: Sensed) -> frozenset[str]:
@@ -183,7 +184,16 @@ class Mind:
         zones = self.facts.zones
         if sensed.zones is None:
             return zones_in_force(zones, sensed.k * self.facts.step)
-        return frozenset(zones[number].name for number in sensed.zones if number < len(zones))
+        return frozenset(zones[number].name for number in sensed.zones)
+
+    def _weighing(self, sensed: Sensed) -> Weighing:
+        """Return the zones in force that weigh, with the weights that operators have given them."""
+        zones = self.facts.zones
+        if sensed.zones is None:
+            return weighing_at(zones, sensed.k * self.facts.step)
+        weights = dict(sensed.weights)
+        in_force = ((zones[number], weights.get(number, zones[number].weight)) for number in sensed.zones)
+        return frozenset((zone.name, weight) for zone, weight in in_force if zone.weighs)
 
     def _leave_out_blocked(self, blocked: Blocked, pose: Pose) -> None:
         """Close what is believed blocked for this tick, and leave what lies behind it out of the policy's fog."""

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from patrol.radio.peers import Peer
     from patrol.regions.split import RegionSplit
     from patrol.scenario import BodyLengths, DockSpec, PatrolSpec, RobotSpec, SensorSpec
+    from patrol.scenario.zones import Weighing
 
 Figures = Mapping[str, float]
 """Numbers that a policy wants to have shown, by name."""
@@ -151,10 +152,10 @@ class PolicySetup:
         graph: Gives the terrain's graph, which is made when somebody first asks for it.
         round: Gives the tour that shows the robot all of its own ground, likewise; None where there is none.
         followers: Gives the numbers of all robots on rounds in the same part of the terrain, this one among them.
-        zoned: Gives the ground by the names of the zones in force (`View.zones`), likewise; None where all points
-            always count the same.
+        zoned: Gives the ground by the zones in force and their weights (`View.weighing`), likewise; None where all
+            points always count the same.
         fleet_chance: A random number in [0, 1) for a question 0, 1, ..., the same for all robots of the fleet.
-        zones: Names of the zones that are in force at tick 0.
+        weighing: The zones that are in force at tick 0, as `View.weighing`.
         docks: The scenario's section `docks`.
         charged: Numbers of the robots that have a battery.
     """
@@ -176,9 +177,9 @@ class PolicySetup:
     graph: Callable[[], Graph]
     round: Callable[[], Round | None]
     followers: Callable[[], frozenset[int]]
-    zoned: Callable[[frozenset[str]], ZonedGround] | None
+    zoned: Callable[[Weighing], ZonedGround] | None
     fleet_chance: Callable[[int], float]
-    zones: frozenset[str] = frozenset()
+    weighing: Weighing = frozenset()
     docks: tuple[DockSpec, ...] = ()
     charged: frozenset[int] = frozenset()
 

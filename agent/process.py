@@ -59,7 +59,7 @@ def _run(process: ProcessContext) -> int:
     from agent.own_robot import mind_of, spec_of
     from patrol.net.keys import check_radio
     from patrol.net.security.roles import Kind
-    from patrol.scenario import load_scenario
+    from patrol.scenario import load_scenario, naming
 
     options = process.options
     meeting = process.meet(Kind.ROBOT)
@@ -67,7 +67,8 @@ def _run(process: ProcessContext) -> int:
     on_air = check_radio(options.radio, "--radio", scenario.radio.via)
     spec = spec_of(scenario, robot_named(options.robot, meeting.credentials), "--robot")
     process.follow(spec.name, fleet=meeting.keys.fleet)
-    _, mind = mind_of(process, scenario, spec, options.incarnation)
+    with naming(options.scenario):
+        _, mind = mind_of(process, scenario, spec, options.incarnation)
     return _patrol(mind, scenario, meeting, on_air, process)
 
 
@@ -102,7 +103,8 @@ def _patrol(mind: Mind, scenario: Scenario, meeting: Meeting, on_air: str | None
     alive = process.notifier.alive
     # A launcher ends its agents when the world is gone; until then the world may be slow, or the router stand still.
     patience_s = process.patience_s
-    robot = join(link, keys, identity, len(scenario.roster), ending, patience_s, waiting, blind_s, spec.model, alive)
+    counts = len(scenario.roster), len(scenario.zones)
+    robot = join(link, keys, identity, *counts, ending, patience_s, waiting, blind_s, spec.model, alive)
     telemetry = TelemetrySender(link.publisher(keys.telemetry(spec.name)))
     radio: SimRobot | DirectRadio = robot
     if scenario.radio.via == "direct":

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from patrol.pose import Pose
     from patrol.radio.peers import Peer
     from patrol.scenario import RobotSpec
+    from patrol.scenario.zones import Weighing
 
 T = TypeVar("T", bound=np.generic)
 
@@ -127,6 +128,7 @@ class View:
         chance: What `draw` asks.
         charge: Share of the robot's battery that is left; None for a robot without a battery.
         zones: Names of the scenario's zones that are in force.
+        weighing: Those of them that have a weight or a wanted age, with their weights now.
         charging: Numbers of the robots that stand at docks, or beside them after that; they are not among `peers`.
     """
 
@@ -146,6 +148,7 @@ class View:
     chance: Draw
     charge: float | None = None
     zones: frozenset[str] = frozenset()
+    weighing: Weighing = frozenset()
     charging: frozenset[int] = frozenset()
 
     def draw(self, index: int = 0, purpose: Purpose = Purpose.POLICY) -> float:

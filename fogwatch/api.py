@@ -28,7 +28,7 @@ from patrol.process.lifeline import InterruptedBySignal
 from patrol.process.starting.seldom import seldom_kernels
 from patrol.process.starting.warmup import warm
 from patrol.radio.fleet_key import fleet_key
-from patrol.scenario import Scenario, load_scenario, open_scenario
+from patrol.scenario import Scenario, load_scenario, naming, open_scenario
 from patrol.scenario.policies import BUILT_IN
 from patrol.scenario.radio_spec import MODELS
 
@@ -169,6 +169,9 @@ def run(
         report=report,
         recovery=recovery,
     )
+    if isinstance(scenario, str | Path):
+        with naming(scenario, overrides or ()):
+            return execute(loaded, options)
     return execute(loaded, options)
 
 
@@ -210,7 +213,7 @@ def execute(scenario: Scenario, options: RunOptions) -> Result:
         if folder.path.exists() and not has_begun and not isinstance(error, PolicyNotMade):
             folder.discard()
             if isinstance(error, BadInput):
-                raise BadInput(folder.naming_the_given_map(str(error), scenario)) from None
+                raise type(error)(folder.naming_the_given_map(str(error), scenario)) from None
         raise
     finally:
         options.display.close()

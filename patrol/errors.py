@@ -2,6 +2,7 @@
 
 Unusable                what a user, a file or a wire gave
     BadInput            a user's file or argument; the command line prints it and ends with exit code 2
+        NotPrepared     a scenario that cannot run on its ground
     Malformed           bytes that are not the message or the record that belongs there
     Rejected            a frame that must not be used (`patrol.radio.message`)
     RequestRefused      a request that does not control the run (`patrol.net.security.control_auth`)
@@ -38,6 +39,14 @@ class BadInput(Unusable):
 
     def __init__(self, message: str) -> None:
         super().__init__(printable(" ".join(message.splitlines())))
+
+
+class NotPrepared(BadInput):
+    """A scenario whose values are right, and that cannot run on its ground.
+
+    The line names the field, or another file, such as the map. `patrol.scenario.file.explain.naming` adds the file that
+    the scenario came from.
+    """
 
 
 def did_you_mean(word: str, known: Sequence[str]) -> str:

@@ -32,8 +32,10 @@ class Sensed:
         charge: Share of its battery's capacity that is left; None for a robot without a battery.
         blocked: The points that it sees or bumps into blocked although the map says that they are free: flat indices
             of the terrain's grid, ascending.
-        zones: The numbers, from 0, of the scenario's zones that are in force, once an operator has switched one; None:
-            by their times.
+        zones: The numbers, from 0, of the scenario's zones that are in force, once an operator has switched one or
+            changed its weight; None: by their times.
+        weights: The numbers of zones whose weights change in the course of the run, and their weights now; for robots
+            that learn of `zones`.
     """
 
     k: int
@@ -44,6 +46,7 @@ class Sensed:
     charge: float | None = None
     blocked: tuple[int, ...] = ()
     zones: tuple[int, ...] | None = None
+    weights: tuple[tuple[int, float], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from patrol.closures import closure_points
-from patrol.errors import BadInput
+from patrol.errors import BadInput, NotPrepared
 from patrol.ground.closed import ChangingFootprint
 from patrol.ground.fields import StaticFields, compute_fields, load_grid
 from patrol.ground.footprint import REMEMBERED, Footprint
@@ -33,7 +33,8 @@ if TYPE_CHECKING:
     from patrol.graph.graph import Graph
     from patrol.journal.records import Event
     from patrol.regions.split import RegionSplit
-    from patrol.scenario import IntruderSpec, Scenario
+    from patrol.scenario import ClosureSpec, IntruderSpec, Scenario
+    from patrol.scenario.zones import Weighing
 
 TICKS_APART = 4
 """Most ticks between two robots of a fleet where the world waits for none of them."""
@@ -57,7 +58,7 @@ class Prepared:
         fields: By robot number.
         regions: By robot number, or None where paths do not lead through regions.
         rounds: By robot number, once somebody has asked for one (`patrol.measures.best_tour.round_of`).
-        zoned: The ground by the names of the weighing zones in force, likewise (`patrol.measures.zoned.zoned_ground`).
+        zoned: The ground by the zones in force and their weights, likewise (`patrol.measures.zoned.zoned_ground`).
     """
 
     scenario: Scenario
@@ -66,7 +67,7 @@ class Prepared:
     fields: Mapping[int, StaticFields]
     regions: Mapping[int, RegionSplit] | None = None
     rounds: dict[int, Round | None] = field(default_factory=dict)
-    zoned: dict[frozenset[str], ZonedGround] = field(default_factory=dict)
+    zoned: dict[Weighing, ZonedGround] = field(default_factory=dict)
 
     def regions_of(self, number: int) -> RegionSplit | None:
         """Return the split for a robot's body, or None where paths do not lead through regions.
@@ -137,7 +138,7 @@ class Prepared:
             "starts": [[start.x, start.y, start.heading] for start in self.starts],
             "fields": {str(number): places[id(fields)] for number, fields in self.fields.items()},
             "rounds": {str(number): laid_out and kept[id(laid_out)] for number, laid_out in self.rounds.items()},
-            "zoned": [sorted(names) for names in self.zoned],
+            "zoned": [sorted(weighing) for weighing in self.zoned],
         }
         (folder / FACTS).write_text(json.dumps(facts, indent=1), encoding="utf-8")
 
@@ -166,8 +167,8 @@ class Prepared:
             regions=_load_regions(scenario, folder, {int(number): part for number, part in facts["fields"].items()}),
             rounds={int(number): part and kept[part] for number, part in facts["rounds"].items()},
             zoned={
-                frozenset(names): ZonedGround.load(folder / f"{ZONED}-{number}")
-                for number, names in enumerate(facts["zoned"])
+                frozenset((name, weight) for name, weight in weighing): ZonedGround.load(folder / f"{ZONED}-{number}")
+                for number, weighing in enumerate(facts["zoned"])
             },
         )
 
@@ -180,11 +181,18 @@ def prepare(scenario: Scenario, terrain: Terrain | None = None) -> Prepared:
         terrain: The ground, if the caller has it.
 
     Raises:
-        BadInput: For an unusable map, for intruders and critical areas that are not on passable ground, for docks that
-            no robot gets to, for closures off the ground or on a start or dock, for starts that do not fit, for zones
-            that no robot sees, for a graph that is not all on the terrain, for vertices that are to be patrolled and
-            that no robot sees, for bodies too wide for the terrain and for regions that do not make a split.
+        NotPrepared: For an unusable map, for intruders and critical areas that are not on passable ground, for docks
+            that no robot gets to, for closures off the ground or on a start or dock, for starts that do not fit, for
+            zones that no robot sees, for a graph that is not all on the terrain, for vertices that are to be patrolled
+            and that no robot sees, for bodies too wide for the terrain and for regions that do not make a split.
     """
+    try:
+        return _prepared(scenario, terrain)
+    except BadInput as error:
+        raise NotPrepared(str(error)) from None
+
+
+def _prepared(scenario: Scenario, terrain: Terrain | None) -> Prepared:
     from patrol.ground.maps import load_terrain  # here: loading a prepared scenario needs neither
     from patrol.starts import place_starts
 
@@ -194,7 +202,8 @@ def prepare(scenario: Scenario, terrain: Terrain | None = None) -> Prepared:
         check_intruder(intruder, terrain, f"intruders.{number}.place")
     _check_critical_areas(scenario, terrain)
     _check_graph(scenario, terrain)
-    starts = tuple(place_starts(terrain, scenario.roster, scenario.seed))
+    all_closed = _with_closed(terrain, scenario.closures) if scenario.closures else None
+    starts = tuple(place_starts(terrain, scenario.roster, scenario.seed, all_closed))
     by_radius: dict[float, StaticFields] = {}
     for radius in sorted({spec.radius for spec in scenario.roster}):
         own = [start for spec, start in zip(scenario.roster, starts, strict=True) if spec.radius == radius]
@@ -338,14 +347,11 @@ def _check_closures(scenario: Scenario, terrain: Terrain, starts: Sequence[Pose]
 
     for number, closure in enumerate(scenario.closures):
         where = f"closures.{number}.polygon: {closure.name}"
-        points = closure_points(closure, terrain)
-        if not points.size:
+        if not closure_points(closure, terrain).size:
             xmin, ymin, xmax, ymax = terrain.bounds
             span = f"spans x {xmin:g} to {xmax:g} m and y {ymin:g} to {ymax:g} m"
             raise BadInput(f"{where} holds no passable ground of {terrain.name}, which {span}; move or drop it")
-        closed = np.zeros(terrain.shape, dtype=np.bool_)
-        closed.reshape(-1)[points] = True
-        ground = Terrain(terrain.name, terrain.passable & ~closed, terrain.point, terrain.origin)
+        ground = _with_closed(terrain, [closure])
         for spec, start in zip(scenario.roster, starts, strict=True):
             if free_fraction(ground, start, start, spec.radius) < 1.0:
                 at = f"({start.x:g}, {start.y:g})"
@@ -355,6 +361,14 @@ def _check_closures(scenario: Scenario, terrain: Terrain, starts: Sequence[Pose]
             widest = max(spec.radius for spec in scenario.roster if spec.battery is not None)
             if free_fraction(ground, pose, pose, widest) < 1.0:
                 raise BadInput(f"{where} lies on docks.{place}; move one of them")
+
+
+def _with_closed(terrain: Terrain, closures: Sequence[ClosureSpec]) -> Terrain:
+    """Return the ground with some closures closed."""
+    passable = terrain.passable.copy()
+    for closure in closures:
+        passable.reshape(-1)[closure_points(closure, terrain)] = False
+    return Terrain(terrain.name, passable, terrain.point, terrain.origin)
 
 
 def _check_graph(scenario: Scenario, terrain: Terrain) -> None:

@@ -39,19 +39,23 @@ SPACING = 2.0
 """Points that bodies at random starts keep between them."""
 
 
-def place_starts(terrain: Terrain, roster: Sequence[RobotSpec], seed: int) -> list[Pose]:
+def place_starts(
+    terrain: Terrain, roster: Sequence[RobotSpec], seed: int, all_closed: Terrain | None = None
+) -> list[Pose]:
     """Choose the starts of the robots, in roster order.
 
     Explicit starts are checked: the body on the terrain, clear of walls and of the other bodies. The others are drawn,
     headings too, from one part of the widest body's C-space, with two points to spare between bodies: the part that
-    holds the first explicit start, or else the preferred one. A draw depends on the seed and the robot's number. Spare
-    robots are placed last, so that the others start where they would without spare ones that are no wider. A spare
-    robot for which there is no room left gets a drawn place all the same, because it waits until no robot stands there.
+    holds the first explicit start, or else the preferred one. They are clear of all closures. A draw depends on the
+    seed and the robot's number. Spare robots are placed last, so that the others start where they would without spare
+    ones that are no wider. A spare robot for which there is no room left gets a drawn place all the same, because it
+    waits until no robot stands there.
 
     Args:
         terrain: The ground.
         roster: All robots.
         seed: The scenario's.
+        all_closed: The ground with all closures closed; None without any.
 
     Returns:
         One pose for each robot.
@@ -73,7 +77,7 @@ def place_starts(terrain: Terrain, roster: Sequence[RobotSpec], seed: int) -> li
             _check_not_shut_in(terrain, widest, part)
         places = np.flatnonzero(part)
         for spec in sorted(waiting, key=lambda spec: (spec.spare, -spec.radius, spec.number)):
-            pose = _place(terrain, spec, seed, places, list(placed.values()))
+            pose = _place(terrain, spec, seed, places, list(placed.values()), all_closed)
             if pose is None:
                 fleet = sum(not robot.spare for robot in roster)
                 raise BadInput(no_room_for_all(terrain, spec.radius, fleet, len(placed)))
@@ -196,16 +200,24 @@ def _check_not_shut_in(terrain: Terrain, radius: float, part: BoolGrid) -> None:
 
 
 def _place(
-    terrain: Terrain, spec: RobotSpec, seed: int, places: NDArray[np.int64], placed: Sequence[tuple[Pose, float]]
+    terrain: Terrain,
+    spec: RobotSpec,
+    seed: int,
+    places: NDArray[np.int64],
+    placed: Sequence[tuple[Pose, float]],
+    all_closed: Terrain | None,
 ) -> Pose | None:
-    """Draw a random start that keeps clear of the bodies placed so far, or None when no place is left."""
+    """Draw a random start clear of closures and of the bodies placed so far, or None when no place is left."""
     heading = wrap(TAU * draw(seed, Purpose.START, spec.number, 0))
     for attempt in range(1, DRAWS + 1):
         index = places[int(draw(seed, Purpose.START, spec.number, attempt) * places.size)]
         x, y = terrain.centre(*divmod(int(index), terrain.width))
-        if all(_apart(x, y, spec.radius, other_pose, radius, terrain.point) for other_pose, radius in placed):
+        is_apart = all(_apart(x, y, spec.radius, other, radius, terrain.point) for other, radius in placed)
+        if is_apart and _is_clear(all_closed, x, y, spec.radius):
             return Pose(x, y, heading)
     is_free = np.ones(places.size, dtype=np.bool_)
+    if all_closed is not None:
+        is_free &= cspace_of(all_closed, spec.radius).flat[places]
     xs = terrain.origin[0] + (places % terrain.width + 0.5) * terrain.point
     ys = terrain.origin[1] + (places // terrain.width + 0.5) * terrain.point
     for other_pose, radius in placed:
@@ -218,6 +230,15 @@ def _place(
         open_places = np.arange(places.size)
     chosen = open_places[int(draw(seed, Purpose.START, spec.number, DRAWS + 1) * open_places.size)]
     return Pose(float(xs[chosen]), float(ys[chosen]), heading)
+
+
+def _is_clear(all_closed: Terrain | None, x: float, y: float, radius: float) -> bool:
+    """Return True if a body overlaps no closure."""
+    if all_closed is None:
+        return True
+    from patrol.ground.swept_path import line_is_free  # here: it loads kernels, and few scenarios have closures
+
+    return line_is_free(all_closed, (x, y), (x, y), radius)
 
 
 def _apart(x: float, y: float, radius: float, other: Pose, other_radius: float, point: float) -> bool:

@@ -80,7 +80,7 @@ def _run_and_judge(process: ProcessContext, meeting: Meeting) -> int:
     from patrol.net.keys import callers_of, check_radio
     from patrol.net.security.access import read_access
     from patrol.own_sensor import allow_sensor
-    from patrol.scenario import load_scenario
+    from patrol.scenario import load_scenario, naming
     from worldsim.output.folder import check
 
     options = process.options
@@ -96,7 +96,8 @@ def _run_and_judge(process: ProcessContext, meeting: Meeting) -> int:
     from worldsim.fleet.sessions import Interrupted, Missing
     from worldsim.wiring import Wiring
 
-    prepared = process.prepare(scenario)
+    with naming(options.scenario):
+        prepared = process.prepare(scenario)
     callers = callers_of(meeting.keys, {spec.name: spec.number for spec in scenario.roster})
     with ExitStack() as opened:
         link, air = process.open_links(meeting, radio, callers, closing=opened)

@@ -11,7 +11,7 @@ from patrol.exchange import FIRST_INCARNATION, Reply, Sensed
 from patrol.ground.closed import ChangingFootprint
 from patrol.ground.speed_limits import SpeedLimits
 from patrol.journal import Event, RobotTick, Status, TickRecord
-from patrol.journal.records import FORGED
+from patrol.journal.records import FORGED, IN_FORCE, OUT_OF_FORCE
 from patrol.pose import Pose, slowed
 from patrol.prepare import check_intruder, sensor_footprint
 from patrol.radio.message import MAX_FRAMES
@@ -109,11 +109,15 @@ class World:
         return [number for number, body in self.bodies.items() if body.alive]
 
     def close_and_open(self) -> Iterator[Event]:
-        """Between ticks: close and open what is due before the next one.
+        """Between ticks: close and open what is due before the next one, and let zones begin and end.
 
         Yields:
             The events for the journal.
         """
+        in_force = zones_in_force(self.scenario.zones, self.tick * self.step)
+        for zone in self.scenario.zones if self.tick else ():
+            if (zone.name in in_force) != (zone.name in self._zones):
+                yield Event(self.tick, IN_FORCE if zone.name in in_force else OUT_OF_FORCE, None, zone.name)
         if isinstance(self.truth.footprint, ChangingFootprint):
             yield from self.closures.tick(self.tick, self.bodies, self.truth.footprint)
 
@@ -129,7 +133,7 @@ class World:
         contacts = {number: self._intruders.seen_by(self.tick, body.pose) for number, body in living.items()}
         k, senses, batteries = self.tick, self.senses, self.batteries
         self._zones = zones_in_force(self.scenario.zones, k * self.step)
-        zones = self._zones_switched()
+        zones, weights = self._zones_switched()
         return {
             number: Sensed(
                 k,
@@ -140,6 +144,7 @@ class World:
                 batteries.share(number),
                 self._blocked(body),
                 zones,
+                weights,
             )
             for number, body in living.items()
         }
@@ -149,11 +154,16 @@ class World:
         footprint = self.truth.footprint
         return self.closures.blocked(body, footprint) if isinstance(footprint, ChangingFootprint) else ()
 
-    def _zones_switched(self) -> tuple[int, ...] | None:
-        """Return what robots learn of the zones: the numbers of those in force, where that is not as they know it."""
+    def _zones_switched(self) -> tuple[tuple[int, ...] | None, tuple[tuple[int, float], ...]]:
+        """Return what robots learn of the zones where that is not as they know it: `Sensed.zones`, `Sensed.weights`."""
         if not self._is_switched:
-            return None
-        return tuple(number for number, zone in enumerate(self.scenario.zones) if zone.name in self._zones)
+            return None, ()
+        zones, time_s = self.scenario.zones, self.tick * self.step
+        weights = ((number, zone.weight_at(time_s)) for number, zone in enumerate(zones) if zone.weights is not None)
+        return (
+            tuple(number for number, zone in enumerate(zones) if zone.name in self._zones),
+            tuple((number, weight) for number, weight in weights if weight is not None),
+        )
 
     def observe(self) -> None:
         """Let all living bodies observe the ground, once in a tick that has begun; otherwise nothing happens."""
@@ -221,7 +231,7 @@ class World:
         return record
 
     def amend(self, scenario: Scenario) -> None:
-        """Between ticks: go on with other faults, intruders or times of zones from the next tick on.
+        """Between ticks: go on with other faults, intruders or zones from the next tick on.
 
         Args:
             scenario: Has the same past (`patrol.scenario.controls.amended`).

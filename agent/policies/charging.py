@@ -2,7 +2,8 @@
 
 The watch stands between policy and body. It lets the policy decide until the charge only just suffices for the way to a
 dock; from then on the robot goes there and stays until it has charged. For example, with 45 J for each metre of driving
-and a dock 80 m away, a robot goes when 1.3 * 80 * 45 = 4.7 kJ are left above its reserve.
+and a dock 80 m away, a robot goes when 1.3 * 80 * 45 = 4.7 kJ are left above its reserve. What it uses while the slow
+zones in force hold it up on the way comes on top.
 
 Robots tell each other where they are and nothing else, so all is inferred from positions:
 
@@ -37,11 +38,13 @@ from numpy.typing import NDArray
 from agent.ports import Place, State, Stay
 from agent.routes.ground import Ground
 from agent.routes.routes import Routes
+from agent.routes.slow_ways import SlowWays
 
 if TYPE_CHECKING:
     from agent.ports import Intent, Policy, PolicySetup
     from agent.routes.ground import Spot
     from agent.view import View
+    from patrol.ground.speed_limits import SpeedLimits
     from patrol.radio.peers import Peer
 
 DETOUR = 1.3
@@ -116,6 +119,7 @@ class _Dock:
         place: x and y in m.
         radius: m.
         ways: float32 (h, w), lengths of the ways to it, m; infinity where none leads.
+        slow_ways: What slow zones cost on these.
         point: Row and column of its place.
         exit: Where a robot goes that leaves it without another aim, x and y in m.
         used_since: Tick since which something has been at it; None while nothing is.
@@ -124,6 +128,7 @@ class _Dock:
     place: Spot
     radius: float
     ways: NDArray[np.float32]
+    slow_ways: SlowWays
     point: tuple[int, int]
     exit: Spot
     used_since: int | None = None
@@ -162,12 +167,13 @@ class Charging:
         goes: Whether the robot is on its way to a dock, waits for one or charges.
     """
 
-    def __init__(self, setup: PolicySetup, otherwise: Policy) -> None:
+    def __init__(self, setup: PolicySetup, otherwise: Policy, speed_limits: SpeedLimits) -> None:
         """Watch a robot of a fleet that has docks.
 
         Args:
             setup: As for every policy.
             otherwise: Decides while there is charge enough.
+            speed_limits: Of the scenario's slow zones.
         """
         spec, terrain = setup.spec, setup.terrain
         self.otherwise = otherwise
@@ -184,7 +190,8 @@ class Charging:
             ways = routes.lengths(given.place).astype(np.float32)
             if np.isfinite(ways).any():
                 point = terrain.point_at(*given.place)
-                self._docks.append(_Dock(given.place, given.radius, ways, point, given.place))
+                slow_ways = SlowWays(ways, terrain.point, spec.speed, speed_limits)
+                self._docks.append(_Dock(given.place, given.radius, ways, slow_ways, point, given.place))
         for dock in self._docks:
             dock.exit = self._exit_of(dock, terrain.centre)
         self._others: dict[int, _Heard] = {}
@@ -335,7 +342,7 @@ class Charging:
         direct_m = self._open_length(nearest, (view.pose.x, view.pose.y), view)
         way_m = DETOUR * direct_m + 2.0 * view.stride
         left_j = (charge - battery.reserve) * battery.capacity_j
-        if left_j <= way_m * self._use_per_m:
+        if left_j <= self._needed_j(nearest, way_m, view):
             return True
         if self._surplus(view) > 0:
             own = self._own.charge, self._number
@@ -432,6 +439,14 @@ class Charging:
         length = float(dock.ways[view.point_of(spot)])
         return length if math.isfinite(length) else math.dist(dock.place, spot)
 
+    def _needed_j(self, index: int, way_m: float, view: View) -> float:
+        """Return the energy for a way of some m to a dock, and for the time that slow zones in force cost on it, J."""
+        needed_j = way_m * self._use_per_m
+        if self._battery is not None and self._battery.idle:
+            here = view.point_of((view.pose.x, view.pose.y))
+            needed_j += DETOUR * self._docks[index].slow_ways.delay_s(here, view.zones) * self._battery.idle
+        return needed_j
+
     def _is_taken(self, index: int, tick: int) -> bool:
         return self._lasts(self._docks[index].used_since, tick, STOOD_S)
 
@@ -451,7 +466,7 @@ class Charging:
             way_m = self._way(view, index)
             if self._battery is not None and view.charge is not None:
                 left_j = view.charge * self._battery.capacity_j
-                if self.goes and DETOUR * way_m * self._use_per_m > left_j and index != nearest:
+                if self.goes and index != nearest and left_j < self._needed_j(index, DETOUR * way_m, view):
                     continue
             claimed = any(self._claims(number, index, way_m, view) for number in self._others)
             key = claimed, way_m * (KEEP if index == self._dock else 1.0), index

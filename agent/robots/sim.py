@@ -18,6 +18,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from itertools import islice
 
 from agent.ports import Decision, State
@@ -266,6 +267,7 @@ def join(
     keys: FleetKeys,
     identity: Identity,
     robots: int,
+    zones: int,
     ending: Ending,
     patience_s: float,
     waiting: Callable[[float], None],
@@ -282,6 +284,7 @@ def join(
         keys: Of the fleet.
         identity: Of this process.
         robots: Number of robots in the fleet.
+        zones: Number of zones in the scenario.
         ending: Whether this process has to leave.
         patience_s: Time without a world after which the robot leaves, s.
         waiting: Called at intervals with the time that the robot has waited for a world's greeting, s.
@@ -289,9 +292,9 @@ def join(
         model: Body model.
         alive: Called in each round of waiting.
     """
-    mailbox: Mailbox[ToRobot | Presence] = Mailbox(
-        (keys.tick(identity.name), keys.alive(WORLD)), decode_to_robot, max_to_robot(robots)
-    )
+    decode = partial(decode_to_robot, zones=zones)
+    places = keys.tick(identity.name), keys.alive(WORLD)
+    mailbox: Mailbox[ToRobot | Presence] = Mailbox(places, decode, max_to_robot(robots))
     post = link.post(keys.reply(identity.name))
     session = RobotEnd(identity, patience_s, blind_s, time.monotonic())
     robot = SimRobot(mailbox, post, session, ending, model=model, waiting=waiting, alive=alive)

@@ -24,7 +24,7 @@ from patrol.pose import MODELS
 from patrol.printable import printable
 from patrol.process.exit_codes import INTERRUPTED, UNKNOWN
 from patrol.process.lifeline import heed
-from patrol.scenario import BUILTINS, MAX_ROBOTS, RobotGroup, open_scenario, parse_overrides, with_spares
+from patrol.scenario import BUILTINS, MAX_ROBOTS, RobotGroup, naming, open_scenario, parse_overrides, with_spares
 
 app = typer.Typer(
     cls=OrderedGroup,
@@ -222,7 +222,8 @@ def run(
     if threads > 1 and not in_process:
         raise BadInput(f"--threads {threads}: each robot is a process of its own; leave it out, or give --in-process")
     ending = heed(None, patience=0)
-    scenario = open_scenario(what, {**options_given, **parse_overrides(settings or [])})
+    overridden = {**options_given, **parse_overrides(settings or [])}
+    scenario = open_scenario(what, overridden)
     served = page and not quiet and not in_process
     if spare is not None:
         scenario = with_spares(scenario, spare)
@@ -263,7 +264,8 @@ def run(
         show_kernels=None if quiet else kernel_bar(Console(stderr=True)),
     )
     try:
-        result = execute(scenario, run_options)
+        with naming(what, overridden):
+            result = execute(scenario, run_options)
     except LaunchFailed as failed:
         complain(str(failed))
         return UNKNOWN

@@ -164,7 +164,7 @@ def _of_a_world(
 def _of_robots(met: Meeting, scenario: Path, radio: str | None, wait_s: float, ending: Ending) -> Source | None:
     from monitor.live.positions_source import PositionsSource
     from patrol.prepare import prepare
-    from patrol.scenario import load_scenario
+    from patrol.scenario import load_scenario, naming
 
     loaded = load_scenario(scenario)
     on_air = check_radio(radio, "--radio", loaded.radio.via)
@@ -173,4 +173,6 @@ def _of_robots(met: Meeting, scenario: Path, radio: str | None, wait_s: float, e
     if links is None:
         return None
     may_stop = met.credentials is None or met.credentials.role.kind is Kind.OPERATOR
-    return PositionsSource(met.keys, prepare(loaded), *links, may_stop=may_stop)
+    with naming(scenario):
+        prepared = prepare(loaded)
+    return PositionsSource(met.keys, prepared, *links, may_stop=may_stop)

@@ -7,7 +7,7 @@ One thread reads a source (`wait`, `last_seen`, `series`, `events`); reading nev
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 if TYPE_CHECKING:
@@ -170,7 +170,7 @@ class State:
         intruders: (x, y, name) of the intruders that are present, m; a control ends them by their names.
         closed: Names of the closures that are closed.
         waiting: Names of the closures that are to close and wait until bodies are clear of them.
-        zones: Names of the zones that are in force.
+        zones: The labels of the zones that are in force, by name.
         faults: The faults in force that operators have requested, as entries of a scenario's faults.
         note: What is wrong now, such as that nothing has been heard for some time.
         gone: Whether the world has disappeared without reporting an end.
@@ -189,7 +189,7 @@ class State:
     intruders: tuple[tuple[float, float, str], ...] = ()
     closed: tuple[str, ...] = ()
     waiting: tuple[str, ...] = ()
-    zones: tuple[str, ...] = ()
+    zones: Mapping[str, str] = field(default_factory=dict)
     faults: tuple[Mapping[str, Any], ...] = ()
     note: str = ""
     gone: bool = False

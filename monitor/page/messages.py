@@ -99,7 +99,7 @@ def state_message(state: State, survey: Survey | None, static: Static) -> str:
             "intruders": [list(intruder) for intruder in state.intruders],
             "closed": list(state.closed),
             "waiting": list(state.waiting),
-            "zones": list(state.zones),
+            "zones": dict(state.zones),
             "linked": state.links is not None,
             "faults": [dict(fault) for fault in state.faults],
             "seen": None if survey is None else survey.seen_share,
@@ -213,7 +213,8 @@ def _zones(static: Static) -> list[dict[str, Any]]:
         edges = [[_short(value) for value in edge] for edge in outline(points, terrain).tolist()]
         at = [_short(value) for value in middle(points, terrain)]
         kind = "keepout" if zone.keep_out else "weight" if zone.weighs else "slow"
-        shown.append({"name": zone.name, "label": zone.label, "kind": kind, "at": at, "edges": edges})
+        says_what = {"name": zone.name, "label": zone.label, "weight": zone.weight, "kind": kind}
+        shown.append({**says_what, "at": at, "edges": edges})
     return shown
 
 

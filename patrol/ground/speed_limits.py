@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from patrol.ground.zones import Zone, points_of
 
 if TYPE_CHECKING:
@@ -54,3 +57,21 @@ class SpeedLimits:
             return math.inf
         limits = [speed for name, speed, points in self._slow if name in in_force and points.item(row, col)]
         return min(limits, default=math.inf)
+
+    def delays(self, speed: float, in_force: Collection[str]) -> NDArray[np.float64] | None:
+        """Return the time that the limits add to each metre of a body, s per m.
+
+        Args:
+            speed: Its top speed, m/s.
+            in_force: Names of the zones that are in force.
+
+        Returns:
+            float64 (height, width), 0 where it drives at top speed; None where it does so everywhere.
+        """
+        slow = [(limit, points) for name, limit, points in self._slow if name in in_force and limit < speed]
+        if not slow:
+            return None
+        added = np.zeros(self._terrain.shape)
+        for limit, points in slow:
+            np.maximum(added, 1.0 / limit - 1.0 / speed, out=added, where=points)
+        return added

@@ -3,13 +3,16 @@
 - A point's weight is the greatest of the zones that it lies in, and 1 where it lies in none.
 - A wanted age of S seconds is a weight of T / S. T is the MFoW of the fleet on the best tour found over all of the
   ground, as if there were no weights. For example, where that keeps 120 s, a wish for 60 s is a weight of 2.
-- Zones may begin and end, so there is a zoned ground for each set of zones that are in force together.
+- Zones may begin and end, and their weights change, so there is a zoned ground for each set of zones and weights that
+  are in force together.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from itertools import combinations, combinations_with_replacement
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +23,7 @@ from patrol.ground.tour.zoned import MOST_CLASSES, Classes, ZonedGround
 from patrol.ground.zones import points_of
 from patrol.measures.best_tour import best_tour, round_over, tour_over
 from patrol.measures.own_ground import own_grounds
-from patrol.scenario.zones import LEAST_WEIGHT, MOST_WEIGHT, zones_in_force
+from patrol.scenario.zones import LEAST_WEIGHT, MOST_WEIGHT, Weighing, weighing_at
 
 if TYPE_CHECKING:
     from patrol.ground.terrain import BoolGrid
@@ -37,12 +40,12 @@ MOST_PREPARED = 32
 """Sets of zones that are prepared for, at most; the others are when they come into force."""
 
 
-def zoned_ground(prepared: Prepared, zones: frozenset[str] | None = None) -> ZonedGround | None:
+def zoned_ground(prepared: Prepared, weighing: Weighing | None = None) -> ZonedGround | None:
     """Weigh the ground by a scenario's zones, and find the rounds over it; `Prepared.zoned` keeps the result.
 
     Args:
         prepared: The scenario, its terrain and the bodies' static fields.
-        zones: Names of the zones that are in force (default: all).
+        weighing: The zones that are in force, with their weights (default: all, as at first).
 
     Returns:
         The zoned ground; None where no zone ever has a weight or a wanted age.
@@ -50,13 +53,13 @@ def zoned_ground(prepared: Prepared, zones: frozenset[str] | None = None) -> Zon
     Raises:
         BadInput: There is a wanted age, and no tour that says how it compares with the other ground.
     """
-    weighing = _weighing(prepared.scenario)
-    if not weighing:
+    every = _at_first(prepared.scenario)
+    if not every:
         return None
-    names = weighing if zones is None else weighing & zones
-    if names not in prepared.zoned:
-        prepared.zoned[names] = _zoned_ground(prepared, names)
-    return prepared.zoned[names]
+    weighing = every if weighing is None else weighing
+    if weighing not in prepared.zoned:
+        prepared.zoned[weighing] = _zoned_ground(prepared, weighing)
+    return prepared.zoned[weighing]
 
 
 def prepare_zones(prepared: Prepared) -> None:
@@ -71,22 +74,23 @@ def prepare_zones(prepared: Prepared) -> None:
     Raises:
         BadInput: As for `zoned_ground`.
     """
-    scenario, weighing = prepared.scenario, _weighing(prepared.scenario)
+    scenario, every = prepared.scenario, _at_first(prepared.scenario)
     turns = {time_s for zone in scenario.zones for span in zone.times or () for time_s in span}
+    turns |= {start_s for zone in scenario.zones for start_s, _ in zone.weights or ()}
     ticks = {0, *(math.ceil(time_s / scenario.step) for time_s in turns)}
-    sets = (zones_in_force(scenario.zones, k * scenario.step) & weighing for k in sorted(ticks) if k < scenario.ticks)
+    sets = (weighing_at(scenario.zones, k * scenario.step) for k in sorted(ticks) if k < scenario.ticks)
     timed = list(dict.fromkeys(sets))
-    if len(weighing) <= MOST_COMBINED:
-        sizes = range(len(weighing) + 1)
-        others = [frozenset(some) for size in sizes for some in combinations(sorted(weighing), size)]
+    by_name = sorted(every, key=itemgetter(0))
+    if len(every) <= MOST_COMBINED:
+        others = [frozenset(some) for size in range(len(every) + 1) for some in combinations(by_name, size)]
     else:
-        others = [names ^ {name} for names in timed for name in sorted(weighing)]
-    for names in list(dict.fromkeys([*timed, *others]))[:MOST_PREPARED]:
-        zoned_ground(prepared, names)
+        others = [_with_switched(weighing, *zone) for weighing in timed for zone in by_name]
+    for weighing in list(dict.fromkeys([*timed, *others]))[:MOST_PREPARED]:
+        zoned_ground(prepared, weighing)
 
 
 def zone_weights(prepared: Prepared) -> dict[str, float]:
-    """Return the weight of each zone that has one, by name.
+    """Return the weight of each zone that has one, by name, as at first.
 
     Args:
         prepared: The scenario, its terrain and the bodies' static fields.
@@ -109,33 +113,41 @@ def zone_weights(prepared: Prepared) -> dict[str, float]:
     return weights
 
 
-def best_weighted_s(prepared: Prepared, zones: frozenset[str] | None = None) -> float | None:
+def best_weighted_s(prepared: Prepared, weighing: Weighing | None = None) -> float | None:
     """Return the weighted MFoW of all robots that are not spare on the rounds of the best division.
 
     It leaves out that slow zones take longer.
 
     Args:
         prepared: The scenario, its terrain and the bodies' static fields.
-        zones: Names of the zones that are in force (default: all).
+        weighing: The zones that are in force, with their weights (default: all, as at first).
 
     Returns:
         The weighted MFoW, s; None without zones or rounds.
     """
-    zoned = zoned_ground(prepared, zones)
+    zoned = zoned_ground(prepared, weighing)
     groups = () if zoned is None else zoned.divide(prepared.scenario.team)
     return None if zoned is None or not groups else zoned.cost_s(groups)
 
 
-def _weighing(scenario: Scenario) -> frozenset[str]:
-    return frozenset(zone.name for zone in scenario.zones if zone.weighs)
+def _at_first(scenario: Scenario) -> Weighing:
+    """Return all zones that weigh, as if all were in force with their first weights."""
+    return frozenset((zone.name, zone.weight) for zone in scenario.zones if zone.weighs)
 
 
-def _zoned_ground(prepared: Prepared, names: frozenset[str]) -> ZonedGround:
+def _with_switched(weighing: Weighing, name: str, weight: float | None) -> Weighing:
+    """Return the zones in force once one of them is switched off, or another one on with a weight."""
+    others = frozenset(zone for zone in weighing if zone[0] != name)
+    return others if len(others) < len(weighing) else others | {(name, weight)}
+
+
+def _zoned_ground(prepared: Prepared, weighing: Weighing) -> ZonedGround:
     terrain, patrolled = prepared.terrain, prepared.patrolled
     grid: NDArray[np.float64] = np.zeros(terrain.shape)
-    by_name = zone_weights(prepared)
+    given = dict(weighing)
+    by_name = zone_weights(prepared) | {name: weight for name, weight in given.items() if weight is not None}
     wanted: dict[float, float] = {}
-    zones = [zone for zone in prepared.scenario.zones if zone.name in names]
+    zones = [zone for zone in prepared.scenario.zones if zone.name in given]
     for zone in zones:
         points = points_of(zone, terrain)
         grid[points] = np.maximum(grid[points], by_name[zone.name])
@@ -146,9 +158,18 @@ def _zoned_ground(prepared: Prepared, names: frozenset[str]) -> ZonedGround:
             weight = float(grid[points_of(zone, terrain) & patrolled].min())  # other zones may weigh parts of it more
             wanted[weight] = min(zone.age, wanted.get(weight, zone.age))
     classes = tuple(np.unique(grid[patrolled]).tolist())
-    rounds = _rounds(prepared, grid, classes)
+    rounds = _known_rounds(prepared, grid, classes) or _rounds(prepared, grid, classes)
     speed = min(spec.speed for spec in prepared.scenario.roster)
     return ZonedGround(grid, classes, tuple(wanted.get(weight) for weight in classes), rounds, speed)
+
+
+def _known_rounds(prepared: Prepared, grid: NDArray[np.float64], classes: tuple[float, ...]) -> Mapping[Classes, Round]:
+    """Return the rounds of ground whose points have other weights in the same order; none where there is no such."""
+    order = np.searchsorted(classes, grid[prepared.patrolled])
+    for known in prepared.zoned.values():
+        if np.array_equal(np.searchsorted(known.classes, known.weights[prepared.patrolled]), order):
+            return known.rounds
+    return {}
 
 
 def _rounds(prepared: Prepared, grid: NDArray[np.float64], classes: tuple[float, ...]) -> dict[Classes, Round]:

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
-from patrol.pose import Pose, wrap
+from patrol.pose import TAU, Pose, wrap
 
 if TYPE_CHECKING:
     from patrol.ros2.messages import Twist
@@ -33,7 +33,22 @@ def pose_given(option: str, text: str, otherwise: str = "") -> Pose:
         ) from None
     if not all(map(math.isfinite, (x, y, heading))):
         raise BadInput(f"{option} {text}: not finite; give X,Y,HEADING in m and rad, such as 1.5,2,0")
-    return Pose(x, y, wrap(heading))
+    return Pose(x, y, heading_given(f"{option} {text}: heading", heading))
+
+
+def heading_given(where: str, heading: float) -> float:
+    """Return a heading that a person or a file gives, from -pi to pi.
+
+    Args:
+        where: File or option and field, for errors.
+        heading: rad.
+
+    Raises:
+        BadInput: It is more than a full turn, so it was meant in degrees.
+    """
+    if abs(heading) > TAU:
+        raise BadInput(f"{where} = {heading:g}: more than a full turn; give rad, for example 1.57 for 90 degrees")
+    return wrap(heading)
 
 
 def composed(outer: Pose, inner: Pose) -> Pose:

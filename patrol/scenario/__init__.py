@@ -1,6 +1,7 @@
 """The scenario: one file that says everything a run depends on, its faults, and what an operator may change."""
 
 from patrol.scenario.closures import ClosureSpec
+from patrol.scenario.file.explain import naming
 from patrol.scenario.file.load import (
     as_mapping,
     dump_scenario,
@@ -59,6 +60,7 @@ __all__ = [
     "dump_scenario",
     "load_scenario",
     "map_digest",
+    "naming",
     "open_scenario",
     "parse_overrides",
     "same_but_for_files",

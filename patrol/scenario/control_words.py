@@ -45,7 +45,8 @@ def described(event: Event) -> str:
             text = f"places an intruder at ({control.place[0]:g}, {control.place[1]:g})"
             text += "" if control.stay is None else f" for {control.stay:g} s"
         case SwitchZone():
-            text = f"switches {control.name} {'on' if control.on else 'off'}"
+            how = f"switches {control.name} {'on' if control.on else 'off'}"
+            text = how if control.weight is None else f"lets {control.name} count {control.weight:g} times"
         case Pace():
             text = "as fast as it goes" if control.factor is None else f"pace {control.factor:g}"
         case Step():

@@ -8,6 +8,7 @@
     {"do": "intruder", "place": [x, y], "for": 30.0}                an intruder stands there from now on
     {"do": "heal", "id": "intruder1"}                               the scenario's first intruder leaves now
     {"do": "zone", "name": "vault", "on": false}                    a zone is in force from now on, or no longer
+    {"do": "zone", "name": "vault", "weight": 5}                    a zone has another weight from now on
 
 Times in a fault count from now: without `at` it begins with the next tick. `instead` names a fault that ends at the
 same moment, so that a value is changed without a gap. A `close` or `open` also ends those in force on its closure, so
@@ -24,7 +25,7 @@ import json
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Discriminator, Field, TypeAdapter, ValidationError, model_validator
 
@@ -34,8 +35,8 @@ from patrol.journal.records import Event
 from patrol.scenario import Scenario, ZoneSpec, load_scenario
 from patrol.scenario.faults.kinds import Clock, Lasting, OnClosure, nothing
 from patrol.scenario.faults.roster import tick_of, ticks_of
-from patrol.scenario.zones import Span, holds_tick
-from patrol.values.section import Section
+from patrol.scenario.zones import Span, Weight, holds_tick
+from patrol.values.section import Section, wrong
 from patrol.values.types import LARGEST, Corner, Flag, Name, Positive, expecting
 
 OPERATOR = "operator"
@@ -116,11 +117,18 @@ class AddIntruder(Section):
 
 
 class SwitchZone(Section):
-    """Put a zone in force from now on to the end, or no longer."""
+    """Put a zone in force from now on to the end, or no longer; or give it another weight from now on."""
 
     do: Literal["zone"]
     name: Name
-    on: Flag
+    on: Flag | None = None
+    weight: Weight | None = None
+
+    @model_validator(mode="after")
+    def _does_one_thing(self) -> Self:
+        if (self.on is None) == (self.weight is None):
+            raise wrong("", "exactly one is needed: on, or a weight")
+        return self
 
 
 Control = Pause | Go | Step | Pace | AddFault | Heal | AddIntruder | SwitchZone
@@ -133,7 +141,7 @@ EXAMPLES = {
     "fault": {"fault": "{kind: loss, rate: 0.5}"},
     "heal": {"id": "op1, the id in the answer to a fault or an intruder"},
     "intruder": {"place": "[12, 30]", "for": "60"},
-    "zone": {"name": "vault, as in {name: vault, on: false}", "on": "true or false"},
+    "zone": {"name": "vault, as in {name: vault, on: false}", "on": "true or false", "weight": "5"},
 }
 """Fields of each control that has values, the needed one first, with an example each."""
 
@@ -217,9 +225,13 @@ def amended(scenario: Scenario, k: int, control: Control) -> tuple[Scenario, str
             return _loaded(mapping, len(scenario.faults)), (
                 f"{intruder_name(len(scenario.intruders))} at ({x:g}, {y:g}) from tick {k} on"
             )
+        case SwitchZone(weight=float(weight)):
+            mapping, number = _mapping(scenario), _zone_of(scenario, control.name)
+            mapping["zones"][number]["weights"] = _reweighted(scenario, k, scenario.zones[number], weight)
+            return _loaded(mapping, len(scenario.faults)), f"{control.name} counts {weight:g} times from tick {k} on"
         case SwitchZone():
             mapping, number = _mapping(scenario), _zone_of(scenario, control.name)
-            mapping["zones"][number]["times"] = _switched(scenario, k, scenario.zones[number], control.on)
+            mapping["zones"][number]["times"] = _switched(scenario, k, scenario.zones[number], bool(control.on))
             held = "in force" if control.on else "out of force"
             return _loaded(mapping, len(scenario.faults)), f"{control.name} is {held} from tick {k} on"
     return scenario, ""
@@ -410,6 +422,17 @@ def _switched(scenario: Scenario, k: int, zone: ZoneSpec, on: bool) -> tuple[Spa
         state = "is in force to the end already" if on else "is not in force, and will not be"
         raise BadInput(f"control: name = {zone.name}: {state}")
     return tuple(switched)
+
+
+def _reweighted(scenario: Scenario, k: int, zone: ZoneSpec, weight: float) -> list[tuple[float, float]]:
+    """Return the later weights of a zone that is given another one before tick k: as before up to then."""
+    if zone.weight is None:
+        raise BadInput(f"control: name = {zone.name}: has no weight to change; only zones with a weight have")
+    begin = _time_of(k, scenario.step)
+    earlier = [(start, before) for start, before in zone.weights or () if start < begin]
+    if zone.weight_at(begin) == weight and len(earlier) >= len(zone.weights or ()) - 1:
+        raise BadInput(f"control: weight = {weight:g}: {zone.name} counts so many times already")
+    return [*earlier, (begin, weight)]
 
 
 def _is_over(scenario: Scenario, k: int, name: str) -> bool:

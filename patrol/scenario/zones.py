@@ -53,11 +53,20 @@ Weight = Annotated[
 MOST_TIMES = 10_000
 """Times of one zone or closure, at most."""
 
+Weights = Annotated[
+    tuple[tuple[NotNegative, Weight], ...],
+    Field(json_schema_extra={"maxItems": MOST_TIMES}),
+    at_most(MOST_TIMES, "weights"),
+]
+
 MOST_NAMED = 4
 """Times of a zone that are named to people, at most."""
 
 Span = tuple[NotNegative, NotNegative]
 """From and to, s."""
+
+Weighing = frozenset[tuple[str, float | None]]
+"""The zones in force whose ages count otherwise than elsewhere: the name and weight of each, None for a wanted age."""
 
 Spans = Annotated[tuple[Span, ...], Field(json_schema_extra={"maxItems": MOST_TIMES}), at_most(MOST_TIMES, "spans")]
 Side = Annotated[int, Field(ge=1, le=MOST_CELLS, strict=True), expecting("a number of cells above 0")]
@@ -130,6 +139,7 @@ class ZoneSpec(Section):
     mask: MaskSpec | None = Field(None, description="FILE.yaml in the format of Nav2's costmap filters, instead")
     keep_out: Flag | None = Field(None, description="true: no body may enter")
     weight: Weight | None = Field(None, description="a point's age counts so many times; 1 elsewhere")
+    weights: Weights | None = Field(None, description="[[s, weight], ...], each from then on in place of weight")
     age: Positive | None = Field(None, description="s, that no point of it should exceed")
     speed: Positive | None = Field(None, description="m/s, top speed of bodies whose centre is in it")
     times: Spans | None = Field(None, description="s, [[from, to], ...] in which it is in force; always without any")
@@ -169,12 +179,27 @@ class ZoneSpec(Section):
         if self.keep_out and self.times is not None:
             raise wrong("times", f"{self.name}: a keep-out always holds; drop them, or make it one of closures")
         check_spans(self.times or (), "times", self.name)
+        starts_s = [start_s for start_s, _ in self.weights or ()]
+        if self.weight is None and starts_s:
+            raise wrong("weights", f"{self.name}: take the place of weight, which is missing; give it, or drop them")
+        if sorted(set(starts_s)) != starts_s:
+            raise wrong("weights", f"{self.name}: each begins later than the one before it; sort them")
         return self
 
     @property
     def weighs(self) -> bool:
         """True if its ages count otherwise than elsewhere: by a weight or a wanted age."""
         return self.weight is not None or self.age is not None
+
+    def weight_at(self, time_s: float) -> float | None:
+        """Return the weight at a time; None for a zone that has none.
+
+        Args:
+            time_s: Since tick 0, s.
+        """
+        changed = self.weights or ()
+        place = bisect_right(changed, (time_s, math.inf))
+        return changed[place - 1][1] if place else self.weight
 
     @property
     def label(self) -> str:
@@ -184,6 +209,15 @@ class ZoneSpec(Section):
         if self.speed is not None:
             return f"{self.name} {self.speed:g} m/s"
         return f"{self.name} {self.age:g} s" if self.weight is None else f"{self.name} x{self.weight:g}"
+
+    def label_at(self, time_s: float) -> str:
+        """Return `label` with the weight at a time.
+
+        Args:
+            time_s: Since tick 0, s.
+        """
+        weight = self.weight_at(time_s)
+        return self.label if weight is None else f"{self.name} x{weight:g}"
 
     @property
     def when(self) -> str:
@@ -210,6 +244,26 @@ def zones_in_force(zones: Iterable[ZoneSpec], time_s: float) -> frozenset[str]:
         time_s: Since tick 0, s.
     """
     return frozenset(zone.name for zone in zones if zone.holds(time_s))
+
+
+def weighing_at(zones: Iterable[ZoneSpec], time_s: float) -> Weighing:
+    """Return the zones with weights or wanted ages that are in force at a time, with their weights then.
+
+    Args:
+        zones: The scenario's.
+        time_s: Since tick 0, s.
+    """
+    return frozenset((zone.name, zone.weight_at(time_s)) for zone in zones if zone.weighs and zone.holds(time_s))
+
+
+def labels_at(zones: Iterable[ZoneSpec], time_s: float) -> dict[str, str]:
+    """Return the labels of the zones that are in force at a time, by name.
+
+    Args:
+        zones: The scenario's.
+        time_s: Since tick 0, s.
+    """
+    return {zone.name: zone.label_at(time_s) for zone in zones if zone.holds(time_s)}
 
 
 def is_in_one_of(spans: Sequence[Span], time_s: float) -> bool:

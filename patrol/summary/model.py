@@ -296,7 +296,7 @@ class ClosureFigures(_Part):
 class ZoneFigures(_Part):
     """The metrics of a weighted zone over the ticks in which it was in force, or of the ground in none of them."""
 
-    weight: Annotated[float, Metric("how many times an age counts")] = 1.0
+    weight: Annotated[float, Metric("how many times an age counts, at the end")] = 1.0
     area_m2: Annotated[float, Metric("its patrolled ground")] = 0.0
     fog_mean_s: Annotated[float, Metric("mean age of a point, over points and ticks", better="lower")] = 0.0
     mfow_mean_s: Annotated[float, Metric("mean age of its stalest point, over these ticks", better="lower")] = 0.0

@@ -14,6 +14,7 @@ from patrol.errors import BadInput
 from patrol.ground.builtins import builtin_terrain
 from patrol.ground.fields import cspace_of
 from patrol.ground.maps import read_terrain
+from patrol.ground.swept_path import free_fraction
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import Pose
 from patrol.scenario import RobotSpec
@@ -55,6 +56,33 @@ def test_bodies_fit_and_keep_apart(seed: int) -> None:
         assert -math.pi < start.heading <= math.pi
     for (a, one), (b, other) in combinations(list(zip(roster, starts, strict=True)), 2):
         assert math.hypot(one.x - other.x, one.y - other.y) >= a.radius + b.radius + 0.2 - 1e-9
+
+
+def test_random_starts_are_clear_of_closures_and_otherwise_the_same() -> None:
+    terrain = Terrain("field", np.ones((40, 40), dtype=np.bool_), 0.1)
+    passable = terrain.passable.copy()
+    passable[:, 14:] = False
+    all_closed = Terrain("field", passable, 0.1)
+    moved = 0
+    for seed in range(20):
+        before, after = (place_starts(terrain, robots(0.2, 0.2), seed, ground) for ground in (None, all_closed))
+        assert all(free_fraction(all_closed, start, start, 0.2) == 1.0 for start in after)
+        if all(free_fraction(all_closed, start, start, 0.2) == 1.0 for start in before):
+            assert after == before
+        else:
+            moved += 1
+    assert 0 < moved < 20
+
+
+def test_a_random_start_is_found_where_closures_leave_little_ground() -> None:
+    terrain = Terrain("field", np.ones((60, 60), dtype=np.bool_), 0.1)
+    passable = np.zeros((60, 60), dtype=np.bool_)
+    passable[:6, :6] = True
+    (start,) = place_starts(terrain, robots(0.2), 3, Terrain("field", passable, 0.1))
+    assert start.x < 0.6
+    assert start.y < 0.6
+    with pytest.raises(BadInput, match="do not fit"):
+        place_starts(terrain, robots(0.2, 0.2), 3, Terrain("field", passable, 0.1))
 
 
 def test_starts_depend_on_the_seed_and_the_robots_number() -> None:

@@ -38,6 +38,7 @@ from worldsim.verdict.run.progress import ProgressCheck, RunProgress
 from worldsim.verdict.run.recovery import Recovers
 from worldsim.verdict.run.transcripts import TranscriptsAgree
 from worldsim.verdict.run.zone_ages import ZoneAges, ZoneFacts
+from worldsim.verdict.run.zone_times import ZoneTimesTold
 
 if TYPE_CHECKING:
     from patrol.ground.fog import Fog
@@ -70,6 +71,7 @@ CHECKS: tuple[type[Check], ...] = (
     KeepOutsKept,
     SlowZonesKept,
     ClosuresKept,
+    ZoneTimesTold,
     FramesAreTrue,
     FatesAsRecomputed,
     DropsExplained,

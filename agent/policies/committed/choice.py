@@ -140,7 +140,8 @@ class TargetChoice:
         if self._zoned is None:
             return Ages(fog.patrolled, fog.last_seen, fog.looked, view.tick, view.mfow)
         counts = fog.patrolled & (fog.looked != view.tick)
-        weighted = np.where(counts, self._zoned(view.zones).weights * (view.tick - np.maximum(fog.last_seen, 0)), 0.0)
+        weights = self._zoned(view.weighing).weights
+        weighted = np.where(counts, weights * (view.tick - np.maximum(fog.last_seen, 0)), 0.0)
         oldest = float(weighted.max())
         if oldest > MOST_AGE:
             weighted *= MOST_AGE / oldest

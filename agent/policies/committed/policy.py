@@ -127,7 +127,7 @@ class Committed:
             followers = setup.followers()
             self._follow(laid_out, followers, len(followers) / len(setup.radii) * setup.team, 0)
         if setup.zoned is not None:
-            self._take_zones(setup.zoned(setup.zones))
+            self._take_zones(setup.zoned(setup.weighing))
         self._rounds_since = 0
         self._expected = 0
         self._shortest = math.inf
@@ -190,7 +190,7 @@ class Committed:
             self._forget()
         self._decided_at = view.tick
         if self._setup.zoned is not None:
-            zoned = self._setup.zoned(view.zones)
+            zoned = self._setup.zoned(view.weighing)
             if zoned is not self._zoned:
                 self._take_zones(zoned)
                 self._rounds_since = view.tick if goes_on else 0

@@ -28,6 +28,7 @@ EXAMPLES = [
     "fogwatch control RUN intruder '[12, 30]'",
     "fogwatch control RUN heal intruder1",
     "fogwatch control RUN zone '{name: vault, on: false}'",
+    "fogwatch control RUN zone '{name: vault, weight: 5}'",
     "fogwatch control yards-1/operator pause",
     "fogwatch control yards-1/operator stop robot1",
     "fogwatch control tcp/192.168.1.20:7447 stop --fleet patrol",
@@ -45,7 +46,7 @@ OF_CLOSURES = ("close", "open")
 OF_ROBOTS = ("stop", "release")
 """What robots do that no world simulates."""
 
-FOR_A_ZONE = "control zone: give its name and whether it is on, such as '{name: vault, on: false}'"
+FOR_A_ZONE = "control zone: give its name, and whether it is on or its weight, such as '{name: vault, on: false}'"
 
 REFUSED, UNANSWERED = 1, 3
 
@@ -71,8 +72,8 @@ def control(
             metavar="[VALUE]",
             help="step: ticks; pace: factor of real time, or max; fault: the fault as YAML; heal: the id of a fault or "
             "an intruder, as the answer to it says; close, open: the name of a closure; intruder: its place as [X, Y] "
-            "in m, or {place: [X, Y], for: S}; zone: {name: NAME, on: true or false}; stop, release: the robot "
-            "(default: all robots).",
+            "in m, or {place: [X, Y], for: S}; zone: {name: NAME, on: true or false}, or {name: NAME, weight: W}; "
+            "stop, release: the robot (default: all robots).",
         ),
     ] = None,
     wait: Annotated[float, typer.Option(metavar="S", help="How long to wait for an answer, in s.")] = WAIT_S,

@@ -256,7 +256,7 @@ def _fleet(
 ) -> Prepared:
     """A fleet on a map with the zones or closures of a file."""
     from patrol.prepare import prepare
-    from patrol.scenario import load_scenario
+    from patrol.scenario import load_scenario, naming
 
     body = {"count": robots, "model": "holonomic", "radius": radius, "speed": speed}
     if starts:
@@ -269,7 +269,9 @@ def _fleet(
         listed: str(file.absolute()),
     }
     options = {"robots.count": "--robots", "robots.speed": "--speed", listed: f"--{listed} {file}"}
-    return prepare(load_scenario(says, called="options", aliases=options))
+    scenario = load_scenario(says, called="options", aliases=options)
+    with naming(f"--{listed} {file}", says.keys() - {listed}):
+        return prepare(scenario)
 
 
 def _suspicious(terrain: Terrain) -> str:

@@ -20,7 +20,7 @@ from patrol.printable import printable
 from patrol.process.lifeline import heed
 from patrol.process.starting.seldom import SELDOM
 from patrol.process.starting.warmup import warm
-from patrol.scenario import BUILTINS, open_scenario, parse_overrides
+from patrol.scenario import BUILTINS, naming, open_scenario, parse_overrides
 
 if TYPE_CHECKING:
     from experiments.plan.plan import AgeKept, FleetPlan, FleetSize
@@ -107,7 +107,8 @@ def plan(
         "point": point,
     }
     given = {field: value for field, value in overrides.items() if value is not None}
-    scenario = open_scenario(what, {**given, **parse_overrides(settings or [])})
+    overridden = {**given, **parse_overrides(settings or [])}
+    scenario = open_scenario(what, overridden)
     check_matplotlib("sim")
     heed(None, patience=0)  # any signal raises KeyboardInterrupt
     warm(("patrol", "agent", "worldsim"), lambda line: typer.echo(line, err=True), SELDOM)
@@ -116,7 +117,7 @@ def plan(
 
     folder = plan_folder(out, scenario.name)
     shown = _Shown(Console(stderr=True))
-    with shown.bar:
+    with shown.bar, naming(what, overridden):
         made = make_plan(scenario, age, numbers, shown, duration_s=duration, quick=quick)
         shown.begin("pictures")
         write_plan(made, folder)

@@ -13,7 +13,15 @@ from fogwatch.cli.command_help import command
 from patrol.errors import BadInput
 from patrol.printable import printable
 from patrol.radio.fleet_key import fleet_key
-from patrol.scenario import Scenario, dump_scenario, open_scenario, parse_overrides, scenario_hash, scenario_schema
+from patrol.scenario import (
+    Scenario,
+    dump_scenario,
+    naming,
+    open_scenario,
+    parse_overrides,
+    scenario_hash,
+    scenario_schema,
+)
 from patrol.scenario.policies import BUILT_IN
 from patrol.scenario.radio_spec import MODELS
 from patrol.scenario.sections import BUILT_IN_SENSORS
@@ -50,14 +58,16 @@ def check(what: What, settings: Settings = None) -> None:
     sensor or radio model of one's own is looked for and not run, so its options are checked only when the scenario
     runs.
     """
-    scenario = open_scenario(what, parse_overrides(settings or []))
+    overrides = parse_overrides(settings or [])
+    scenario = open_scenario(what, overrides)
     digest = scenario_hash(scenario)
     fleet_key(scenario.radio.key)
     from patrol.classes.static_check import check_without_running
     from patrol.own_sensor import sensor_named  # here: needs libraries that `fogwatch scenario show` does without
     from patrol.prepare import prepare
 
-    prepared = prepare(scenario)
+    with naming(what, overrides):
+        prepared = prepare(scenario)
     if any(zone.age is not None for zone in scenario.zones):
         from patrol.measures.zoned import zone_weights
 

@@ -31,9 +31,9 @@ const ZONES = { keepout: "#c1121f", slow: "#00796b", weight: "#6a1b9a" };
 export function drawZones(map) {
   const c = map.context, r = map.ratio;
   c.lineCap = "butt";
-  const held = new Set(map.store.state?.zones ?? []);
+  const held = map.store.state?.zones ?? {};
   for (const zone of map.store.facts.zones) {
-    const on = held.has(zone.name);
+    const on = Object.hasOwn(held, zone.name);
     c.setLineDash(on ? [] : [5 * r, 5 * r]);
     for (const [colour, wide] of [["rgb(255 255 255 / 85%)", on ? 4 : 2.5], [ZONES[zone.kind], on ? 2 : 1]]) {
       c.strokeStyle = colour;
@@ -45,7 +45,7 @@ export function drawZones(map) {
       }
       c.stroke();
     }
-    if (on) label(c, zone.label, ...map.toScreen(...zone.at), "center", r);
+    if (on) labelMark(map, held[zone.name], ...map.toScreen(...zone.at), 0, false);
   }
   c.setLineDash([]);
 }

@@ -1,4 +1,4 @@
-// The zones: which of them are in force, and a button for each to switch it.
+// The zones: which of them are in force, a button for each to switch it, and a field for another weight.
 
 import { $, write } from "./dom.js";
 
@@ -22,7 +22,7 @@ export class ZonesPanel {
     const can = facts.controls.includes("zone");
     $("zonelist").classList.toggle("switches", can);
     $("zonelist").replaceChildren(...facts.zones.map((zone) => this.#item(zone, can)));
-    $("zonenote").textContent = can ? "A zone that is switched stays so to the end of the run, whatever its times say." : "";
+    $("zonenote").textContent = can ? "A zone that is switched stays so to the end of the run, whatever its times say. A weight is from 0.001 to 1000." : "";
     write($("zonesanswer"), "");
   }
 
@@ -30,18 +30,19 @@ export class ZonesPanel {
     const { state } = this.store;
     if (!state || $("zones").hidden) return;
     for (const item of $("zonelist").children) {
-      const on = state.zones.includes(item.dataset.name), button = item.querySelector("button");
+      const { name, label } = item.dataset, on = Object.hasOwn(state.zones, name), button = item.querySelector("button");
       item.classList.toggle("off", !on);
+      write(item.querySelector(".zone"), state.zones[name] ?? label);
       write(item.querySelector(".held"), on ? "in force" : "not in force");
       if (!button) continue;
       write(button, on ? "switch off" : "switch on");
-      button.disabled = Boolean(state.ended);
+      for (const control of item.querySelectorAll("button, input")) control.disabled = Boolean(state.ended);
     }
   }
 
-  #item({ name, label, kind }, can) {
+  #item({ name, label, kind, weight }, can) {
     const item = document.createElement("li"), text = document.createElement("span"), held = document.createElement("span");
-    item.dataset.name = name;
+    Object.assign(item.dataset, { name, label });
     text.className = `zone ${kind}`;
     text.textContent = label;
     held.className = "held";
@@ -52,11 +53,25 @@ export class ZonesPanel {
       button.setAttribute("aria-label", `switch ${name}`);
       button.addEventListener("click", () => {
         if (!this.store.state) return;
-        const on = !this.store.state.zones.includes(name);
+        const on = !Object.hasOwn(this.store.state.zones, name);
         this.operate({ do: "zone", name, on }, "", "zonesanswer");
       });
       item.append(button);
+      if (weight !== null) item.append(this.#weight(name));
     }
     return item;
+  }
+
+  /** The field for another weight; Enter, or leaving it, gives that to the zone. */
+  #weight(name) {
+    const field = document.createElement("input");
+    Object.assign(field, { type: "number", min: 0.001, max: 1000, step: "any", placeholder: "another weight" });
+    field.setAttribute("aria-label", `weight of ${name}`);
+    field.addEventListener("change", () => {
+      if (!this.store.state || !field.value) return;
+      this.operate({ do: "zone", name, weight: Number(field.value) }, "", "zonesanswer");
+      field.value = "";
+    });
+    return field;
   }
 }

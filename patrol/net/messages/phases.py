@@ -62,6 +62,7 @@ _Proof = Annotated[Bytes, Field(min_length=PROOF, max_length=PROOF)]
 _Reason = Annotated[Text, Field(max_length=_MAX_REASON), PRINTABLE]
 _Contacts = Annotated[tuple[Finite, ...], Field(max_length=2 * MAX_CONTACTS, fail_fast=True), AfterValidator(_paired)]
 _Blocked = Annotated[tuple[_Count, ...], Field(max_length=MOST_BLOCKED, fail_fast=True)]
+_Weights = Annotated[tuple[tuple[_Count, Finite], ...], Field(max_length=MOST_ZONES, fail_fast=True)]
 _Zones = Annotated[tuple[_Count, ...], Field(max_length=MOST_ZONES, fail_fast=True)] | None
 _Digests = Annotated[Bytes, Field(max_length=MAX_DIGESTS * DIGEST)]
 _Line = tuple[_Count, _Digests, _Digests, _Digests, _Digests]
@@ -116,14 +117,13 @@ class PhaseA(Head):
     def columns(cls) -> Mapping[str, Any]:  # noqa: D102 - of `Row`
         pose = {"x": Finite, "y": Finite, "heading": Finite}
         senses = {"bumped": Flag, "contacts": _Contacts, "clock_s": Finite, "charge": Finite | None}
-        ground = {"blocked": _Blocked, "zones": _Zones}
+        ground = {"blocked": _Blocked, "zones": _Zones, "weights": _Weights}
         return {**Head.columns(), **pose, **senses, **ground, "proof": _Proof, "digest": bytes}
 
     @classmethod
     def from_values(cls, *values: Any) -> Self:  # noqa: D102
-        incarnation, instance, k, run, x, y, heading, bumped, contacts, clock_s, charge, blocked, zones, *rest = values
-        sensed = Sensed(k, Pose(x, y, heading), bumped, contacts, clock_s, charge, blocked, zones)
-        return cls(incarnation, instance, k, run, sensed, *rest)
+        incarnation, instance, k, run, x, y, heading, *senses, proof, digest = values
+        return cls(incarnation, instance, k, run, Sensed(k, Pose(x, y, heading), *senses), proof, digest)
 
     def to_values(self) -> tuple[Any, ...]:  # noqa: D102
         sensed, pose = self.sensed, self.sensed.pose
@@ -133,7 +133,8 @@ class PhaseA(Head):
         contacts = [float(value) for contact in sensed.contacts for value in contact]
         charge = None if sensed.charge is None else float(sensed.charge)
         zones = None if sensed.zones is None else list(sensed.zones)
-        senses = bool(sensed.bumped), contacts, float(sensed.clock_s), charge, list(sensed.blocked), zones
+        weights = [(number, float(weight)) for number, weight in sensed.weights]
+        senses = bool(sensed.bumped), contacts, float(sensed.clock_s), charge, list(sensed.blocked), zones, weights
         return self.incarnation, self.instance, self.k, self.run, *pose_values, *senses, self.proof, self.digest
 
 
@@ -290,13 +291,22 @@ def encode(message: ToRobot | ToWorld) -> bytes:
     return packed
 
 
-def decode_to_robot(payload: bytes) -> ToRobot:
+def decode_to_robot(payload: bytes, zones: int = MOST_ZONES) -> ToRobot:
     """Decode a message from the world.
+
+    Args:
+        payload: The bytes.
+        zones: How many zones the scenario has.
 
     Raises:
         Malformed: The bytes are not a message to a robot. No other exception is raised, whatever the bytes.
     """
     message: ToRobot = _decode(payload, _TO_ROBOT)
+    if isinstance(message, PhaseA):
+        sensed = message.sensed
+        number = max((*(sensed.zones or ()), *(number for number, _ in sensed.weights)), default=-1)
+        if number >= zones:
+            raise Malformed(f"zone {number} is in force, and the scenario's {zones} are numbered from 0")
     return message
 
 

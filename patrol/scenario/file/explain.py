@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from difflib import get_close_matches
 
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from patrol.errors import did_you_mean, quoted
+from patrol.errors import BadInput, NotPrepared, did_you_mean, quoted
 from patrol.scenario.closures import ClosureSpec
 from patrol.scenario.faults.kinds import KINDS, Fault, Forgery, Jitter, Jump, Slip, Wait
 from patrol.scenario.faults.nemesis_spec import NemesisSpec
@@ -29,6 +30,7 @@ from patrol.scenario.sections import (
 )
 from patrol.scenario.zones import ZoneSpec
 from patrol.values.section import Section
+from patrol.values.types import BUILTINS
 
 _SECTIONS: dict[str, type[Section]] = {
     "terrain": TerrainSpec,
@@ -86,6 +88,29 @@ def one_line(
     line = _describe(problems[0], source, overridden, line_of, aliases)
     more = len(problems) - 1
     return f"{line} (and {more} more {'problem' if more == 1 else 'problems'})" if more else line
+
+
+@contextmanager
+def naming(source: object, overridden: Collection[str] = ()) -> Iterator[None]:
+    """Name the file of a scenario in the error of preparing it: ``site.yaml: docks.0.place = [5, 5]: ...``.
+
+    An error that is about a field given as an override names no file, and one that names the file stays as it is.
+
+    Args:
+        source: The file; a built-in terrain is none, and is not named.
+        overridden: Dotted fields that were given as overrides.
+
+    Raises:
+        BadInput: With the file's name.
+    """
+    try:
+        yield
+    except NotPrepared as error:
+        text, name = str(error), str(source)
+        where = text.partition(": ")[0]
+        if name in BUILTINS or where.endswith(name) or _is_overridden(where.partition(" ")[0], overridden):
+            raise
+        raise BadInput(f"{name}: {text}") from None
 
 
 def _describe(

@@ -79,6 +79,14 @@ def test_a_robot_goes_when_the_charge_just_suffices_for_the_way() -> None:
     assert [fleet.step(0.96, (50.5, 10.5), {}) for _ in range(40)][-1] == State.HOLDING
 
 
+@pytest.mark.parametrize(("times", "state"), [([[0, 600]], State.DOCKING), ([[600, 900]], State.HOLDING)])
+def test_a_robot_goes_earlier_when_the_way_leads_through_a_slow_zone(times: Any, state: str) -> None:
+    # 20 m at 0.2 m/s in place of 1.5 m/s: 87 s more at 10 W, 1.3 times: 1.1 kJ, a tenth of the battery.
+    ward = {"name": "ward", "polygon": [[20, 0], [40, 0], [40, 100], [20, 100]], "speed": 0.2, "times": times}
+    fleet = Fleet(scenario(count=1, zones=[ward], docks=DOCKS[:1]))
+    assert fleet.step(0.35, (50.5, 10.5), {}) == state
+
+
 def test_a_robot_that_does_not_know_its_charge_is_left_alone() -> None:
     fleet = Fleet(scenario(count=1))
     assert fleet.step(None, (50.5, 10.5), {}) == State.HOLDING
@@ -257,3 +265,19 @@ def test_nobody_strands_whatever_the_policy(policy: str) -> None:
     batteries = [robot.battery for robot in outcome.summary.robots.values()]
     assert all(battery is not None and battery.charges >= 1 and battery.least_share > 0.02 for battery in batteries)
     assert together == 1
+
+
+@pytest.mark.parametrize("policy", ["potential-field", "cr"])
+def test_a_robot_does_not_strand_on_a_long_way_through_a_slow_zone(policy: str) -> None:
+    battery = {"capacity": 4.0, "idle": 10.0, "drive": 5.0, "charge": 200.0}
+    robots = {"model": "holonomic", "radius": 0.4, "speed": 1.5, "battery": battery, "starts": [[80.5, 30.5]]}
+    ward = {"name": "ward", "polygon": [[20, 0], [40, 0], [40, 100], [20, 100]], "speed": 0.15}
+    setting = scenario(
+        duration=1500.0, docks=DOCKS[:1], zones=[ward], patrol={"policy": policy}, robots={"count": 1, **robots}
+    )
+    outcome = run_in_process(setting, keep=False, verify_fog=False)
+    assert outcome.verdict.valid, outcome.verdict.failed
+    (used,) = [robot.battery for robot in outcome.summary.robots.values()]
+    assert used is not None
+    assert used.charges >= 1
+    assert used.least_share > 0.1

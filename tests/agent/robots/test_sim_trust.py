@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import TYPE_CHECKING, cast
 
 import pytest
 
+from agent.robots.sim import join
 from patrol.exchange import Sensed
+from patrol.net.mailbox import Mailbox, Payload, Post, Presence
 from patrol.net.messages.phases import (
     ANYONE,
     NO_RUN,
@@ -16,12 +20,46 @@ from patrol.net.messages.phases import (
     ReplyB,
     Report,
     Stop,
+    ToRobot,
     encode,
 )
 from patrol.net.security.tick_chain import TickChain
 from patrol.net.security.transcripts import LAST, LINES, Line, digest_of
 from patrol.pose import Velocity
-from tests.agent.robots.test_sim import CHAIN, POSE, RUN, Scene, a, b, hello
+from patrol.process.lifeline import Ending
+from tests.agent.robots.test_sim import CHAIN, KEYS, ME, POSE, RUN, Scene, a, b, hello
+from tests.patrol.net.test_mailbox import Bytes
+
+if TYPE_CHECKING:
+    from patrol.net.link import Link
+
+
+class Wire:
+    """A link on which only the test speaks to the robot."""
+
+    def __init__(self) -> None:
+        self.deliver: dict[str, Callable[[str, Payload], None]] = {}
+
+    def post(self, _key: str) -> Post:
+        return lambda _payload: None
+
+    def subscribe(self, key: str, mailbox: Mailbox[ToRobot | Presence]) -> None:
+        self.deliver[key] = mailbox.deliver
+
+    def watch(self, key: str, mailbox: Mailbox[ToRobot | Presence]) -> None:
+        self.deliver[key] = mailbox.deliver
+
+    def live(self, key: str) -> None:
+        pass
+
+
+@pytest.mark.parametrize(("in_force", "refused"), [((0, 1), 0), ((0, 2), 1)])
+def test_a_zone_that_the_scenario_does_not_have_is_refused(in_force: tuple[int, ...], refused: int) -> None:
+    wire = Wire()
+    robot = join(cast("Link", wire), KEYS, ME, 1, 2, Ending(), 60.0, lambda _waited: None)
+    phase = replace(a(0), sensed=replace(a(0).sensed, zones=in_force))
+    wire.deliver[KEYS.tick("r1")](KEYS.tick("r1"), Bytes(encode(phase)))
+    assert robot.refused == refused
 
 
 def test_messages_of_another_run_are_counted_and_ignored() -> None:

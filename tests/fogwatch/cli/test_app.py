@@ -219,6 +219,27 @@ def test_an_error_in_a_map_names_the_map_and_not_its_copy(
 
 
 @pytest.mark.parametrize(
+    "command",
+    [
+        ["scenario", "check"],
+        ["run", "--in-process"],
+        pytest.param(["run", "--no-page"], marks=pytest.mark.processes),
+        ["plan", "--age", "60", "--quick"],
+    ],
+)
+def test_a_scenario_that_does_not_fit_its_ground_is_named(
+    command: list[str], fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    file = tmp_path / "site.yaml"
+    says = (
+        "terrain: {builtin: open}\npoint: 1.0\nzones: [{name: a, weight: 2, polygon: [[900, 4], [901, 4], [901, 6]]}]\n"
+    )
+    file.write_text(says, encoding="utf-8")
+    assert fogwatch(*command, str(file)) == 2
+    assert capsys.readouterr().err.splitlines()[-1].startswith(f"fogwatch: {file}: zones.0: a")
+
+
+@pytest.mark.parametrize(
     ("arguments", "words"),
     [
         (["repot"], "repot: no such command; did you mean report?"),

@@ -39,6 +39,7 @@ def test_zones_that_an_operator_switches_leave_the_same_trace(
     at = operate({**SITE, "duration": 100_000})
     held = at.step(30)
     assert at.ask(do="zone", name="ward", on=True).text == f"ward is in force from tick {held} on"
+    assert at.ask(do="zone", name="vault", weight=0.2).text == f"vault counts 0.2 times from tick {held} on"
     held = at.step(10)
     assert at.ask(do="zone", name="vault", on=False).text == f"vault is out of force from tick {held} on"
     refused = at.ask(do="zone", name="vault", on=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 
 from patrol.exchange import Sensed
 from patrol.net.keys import fleet_keys
@@ -60,11 +61,12 @@ def test_forgeries_are_messages_that_decoders_take() -> None:
     newest = PhaseA(1, 77, 5, 9, Sensed(5, Pose(1.0, 2.0, 0.0), False, (), 2.5), bytes(16))
     dice = Draws(3, Purpose.STRANGER)
     kinds: Counter[object] = Counter()
+    decoders: dict[str, Callable[[bytes], object]] = {"tick": decode_to_robot, "reply": decode_to_world}
     for heard in (None, newest):
         for _ in range(300):
             key, payload = forged(dice, KEYS, ROBOTS, heard)
             last = key.rpartition("/")[2]
-            decode = {"tick": decode_to_robot, "reply": decode_to_world}.get(last)
+            decode = decoders.get(last)
             message = last if decode is None else decode(payload)
             kinds[message if isinstance(message, str) else type(message)] += 1
             if heard is not None and isinstance(message, ReplyB):

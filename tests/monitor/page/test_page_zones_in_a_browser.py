@@ -25,6 +25,17 @@ ZONES: list[dict[str, Any]] = [
 ]
 LISTED = "[...document.querySelectorAll('#zonelist li')].map((one) => one.innerText.split('\\n').join('|'))"
 
+NOTE_LABELS = """(() => {
+  const { prototype } = CanvasRenderingContext2D, draw = prototype.fillText;
+  window.labels = [];
+  prototype.fillText = function (text, x, y) {
+    const half = 0.5 * this.measureText(text).width, canvas = this.canvas.width;
+    if (this.textAlign === "center") window.labels.push({ text, left: x - half, right: x + half, canvas });
+    return draw.call(this, text, x, y);
+  };
+})()"""
+"""Keeps the texts that are drawn centred, with the columns of their canvas from and to which they reach."""
+
 
 @pytest.fixture(scope="module")
 def zoned(tmp_path_factory: pytest.TempPathFactory) -> Seen:
@@ -62,6 +73,23 @@ def test_an_operator_switches_a_zone(chromium: Any, zoned: Seen, width: int) -> 
     ]
 
 
+@pytest.mark.parametrize("width", [1280, 390])
+def test_an_operator_changes_a_weight(chromium: Any, zoned: Seen, width: int) -> None:
+    wire = FakeFeed(zoned)
+    wire.asked_for = [Event(0, OPERATOR, None, '{"do":"zone","name":"vault","on":true}')]
+    wire.asked_for += [Event(0, OPERATOR, None, '{"do":"zone","name":"vault","weight":3}')]
+    with closing(ServedPage(wire.source())) as served, Look(chromium, served.address, width) as look:
+        look.until("document.body.dataset.frames > 0")
+        look.page.click("#tab-zones")
+        look.until(f"{LISTED}[0] === 'vault x3|in force|switch off'")
+        look.page.fill("[aria-label='weight of vault']", "0.5")
+        look.page.press("[aria-label='weight of vault']", "Enter")
+        look.until("document.getElementById('zonesanswer').innerText === 'done'")
+        assert look.evaluate("document.querySelectorAll('#zonelist input').length") == 1
+        assert look.evaluate("document.documentElement.scrollWidth") <= width
+    assert wire.asked == [{"do": "zone", "name": "vault", "weight": 0.5}]
+
+
 def test_with_no_zone_in_force_each_can_be_switched_on(chromium: Any, tmp_path: Path) -> None:
     asleep = run_of(tmp_path, {**QUIET, "name": "asleep", "zones": [{**ZONES[1], "times": []}]})
     wire = FakeFeed(asleep)
@@ -90,3 +118,16 @@ def test_without_zones_there_is_no_such_tab(chromium: Any, quiet: Seen) -> None:
         look.until("document.body.dataset.frames > 0")
         assert not look.page.is_visible("#tab-zones")
         assert look.page.is_visible("#tab-faults")
+
+
+def test_the_label_of_a_zone_at_the_rim_is_not_cut_off(chromium: Any, tmp_path: Path) -> None:
+    zone = {"name": "the-treasury-in-the-north-wing", "polygon": [[92, 2], [100, 2], [100, 10], [92, 10]], "speed": 0.5}
+    rim = run_of(tmp_path, {**QUIET, "name": "rim", "zones": [zone]})
+    with closing(ServedPage(Player(rim.open()))) as served, Look(chromium, served.address, 390) as look:
+        look.until("document.body.dataset.frames > 0")
+        look.evaluate(NOTE_LABELS)
+        look.seek(9)
+        look.until("window.labels.some(({ text }) => text.startsWith('the-treasury'))")
+        labels = look.evaluate("window.labels.filter(({ text }) => text.startsWith('the-treasury'))")
+        assert {label["text"] for label in labels} == {"the-treasury-in-the-north-wing 0.5 m/s"}
+        assert all(label["left"] >= 0 and label["right"] <= label["canvas"] for label in labels)

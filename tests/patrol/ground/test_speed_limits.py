@@ -40,3 +40,12 @@ def test_the_lowest_speed_of_the_zones_in_force_holds(
 
 def test_without_slow_zones_there_is_no_limit() -> None:
     assert SpeedLimits([VAULT], GROUND).at(3.0, 1.0, ALL) == math.inf
+
+
+def test_limits_add_time_to_each_metre() -> None:
+    limits = SpeedLimits([VAULT, WARD, BED], GROUND)
+    added = limits.delays(1.0, ALL)
+    assert added is not None
+    assert [added[10, 10], added[6, 6], added[0, 0]] == pytest.approx([9.0, 1 / 0.3 - 1.0, 0.0])
+    for speed, in_force in ((0.1, {"bed"}), (1.0, {"vault"})):
+        assert limits.delays(speed, in_force) is None

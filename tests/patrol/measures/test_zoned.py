@@ -13,6 +13,7 @@ from patrol.measures.best_tour import best_tour
 from patrol.measures.zoned import best_weighted_s, prepare_zones, zone_weights, zoned_ground
 from patrol.prepare import Prepared, prepare
 from patrol.scenario import load_scenario
+from patrol.scenario.zones import Weighing
 
 
 def box(left: float, low: float, right: float, high: float) -> list[list[float]]:
@@ -61,28 +62,45 @@ def test_rounds_show_the_ground_of_their_classes_and_none_is_longer_than_one_of_
 
 def test_the_ground_follows_the_zones_in_force() -> None:
     made = prepared(VAULT | {"weight": 10, "times": [[60, 120]]}, CELLAR | {"weight": 3})
-    grounds = {names: zoned_ground(made, names) for names in (frozenset(), frozenset({"vault"}), frozenset({"cellar"}))}
-    classes = {names: ground.classes for names, ground in grounds.items() if ground is not None}
-    assert classes == {frozenset(): (1.0,), frozenset({"vault"}): (1.0, 10.0), frozenset({"cellar"}): (1.0, 3.0)}
-    for names, ground in grounds.items():
+    expected: dict[Weighing, tuple[float, ...]] = {
+        frozenset(): (1.0,),
+        frozenset({("vault", 10.0)}): (1.0, 10.0),
+        frozenset({("cellar", 3.0)}): (1.0, 3.0),
+    }
+    for weighing, classes in expected.items():
+        ground = zoned_ground(made, weighing)
         assert ground is not None
-        assert zoned_ground(made, names | {"slow"}) is ground
-        assert len(ground.rounds) == 1 + 2 * bool(names)
-        assert best_weighted_s(made, names) == ground.cost_s(ground.divide(4))
+        assert ground.classes == classes
+        assert zoned_ground(made, weighing) is ground
+        assert len(ground.rounds) == 1 + 2 * bool(weighing)
+        assert best_weighted_s(made, weighing) == ground.cost_s(ground.divide(4))
+
+
+def test_another_weight_in_the_same_order_keeps_the_rounds() -> None:
+    made = prepared(VAULT | {"weight": 10}, CELLAR | {"weight": 3})
+    first = zoned_ground(made)
+    assert first is not None
+    for vault, kept in ((30.0, True), (2.0, False), (3.0, False)):
+        ground = zoned_ground(made, frozenset({("vault", vault), ("cellar", 3.0)}))
+        assert ground is not None
+        assert ground.classes == tuple(sorted({1.0, 3.0, vault}))
+        assert (ground.rounds is first.rounds) == kept
+        assert len(ground.rounds) == (6 if vault != 3.0 else 3)
 
 
 def test_all_combinations_of_few_zones_are_prepared_and_kept_with_the_rest(tmp_path: Path) -> None:
     made = prepared(VAULT | {"weight": 10, "times": [[60, 120]]}, CELLAR | {"weight": 3})
     prepare_zones(made)
-    sets = {frozenset(names) for names in ((), ("vault",), ("cellar",), ("vault", "cellar"))}
+    vault, cellar = ("vault", 10.0), ("cellar", 3.0)
+    sets: set[Weighing] = {frozenset(), frozenset({vault}), frozenset({cellar}), frozenset({vault, cellar})}
     assert set(made.zoned) == sets
     made.save(tmp_path)
     loaded = Prepared.load(made.scenario, tmp_path)
     assert set(loaded.zoned) == sets
-    for names in sets:
-        assert loaded.zoned[names].classes == made.zoned[names].classes
-        assert loaded.zoned[names].divide(4) == made.zoned[names].divide(4)
-        assert np.array_equal(loaded.zoned[names].weights, made.zoned[names].weights)
+    for zones in sets:
+        assert loaded.zoned[zones].classes == made.zoned[zones].classes
+        assert loaded.zoned[zones].divide(4) == made.zoned[zones].divide(4)
+        assert np.array_equal(loaded.zoned[zones].weights, made.zoned[zones].weights)
 
 
 def test_of_many_zones_those_of_the_times_and_one_switch_away_are_prepared() -> None:
@@ -90,9 +108,15 @@ def test_of_many_zones_those_of_the_times_and_one_switch_away_are_prepared() -> 
     zones = [{"name": name, "polygon": where, "weight": 2, "times": [[60, 90]]} for name, where in boxes.items()]
     made = prepared(*zones, sensor={"angle": 90})  # it has no rounds, whose search takes long
     prepare_zones(made)
-    everything = frozenset("abcd")
-    one_away = {frozenset(name) for name in "abcd"} | {everything - {name} for name in "abcd"}
+    everything: Weighing = frozenset((name, 2.0) for name in "abcd")
+    one_away = {frozenset({zone}) for zone in everything} | {everything - {zone} for zone in everything}
     assert set(made.zoned) == {frozenset(), everything, *one_away}
+
+
+def test_changes_of_weights_are_prepared() -> None:
+    made = prepared(VAULT | {"weight": 10, "weights": [[60, 5], [90, 10]]}, sensor={"angle": 90})
+    prepare_zones(made)
+    assert set(made.zoned) == {frozenset(), frozenset({("vault", 10.0)}), frozenset({("vault", 5.0)})}
 
 
 @pytest.mark.parametrize("zones", [(), ({"name": "stairs", "polygon": box(10, 10, 20, 20), "keep_out": True},)])

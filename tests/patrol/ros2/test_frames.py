@@ -6,10 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from patrol.errors import BadInput
 from patrol.ground.swept_path import advance
-from patrol.pose import Pose, wrap
+from patrol.pose import TAU, Pose, wrap
 from patrol.pose import Twist as Command
-from patrol.ros2.frames import composed, inverted, travelled
+from patrol.ros2.frames import composed, inverted, pose_given, travelled
 from patrol.ros2.messages import Twist
 
 lengths = st.floats(-50.0, 50.0)
@@ -42,3 +43,15 @@ def test_a_body_travels_as_the_world_moves_it(pose: Pose, speed: float, turn_rat
 def test_the_way_back_ends_where_it_began(pose: Pose, vx: float, vy: float, turn_rate: float, time_s: float) -> None:
     twist = Twist(vx, vy, turn_rate)
     same(travelled(travelled(pose, twist, time_s), twist, -time_s), pose)
+
+
+@pytest.mark.parametrize(("text", "heading"), [("1,2,-3", -3.0), ("1,2,6.2", 6.2 - TAU), ("1,2,-6.28", TAU - 6.28)])
+def test_a_pose_is_read_from_an_option(text: str, heading: float) -> None:
+    pose = pose_given("--start", text)
+    assert (pose.x, pose.y, pose.heading) == pytest.approx((1.0, 2.0, heading))
+
+
+@pytest.mark.parametrize("text", ["1,2,90", "1,2,-6.3"])
+def test_a_heading_in_degrees_is_refused(text: str) -> None:
+    with pytest.raises(BadInput, match=rf"^--start {text}: heading = .*: more than a full turn; give rad"):
+        pose_given("--start", text)

@@ -76,6 +76,12 @@ def test_settings_without_effect_or_support_are_refused() -> None:
         load_scenario(YARDS | {"patrol": regions, "closures": [closure()]})
 
 
+def test_random_starts_lie_outside_of_closures() -> None:
+    half = closure(polygon=[[0, 0], [60, 0], [60, 88], [0, 88]])
+    prepared = prepare(load_scenario(YARDS | {"robots": {"count": 6, "radius": 0.4}, "closures": [half]}))
+    assert all(start.x >= 60.4 for start in prepared.starts)
+
+
 def test_closures_off_the_ground_and_on_starts_or_docks_are_refused() -> None:
     robots: dict[str, Any] = {"count": 1, "model": "holonomic", "radius": 0.4, "starts": [[15, 15]]}
     with pytest.raises(BadInput, match=r"closures\.0\.polygon: gate lies on the start of r1 at \(15, 15\); move it"):

@@ -82,6 +82,9 @@ def test_hashes() -> None:
 @pytest.mark.parametrize(
     ("zones", "message"),
     [
+        ([zone(weight=2, weights=[[9, 0]])], r"zones\.0\.weights\.0\.1 = 0: expected a number from 0\.001 to 1000"),
+        ([zone(weight=2, weights=[[9, 3], [9, 4]])], r"zones\.0\.weights: .*: each begins later than the one before"),
+        ([zone(age=9, weights=[[9, 3]])], r"zones\.0\.weights: .*: take the place of weight, which is missing"),
         ([zone(weight=0)], r"zones\.0\.weight = 0: expected a number from 0\.001 to 1000"),
         ([zone(weight=1e6)], r"zones\.0\.weight = 1000000\.0: expected a number from 0\.001 to 1000"),
         ([zone(polygon=SQUARE[:2], weight=2)], r"zones\.0\.polygon = .*: expected 3 or more corners"),

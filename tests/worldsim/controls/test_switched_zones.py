@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from experiments.inprocess import run_in_process
 from patrol.errors import BadInput
-from patrol.journal.records import Event
+from patrol.journal.records import IN_FORCE, OUT_OF_FORCE, Event
 from patrol.prepare import prepare
-from patrol.scenario import load_scenario
+from patrol.scenario import dump_scenario, load_scenario
 from patrol.scenario.control_words import described
 from patrol.scenario.controls import OPERATOR, amended, as_detail, read_control
 from patrol.scenario.zones import zones_in_force
@@ -34,6 +35,10 @@ def switch(name: str, on: bool) -> dict[str, Any]:
     return {"do": "zone", "name": name, "on": on}
 
 
+def weigh(name: str, weight: float) -> dict[str, Any]:
+    return {"do": "zone", "name": name, "weight": weight}
+
+
 SWITCHES = {
     9: [switch("vault", False)],
     20: [switch("ward", True)],
@@ -51,6 +56,14 @@ def test_what_is_switched_is_judged_and_gives_the_same_trace_again() -> None:
     assert verdict.valid, verdict.failed
     (slow,) = (check for check in verdict.checks if check.name == "slow zones")
     assert slow.detail == "120 steps in 1 slow zones, none too fast"  # of the last of 30 + 1 ticks nothing follows
+    turns = [(event.k, event.kind, event.detail) for event in journal.events if event.kind in (IN_FORCE, OUT_OF_FORCE)]
+    assert turns == [
+        (9, OUT_OF_FORCE, "vault"),
+        (20, IN_FORCE, "ward"),
+        (21, OUT_OF_FORCE, "ward"),
+        (30, IN_FORCE, "vault"),
+        (30, IN_FORCE, "ward"),
+    ]
     again = run_in_process(prepared.as_operated(journal.events), threads=1)
     assert again.verdict.valid, again.verdict.failed
     assert journal.end is not None
@@ -61,13 +74,71 @@ def test_what_is_switched_is_judged_and_gives_the_same_trace_again() -> None:
     assert without.journal.end.trace_hash != journal.end.trace_hash
 
 
+WEIGHTS = {10: [weigh("vault", 0.2)], 24: [weigh("vault", 30.0)], 40: [switch("vault", False), weigh("vault", 8.0)]}
+
+
+def test_a_weight_that_is_changed_is_judged_and_gives_the_same_trace_again() -> None:
+    prepared = prepare(load_scenario(SITE))
+    journal, requests, *_ = run(prepared, WEIGHTS)
+    assert [answer.text for _, answer in requests.answers] == [
+        "vault counts 0.2 times from tick 10 on",
+        "vault counts 30 times from tick 24 on",
+        "vault is out of force from tick 40 on",
+        "vault counts 8 times from tick 40 on",
+    ]
+    verdict = judge(journal, {}, prepared)
+    assert verdict.valid, verdict.failed
+    again = run_in_process(prepared.as_operated(journal.events), threads=1)
+    assert again.verdict.valid, again.verdict.failed
+    assert verdict.zones == again.verdict.zones
+    without = run_in_process(prepared, threads=1)
+    ends = [made.end for made in (journal, again.journal, without.journal) if made.end is not None]
+    hashes = [end.trace_hash for end in ends]
+    assert hashes[0] == hashes[1] != hashes[2]
+    assert verdict.zones is not None
+    assert without.verdict.zones is not None
+    assert verdict.zones.mfow_weighted_max_s != without.verdict.zones.mfow_weighted_max_s
+
+
+def test_a_scenario_of_changed_weights_comes_back_from_its_file(tmp_path: Path) -> None:
+    scenario = load_scenario(SITE)
+    for k, controls in WEIGHTS.items():
+        for control in controls:
+            scenario, _ = amended(scenario, k, read_control(control))
+    (vault, *_) = scenario.zones
+    assert (vault.weight, vault.weights) == (8.0, ((5.0, 0.2), (12.0, 30.0), (20.0, 8.0)))
+    assert [vault.weight_at(time_s) for time_s in (0.0, 4.9, 5.0, 12.0, 30.0)] == [8.0, 8.0, 0.2, 30.0, 8.0]
+    assert [vault.label_at(time_s) for time_s in (0.0, 6.0)] == ["vault x8", "vault x0.2"]
+    (tmp_path / "timeline.yaml").write_text(dump_scenario(scenario), encoding="utf-8")
+    assert load_scenario(tmp_path / "timeline.yaml") == scenario
+
+
+def test_robots_learn_a_weight_from_the_world() -> None:
+    world = World(prepare(load_scenario(SITE)), operated=True)
+    assert {sensed.weights for sensed in world.begin_tick().values()} == {()}
+    world.end_tick({})
+    for k, weight in ((1, 3.0), (2, 4.0)):
+        scenario, _ = amended(world.scenario, k, read_control(weigh("vault", weight)))
+        world.amend(scenario)
+        assert {(sensed.zones, sensed.weights) for sensed in world.begin_tick().values()} == {((0, 2), ((0, weight),))}
+        world.end_tick({})
+
+
+def test_of_two_weights_before_one_tick_the_last_holds() -> None:
+    scenario = load_scenario(SITE)
+    for k, weights in ((0, (4.0,)), (4, (3.0, 8.0, 5.0))):
+        for weight in weights:
+            scenario, _ = amended(scenario, k, read_control(weigh("vault", weight)))
+    assert scenario.zones[0].weights == ((0.0, 4.0), (2.0, 5.0))
+
+
 def test_a_verdict_that_knows_nothing_of_the_operator_does_not_see_slow_zones_kept() -> None:
     """By its times the ward is in force up to tick 19, and robots are fast from tick 9 on."""
     prepared = prepare(load_scenario(SITE | {"zones": [VAULT, WARD | {"times": [[0, 10]]}, STAIRS]}))
     journal, *_ = run(prepared, {9: [switch("ward", False)]})
     assert judge(journal, {}, prepared).valid
     journal.events = tuple(event for event in journal.events if event.kind != OPERATOR)
-    assert {check.name for check in judge(journal, {}, prepared).failed} == {"slow zones"}
+    assert {check.name for check in judge(journal, {}, prepared).failed} == {"slow zones", "zone times"}
 
 
 def test_the_zones_in_force_follow_the_switches_and_keep_their_past() -> None:
@@ -113,9 +184,15 @@ def test_a_switch_outlasts_the_zones_times() -> None:
         (switch("vault", True), "name = vault: is in force to the end already"),
         (switch("ward", False), "name = ward: is not in force, and will not be"),
         (switch("valt", False), "name = valt: did you mean vault?"),
-        ({"do": "zone", "name": "vault"}, "on: missing; give true or false"),
+        ({"do": "zone", "name": "vault"}, "exactly one is needed: on, or a weight"),
+        ({**switch("vault", True), "weight": 3.0}, "exactly one is needed: on, or a weight"),
+        (weigh("vault", 8.0), "weight = 8: vault counts so many times already"),
+        (weigh("ward", 2.0), "name = ward: has no weight to change; only zones with a weight have"),
+        (weigh("stairs", 2.0), "name = stairs: has no weight to change"),
+        (weigh("vault", 0.0), "weight = 0.0: expected a number from 0.001 to 1000"),
+        (weigh("vault", 1e4), "weight = 10000.0: expected a number from 0.001 to 1000"),
         ({"do": "zone", "name": "vault", "on": 1}, "on = 1: expected true or false"),
-        ({"do": "zone", "name": "vault", "on": True, "off": True}, "off: unknown key; known are name, on"),
+        ({"do": "zone", "name": "vault", "on": True, "off": True}, "off: unknown key; known are name, on, weight"),
     ],
 )
 def test_what_is_refused_in_one_line(control: dict[str, Any], problem: str) -> None:
@@ -133,3 +210,5 @@ def test_without_zones_there_is_nothing_to_switch() -> None:
 def test_what_people_read_of_it() -> None:
     for on, words in ((True, "switches vault on"), (False, "switches vault off")):
         assert described(Event(3, OPERATOR, None, as_detail(read_control(switch("vault", on))))) == words
+    control = read_control(weigh("vault", 0.5))
+    assert described(Event(3, OPERATOR, None, as_detail(control))) == "lets vault count 0.5 times"

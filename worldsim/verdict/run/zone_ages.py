@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from patrol.ground.zones import points_of
 from patrol.measures.zoned import best_weighted_s, zone_weights, zoned_ground
-from patrol.scenario.zones import ELSEWHERE
+from patrol.scenario.zones import ELSEWHERE, Weighing, weighing_at
 from patrol.summary.model import ZoneFigures
 from worldsim.verdict.common.check import JournalReading
 from worldsim.verdict.common.robots_there import RobotsThere
@@ -68,8 +68,8 @@ class ZoneAges(JournalReading):
         prepared = run.prepared
         terrain, patrolled = prepared.terrain, prepared.patrolled
         self._weighing = [zone for zone in prepared.scenario.zones if zone.weighs]
-        self._in_force: dict[frozenset[str], list[tuple[float, NDArray[np.int64]]]] = {}
-        self._ticks: Counter[frozenset[str]] = Counter()
+        self._in_force: dict[Weighing, list[tuple[float, NDArray[np.int64]]]] = {}
+        self._ticks: Counter[Weighing] = Counter()
         self._fog = readings[TrueFog].fog
         self._weights = zone_weights(prepared)
         self._wanted = {zone.name: zone.age for zone in prepared.scenario.zones}
@@ -91,11 +91,12 @@ class ZoneAges(JournalReading):
     def tick(self, record: TickRecord) -> None:
         """Look at the fog after the tick's observations."""
         last_seen = self._fog.last_seen.reshape(-1)
-        names = frozenset(zone.name for zone in self._weighing if zone.holds(record.k * self._run.step))
-        self._ticks[names] += 1
-        self._weighted.append(
-            max(weight * (record.k - max(int(last_seen[points].min()), 0)) for weight, points in self._classes(names))
-        )
+        weighing = weighing_at(self._weighing, record.k * self._run.step)
+        names = dict(weighing)
+        self._weights |= {name: weight for name, weight in weighing if weight is not None}
+        self._ticks[weighing] += 1
+        ages = ((weight, record.k - max(int(last_seen[at].min()), 0)) for weight, at in self._classes(weighing))
+        self._weighted.append(max(weight * age for weight, age in ages))
         for name, part in self._parts.items():
             if name not in names and name != ELSEWHERE:
                 continue
@@ -117,25 +118,25 @@ class ZoneAges(JournalReading):
             zones={name: self._figures(name, part, step) for name, part in self._parts.items() if part.stalest},
         )
 
-    def _classes(self, names: frozenset[str]) -> list[tuple[float, NDArray[np.int64]]]:
+    def _classes(self, weighing: Weighing) -> list[tuple[float, NDArray[np.int64]]]:
         """Return the weights of the ground while some zones are in force, and the points of each."""
-        if names not in self._in_force:
+        if weighing not in self._in_force:
             prepared = self._run.prepared
-            zoned = zoned_ground(prepared, names)
+            zoned = zoned_ground(prepared, weighing)
             assert zoned is not None
-            self._in_force[names] = [
+            self._in_force[weighing] = [
                 (weight, _points(prepared.patrolled & (zoned.weights == weight))) for weight in zoned.classes
             ]
-        return self._in_force[names]
+        return self._in_force[weighing]
 
     def _best_weighted_s(self) -> float | None:
-        bests = {names: best_weighted_s(self._run.prepared, names) for names in self._ticks}
-        known = {names: best for names, best in bests.items() if best is not None}
+        bests = {weighing: best_weighted_s(self._run.prepared, weighing) for weighing in self._ticks}
+        known = {weighing: best for weighing, best in bests.items() if best is not None}
         if len(known) < len(bests):
             return None
         if len(known) == 1:
             return next(iter(known.values()))
-        return sum(best * self._ticks[names] for names, best in known.items()) / self._ticks.total()
+        return sum(best * self._ticks[weighing] for weighing, best in known.items()) / self._ticks.total()
 
     def _figures(self, name: str, part: _Part, step: float) -> ZoneFigures:
         wanted = self._wanted.get(name)

@@ -20,6 +20,7 @@ from patrol.errors import BadInput, quoted
 from patrol.files.untrusted import POSE
 from patrol.files.yaml_text import parse_yaml, read_text
 from patrol.pose import Pose, wrap
+from patrol.ros2.frames import heading_given
 from patrol.ros2.messages import PoseWithCovarianceStamped
 from patrol.ros2.ports import Sender
 
@@ -103,7 +104,7 @@ def read_initial_pose(path: Path, option: str, frame: str) -> tuple[Pose, Varian
         The pose, and its variances: those of a message as far as they are above 0, otherwise RViz's.
 
     Raises:
-        BadInput: It is no such file.
+        BadInput: It is no such file, has an angle of more than a full turn, or not all 36 covariances of a message.
     """
     where = f"{option} {path}"
     messages = [text for text in re.split(r"^---\s*$", read_text(path, POSE), flags=re.MULTILINE) if text.strip()]
@@ -119,7 +120,7 @@ def read_initial_pose(path: Path, option: str, frame: str) -> tuple[Pose, Varian
     name, pose = found[0]
     within = f"{where}: {name}.initial_pose"
     x, y, yaw = (_number(within, pose, key) for key in ("x", "y", "yaw"))
-    return Pose(x, y, wrap(yaw)), VARIANCES
+    return Pose(x, y, heading_given(f"{within}.yaw", yaw)), VARIANCES
 
 
 def _of_message(where: str, says: Mapping[str, Any], frame: str) -> tuple[Pose, Variances]:
@@ -140,7 +141,10 @@ def _of_message(where: str, says: Mapping[str, Any], frame: str) -> tuple[Pose, 
         raise BadInput(f"{where}: {within}.orientation: a quaternion that is not 1 long; export the pose again")
     heading = math.atan2(2.0 * (qw * qz + qx * qy), qw * qw + qx * qx - qy * qy - qz * qz)
     variances = VARIANCES
-    if isinstance(covariance, list) and len(covariance) == 36:
+    if covariance is not None:
+        if not isinstance(covariance, list) or len(covariance) != 36:
+            listed = f"{len(covariance)} numbers" if isinstance(covariance, list) else quoted(covariance)
+            raise BadInput(f"{where}: pose.covariance = {listed}: expected 36 numbers; export the pose again")
         given = [_number(f"{where}: pose.covariance", dict(enumerate(covariance)), place) for place in (0, 7, 35)]
         vx, vy, turned = (value if value > 0.0 else usual for value, usual in zip(given, VARIANCES, strict=True))
         variances = vx, vy, turned

@@ -9,7 +9,7 @@ import pytest
 from fogwatch.cli.fleets.control import control_of
 from patrol.errors import BadInput
 
-ZONE = "control zone: give its name and whether it is on, such as '{name: vault, on: false}'"
+ZONE = "control zone: give its name, and whether it is on or its weight, such as '{name: vault, on: false}'"
 
 
 @pytest.mark.parametrize(

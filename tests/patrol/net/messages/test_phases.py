@@ -49,7 +49,9 @@ poses = st.builds(Pose, finite, finite, finite)
 pairs = st.lists(st.tuples(finite, finite), max_size=MAX_CONTACTS).map(tuple)
 
 
-zones = st.none() | st.lists(counts, max_size=MOST_ZONES).map(tuple)
+numbers = st.integers(0, MOST_ZONES - 1)
+zones = st.none() | st.lists(numbers, max_size=MOST_ZONES).map(tuple)
+weights = st.lists(st.tuples(numbers, finite), max_size=MOST_ZONES).map(tuple)
 
 
 def phase_a(
@@ -59,14 +61,16 @@ def phase_a(
     contacts: Contacts,
     clock_s: float,
     in_force: tuple[int, ...] | None,
+    weights_now: tuple[tuple[int, float], ...],
     proof: bytes,
 ) -> PhaseA:
-    return PhaseA(*head, Sensed(head[2], pose, bumped, contacts, clock_s, zones=in_force), proof)
+    sensed = Sensed(head[2], pose, bumped, contacts, clock_s, zones=in_force, weights=weights_now)
+    return PhaseA(*head, sensed, proof)
 
 
 to_robot: st.SearchStrategy[ToRobot] = st.one_of(
     st.builds(Hello, *heads, proofs, st.integers(1, 2**31 - 1)),
-    st.builds(phase_a, st.tuples(*heads), poses, st.booleans(), pairs, finite, zones, proofs),
+    st.builds(phase_a, st.tuples(*heads), poses, st.booleans(), pairs, finite, zones, weights, proofs),
     st.builds(PhaseB, *heads, st.lists(st.binary(max_size=64), max_size=8).map(tuple), proofs),
     st.builds(Stop, *heads, st.booleans(), words),
 )
@@ -192,6 +196,21 @@ def test_hostile_bytes_are_malformed(payload: bytes) -> None:
 def test_an_oversized_reply_is_malformed() -> None:
     with pytest.raises(Malformed, match="at most"):
         decode_to_world(encode(ReplyA(1, 1, 0, 9, (bytes(MAX_REPLY),))))
+
+
+@pytest.mark.parametrize(("in_force", "zones", "known"), [((0, 1), 2, True), ((0, 2), 2, False), ((0,), 0, False)])
+def test_a_zone_that_the_scenario_does_not_have_is_malformed(
+    in_force: tuple[int, ...], zones: int, known: bool
+) -> None:
+    payload = encode(PhaseA(1, 1, 0, 9, Sensed(0, Pose(1.0, 2.0, 3.0), zones=in_force), bytes(PROOF)))
+    if known:
+        assert isinstance(decode_to_robot(payload, zones), PhaseA)
+        return
+    with pytest.raises(Malformed, match=rf"zone {in_force[-1]} is in force, and the scenario's {zones} "):
+        decode_to_robot(payload, zones)
+    sensed = Sensed(0, Pose(1.0, 2.0, 3.0), zones=(), weights=((in_force[-1], 2.0),))
+    with pytest.raises(Malformed):
+        decode_to_robot(encode(PhaseA(1, 1, 0, 9, sensed, bytes(PROOF))), zones)
 
 
 def test_a_pose_that_is_not_finite_is_malformed() -> None:

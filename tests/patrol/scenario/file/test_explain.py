@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from patrol.errors import BadInput
-from patrol.scenario import Scenario, as_mapping, load_scenario
+from patrol.errors import BadInput, NotPrepared
+from patrol.scenario import Scenario, as_mapping, load_scenario, naming
 
 YARDS: dict[str, Any] = {"terrain": {"builtin": "yards"}}
 
@@ -282,3 +282,32 @@ def test_a_wrong_override_is_named(field: str, value: str, expected: str) -> Non
 )
 def test_a_wrong_override_of_a_list_is_named(field: str, expected: str) -> None:
     assert problem({**YARDS, "robots": [{}, {}]}, {field: "-2"}).startswith(expected)
+
+
+@pytest.mark.parametrize(
+    ("source", "overridden", "text", "expected"),
+    [
+        ("site.yaml", (), "zones.0: vault lies outside", "site.yaml: zones.0: vault lies outside"),
+        ("site.yaml", ("robots.count",), "zones.0: vault lies outside", "site.yaml: zones.0: vault lies outside"),
+        ("site.yaml", ("zones",), "zones.0: vault lies outside", "zones.0: vault lies outside"),
+        (
+            "site.yaml",
+            ("robots.starts",),
+            "robots: start (5, 5) of r1: overlaps",
+            "robots: start (5, 5) of r1: overlaps",
+        ),
+        ("yards", (), "zones.0: vault lies outside", "zones.0: vault lies outside"),
+        ("plan.yaml", (), "/maps/plan.yaml: image: missing", "/maps/plan.yaml: image: missing"),
+    ],
+)
+def test_an_error_of_preparing_names_the_file_that_gave_the_field(
+    source: str, overridden: tuple[str, ...], text: str, expected: str
+) -> None:
+    with pytest.raises(BadInput) as caught, naming(source, overridden):
+        raise NotPrepared(text)
+    assert str(caught.value) == expected
+
+
+def test_other_errors_name_no_scenario() -> None:
+    with pytest.raises(BadInput, match=r"^--out run: is not empty$"), naming("site.yaml"):
+        raise BadInput("--out run: is not empty")

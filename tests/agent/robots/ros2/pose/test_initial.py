@@ -82,12 +82,24 @@ def test_the_variances_of_a_message_are_kept(tmp_path: Path) -> None:
             "{r1: {amcl: {ros__parameters: {initial_pose: {}}}}, r2: {amcl: {ros__parameters: {initial_pose: {}}}}}",
             "an initial_pose of several nodes, r1/amcl, r2/amcl; leave the robot's own",
         ),
-        ("pose: {position: {x: 1, y: 2}}", "pose.orientation: missing; export the pose again"),
+        ("pose: {position: {x: 1, y: 2}}", "pose.orientation: missing"),
         ("pose: {position: {x: a, y: 2}, orientation: {x: 0, y: 0, z: 0, w: 1}}", 'pose.position.x = "a": expected'),
         ("pose: {position: {x: 1, y: 2}, orientation: {x: 0, y: 0, z: 0, w: 0}}", "a quaternion that is not 1 long"),
         (
             "pose: {position: {x: 1, y: .inf}, orientation: {x: 0, y: 0, z: 0, w: 1}}",
             "position.y = Infinity: expected",
+        ),
+        (
+            "amcl: {ros__parameters: {initial_pose: {x: 1, y: 2, yaw: 90}}}",
+            "amcl.initial_pose.yaw = 90: more than a full turn; give rad, for example 1.57 for 90 degrees",
+        ),
+        (
+            echoed().replace("  - 0.03\n", ""),
+            "pose.covariance = 35 numbers: expected 36 numbers; export the pose again",
+        ),
+        (
+            echoed().partition("  covariance:")[0] + "  covariance: wide\n",
+            'pose.covariance = "wide": expected 36 numbers',
         ),
     ],
 )
