@@ -270,14 +270,14 @@ def _meaning(scenario: Scenario) -> dict[str, Any]:
 
 
 def _drop_what_is_not_given(meaning: dict[str, Any]) -> None:
-    """Drop zones, docks and closures where there are none, and a zone's speed and times: hashes stay as before."""
+    """Drop zones, docks, closures and what a zone does not say, which came later: hashes stay as before."""
     if not meaning["closures"]:
         del meaning["patrol"]["blocked_memory"]
     for field in ("zones", "docks", "closures"):
         if not meaning[field]:
             del meaning[field]
     for zone in meaning.get("zones", ()):
-        for field in ("speed", "times"):
+        for field in ("speed", "one_way", "times"):
             if zone[field] is None:
                 del zone[field]
 
