@@ -33,6 +33,9 @@ STEPS = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))
 ARROWS = "→↗↑↖←↙↓↘"
 """A sign for each direction."""
 
+NICHE = 4.0
+"""Area of the largest niche that is left out, in areas of the body."""
+
 Steps = NDArray[np.uint8]
 
 
@@ -149,8 +152,8 @@ def first_bend(
 def ground_with_ways_back(terrain: Terrain, reach: BoolGrid, radius: float) -> BoolGrid:
     """Leave out the points of connected ground from which no way leads back, or to which none leads.
 
-    In a zone, such points lie in niches that are open against its direction. Where they are more than a body covers,
-    the zones are refused instead.
+    In a zone, such points lie in niches that are open against its direction. Where one is larger than `NICHE`, the
+    zones are refused instead.
 
     Args:
         terrain: The ground, with one-way zones.
@@ -177,7 +180,7 @@ def ground_with_ways_back(terrain: Terrain, reach: BoolGrid, radius: float) -> B
     labels, count = parts_of(reach & ~kept)
     sizes = np.bincount(labels.reshape(-1), minlength=count + 1)
     sizes[0] = 0
-    if sizes.max() * terrain.point_area > math.pi * radius**2:
+    if sizes.max() * terrain.point_area > NICHE * math.pi * radius**2:
         largest = labels == int(sizes.argmax())
         row, col = divmod(int(largest.argmax()), terrain.width)
         x, y = terrain.centre(row, col)

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from patrol.scenario.faults.kinds import Drift, Motion
-from worldsim.verdict.common.check import Check
+from worldsim.verdict.common.check import Check, CheckResult
 from worldsim.verdict.common.faults import active
 from worldsim.verdict.common.robots_there import RobotsThere
 from worldsim.verdict.robots.expected_statuses import ExpectedStatuses
@@ -89,6 +89,12 @@ class OneWayZonesKept(Check):
             where = f"at ({row.x:.3f}, {row.y:.3f})"
             went = f"went {back_m:.3f} m against {zone.name}, where {allowed_m:.3f} m are allowed,"
             self._fail(f"{self._names[row.number]} {went} by tick {k}, {where}")
+
+    def result(self) -> CheckResult:
+        """Return the result, as of every check; not judged where a fault acted on the robot in each visit."""
+        if self._count and self._disturbed == self._count:
+            return self._not_judged(f"not judged: drift or motion faults acted on robots in all {self._count} visits")
+        return super().result()
 
     def _good(self) -> str:
         left_out = f"; {self._disturbed} under drift or motion faults not judged" if self._disturbed else ""
