@@ -21,7 +21,7 @@ import zlib
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator, model_validator
@@ -177,6 +177,15 @@ class ZoneSpec(Section):
     def weighs(self) -> bool:
         """True if its ages count otherwise than elsewhere: by a weight or a wanted age."""
         return self.weight is not None or self.age is not None
+
+    @property
+    def kind(self) -> Literal["keepout", "oneway", "slow", "weight"]:
+        """The kind of zone, as maps tell them apart."""
+        if self.keep_out:
+            return "keepout"
+        if self.one_way is not None:
+            return "oneway"
+        return "slow" if self.speed is not None else "weight"
 
     @property
     def label(self) -> str:

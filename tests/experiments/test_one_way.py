@@ -24,8 +24,11 @@ def ran(
     on: Terrain | None = None,
     options: dict[str, Any] | None = None,
     faults: tuple[dict[str, Any], ...] = (),
+    starts: list[list[float]] | None = None,
 ) -> Outcome:
     robots: dict[str, Any] = {"count": 3, "model": model, "radius": 0.3, "speed": 1.0}
+    if starts is not None:
+        robots |= {"count": len(starts), "starts": starts}
     if model == "car":
         robots["turning_radius"] = 0.8
     given = {"terrain": {"builtin": "open"}, "point": 0.5, "duration": duration, "robots": robots, "zones": list(zones)}
@@ -40,7 +43,8 @@ def check_of(outcome: Outcome) -> CheckResult:
 
 def passages(outcome: Outcome) -> tuple[int, int]:
     """How often robots passed the lower corridor, with its direction and against it."""
-    counts, came_in = {1: 0, -1: 0}, {}
+    counts = {1: 0, -1: 0}
+    came_in: dict[int, int] = {}
     for record in outcome.journal.ticks:
         for row in record.robots:
             if row.y > 3.5:
@@ -82,9 +86,14 @@ def test_robots_that_know_of_no_direction_are_caught(monkeypatch: pytest.MonkeyP
     assert " went " in check_of(outcome).detail
 
 
-def test_a_robot_that_dies_in_a_corridor_shuts_no_other_one_in() -> None:
-    """The ones behind it back out where they came in, and find the way round."""
-    kill = {"kind": "kill", "who": ["r2"], "at": 60}
-    outcome = ran("holonomic", zone("aisle", LOWER, 0), duration=300.0, faults=(kill,))
+@pytest.mark.parametrize("model", ["holonomic", "car"])
+def test_a_robot_that_finds_the_corridor_blocked_backs_out_where_it_came_in(model: str) -> None:
+    """The other one, ahead of it in the corridor, dies after a few steps."""
+    kill = {"kind": "kill", "who": ["r2"], "at": 2}
+    starts = [[4.75, 2.25, 0.0], [10.25, 2.25, 0.0]]
+    outcome = ran(model, zone("aisle", LOWER, 0), duration=150.0, faults=(kill,), starts=starts)
     assert outcome.verdict.valid, outcome.verdict.failed
-    assert not outcome.verdict.warnings
+    places = [(record.robots[0].x, record.robots[0].y) for record in outcome.journal.ticks]
+    first_in = next(k for k, (x, y) in enumerate(places) if 7.0 < x < 12.0 and y < 3.5)
+    out = next(k for k, (x, _) in enumerate(places) if k > first_in and not 6.0 <= x <= 14.0)
+    assert places[out][0] < 6.0

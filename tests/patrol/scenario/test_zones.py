@@ -153,6 +153,7 @@ def test_what_needs_ways_that_are_as_long_there_as_back(given: dict[str, Any], w
 def test_a_one_way_zone_shows_its_direction() -> None:
     loaded = load_scenario(YARDS | {"zones": [zone(name=f"z{way}", one_way=way) for way in (0, 90, 225)]}).zones
     assert [each.label for each in loaded] == ["z0 →", "z90 ↑", "z225 ↙"]
+    assert {each.kind for each in loaded} == {"oneway"}
 
 
 def test_when_a_zone_is_in_force() -> None:
