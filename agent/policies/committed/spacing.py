@@ -248,7 +248,7 @@ class Spacing:
 
     def _ways(self, view: View, spots: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the lengths of the ways from some spots to all places, m: `begin`."""
-        ways = np.sqrt(((spots[:, None, :] - self.tour[None, :, :2]) ** 2).sum(axis=2))
+        ways: NDArray[np.float64] = np.sqrt(((spots[:, None, :] - self.tour[None, :, :2]) ** 2).sum(axis=2))
         ground = view.ground.static
         if not ground.against.size:
             return ways

@@ -40,6 +40,8 @@ class Spec:
 
 FIELD = Terrain("field", np.ones((20, 40), dtype=np.bool_), 1.0)
 
+GROUND = Ground(FIELD, FIELD.passable)
+
 
 @dataclass(frozen=True)
 class Seen:
@@ -52,7 +54,7 @@ class Seen:
     charging: frozenset[int] = frozenset()
     spec: Spec = Spec()
     stride: float = STRIDE
-    ground: Ground = Ground(FIELD, FIELD.passable)
+    ground: Ground = GROUND
 
     def point_of(self, place: tuple[float, float]) -> tuple[int, int]:
         return self.ground.terrain.point_at(*place)
@@ -240,7 +242,7 @@ def test_a_tick_is_certain_where_all_were_heard_and_could_have_driven_there(
 
 @pytest.mark.parametrize(("one_way", "place"), [(None, 76.0), (0, 6.0)])
 def test_robots_spread_by_ways_where_there_are_one_way_zones(one_way: int | None, place: float) -> None:
-    """As the crow flies a place on either side is 7 m away. Robot 1 cannot go back, so it stays and robot 2 goes on."""
+    """As the crow flies places on both sides are 7 m away. Robot 1 cannot go back, so it stays."""
     reach = np.zeros(FIELD.shape, dtype=np.bool_)
     reach.reshape(-1)[RING[0].places] = True
     terrain = FIELD
