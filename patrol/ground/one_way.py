@@ -109,6 +109,9 @@ def way_along(reach: BoolGrid, against: Steps, first: tuple[int, int], last: tup
 
     Returns:
         Rows and columns of the way's corners, with both ends. Straight lines between them lead against no zone.
+
+    Raises:
+        ValueError: No way leads there.
     """
     from patrol.ground.kernels.one_way import FAR, corners, is_clear, measure
 
@@ -119,6 +122,8 @@ def way_along(reach: BoolGrid, against: Steps, first: tuple[int, int], last: tup
         return [first, last]
     length = np.full(is_open.shape, FAR, dtype=np.int32)
     measure(is_open, steps, np.array([end]), True, begin, FAR, length)
+    if length.flat[begin] == FAR:
+        raise ValueError(f"no way leads from {first} to {last}")
     way = np.empty(length.size, dtype=np.int64)
     rows, cols = np.divmod(way[: corners(is_open, steps, begin, end, length, way)], width)
     return list(zip((rows - 1).tolist(), (cols - 1).tolist(), strict=True))
