@@ -15,11 +15,12 @@ from agent.belief.blocked import Blocked
 from agent.ports import Body, Decision, Policy, PolicyFailed
 from agent.routes.ground import Disc, Ground
 from agent.routes.routes import Routes
+from agent.routes.visits import Visits
 from agent.sender import Sender, Sending
 from agent.view import Draw, FogView, View
 from patrol.exchange import Sensed
 from patrol.ground.speed_limits import SpeedLimits
-from patrol.pose import Pose, slowed
+from patrol.pose import Pose, halted, slowed
 from patrol.radio.message import MAX_CONTACTS, Position, as_received
 from patrol.scenario import RobotSpec, ZoneSpec
 from patrol.scenario.zones import Weighing, weighing_at, zones_in_force
@@ -92,6 +93,7 @@ class Mind:
         self._routes = routes
         self._chance = chance
         self.blocked = blocked
+        self._visits = Visits(facts.zones, ground, facts.spec.radius, facts.step)
         self._sender = Sender(facts.spec.number, facts.sending, facts.key)
 
     def frames(self, sensed: Sensed) -> tuple[bytes, ...]:
@@ -137,8 +139,9 @@ class Mind:
             raise PolicyFailed(f"raised {type(error).__name__}: {error}") from error
         choice = self.body.obey(intent, view)
         goal = choice.goal
+        command = slowed(choice.command, self.facts.speed_limits.at(sensed.pose.x, sensed.pose.y, view.zones))
         return Decision(
-            command=slowed(choice.command, self.facts.speed_limits.at(sensed.pose.x, sensed.pose.y, view.zones)),
+            command=command if self._visits.allow(sensed.pose, command) else halted(self.spec.model),
             state=choice.state,
             direction=choice.bearing,
             goal=None if goal is None else goal.goal,
@@ -159,6 +162,7 @@ class Mind:
         self._ground.begin([*self._silent(k, pose), *self.body.obstacles(k, pose, sensed.bumped, peers)])
         if self.blocked is not None:
             self._leave_out_blocked(self.blocked, pose)
+        self._visits.note(pose.x, pose.y)
         return View(
             tick=k,
             time_s=k * facts.step,

@@ -90,6 +90,19 @@ def _name(options: argparse.Namespace) -> str:
     return options.namespace.strip("/").rpartition("/")[2] or "robot"
 
 
+def _refuse_zones_for_nav2(file: str | None, scenario: Scenario) -> None:
+    """Refuse zones that Nav2 would drive through as if they were not there."""
+    for number, zone in enumerate(scenario.zones):
+        if zone.speed is not None:
+            why = "Nav2 drives to goals at its own speed; give it the mask for its speed filter, and drop it here"
+            raise BadInput(f"{file}: zones.{number}.speed = {zone.speed:g}: {why}")
+        if zone.one_way is not None:
+            why = (
+                "Nav2 drives to goals on ways of its own, which may lead against it; drop it, or choose another --drive"
+            )
+            raise BadInput(f"{file}: zones.{number}.one_way = {zone.one_way}: {why}")
+
+
 def _run(process: ProcessContext) -> int:
     """Find the robot, and patrol with it; return the exit code."""
     from agent.robots.ros2.hardware import Hardware
@@ -110,10 +123,7 @@ def _run(process: ProcessContext) -> int:
     if scenario is not None and any(spec.battery is not None for spec in scenario.roster):
         raise BadInput(f"{options.scenario}: robots.battery: a ROS 2 robot reports no charge here; drop it and docks")
     if scenario is not None and settings.drive == "nav2":
-        for number, zone in enumerate(scenario.zones):
-            if zone.speed is not None:
-                why = "Nav2 drives to goals at its own speed; give it the mask for its speed filter, and drop it here"
-                raise BadInput(f"{options.scenario}: zones.{number}.speed = {zone.speed:g}: {why}")
+        _refuse_zones_for_nav2(options.scenario, scenario)
     terrain = _check_map(options, name, scenario, overrides)
     for spec in () if scenario is None else scenario.roster:
         if spec.name == name:

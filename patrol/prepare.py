@@ -20,10 +20,11 @@ from patrol.errors import BadInput, NotPrepared
 from patrol.ground.closed import ChangingFootprint
 from patrol.ground.fields import StaticFields, compute_fields, load_grid
 from patrol.ground.footprint import REMEMBERED, Footprint
+from patrol.ground.one_way import unit
 from patrol.ground.terrain import BoolGrid, Terrain, frozen_grid
 from patrol.ground.tour.round import Round
 from patrol.ground.tour.zoned import ZonedGround
-from patrol.ground.zones import points_of
+from patrol.ground.zones import points_of, steps_against
 from patrol.own_sensor import make_footprint
 from patrol.pose import Pose
 from patrol.radio.inbox import Inboxes, Rules
@@ -38,6 +39,9 @@ if TYPE_CHECKING:
 
 TICKS_APART = 4
 """Most ticks between two robots of a fleet where the world waits for none of them."""
+
+LEAST_LONG = 2.0
+"""Length of a one-way zone at least, in diameters of a robot and a step together: what the verdict lets pass."""
 
 FACTS = "prepared.json"
 GROUND = ("passable", "keep_out", "free", "blocked")
@@ -156,7 +160,8 @@ class Prepared:
         facts = json.loads((folder / FACTS).read_text(encoding="utf-8"))
         x, y = facts["origin"]
         passable, keep_out, free, blocked = (load_grid(folder / f"{name}.npy") for name in GROUND)
-        terrain = Terrain(facts["name"], passable, facts["point"], (x, y), keep_out).with_grids(free, blocked)
+        terrain = Terrain(facts["name"], passable, facts["point"], (x, y), keep_out)
+        terrain = replace(terrain, against=steps_against(scenario.zones, terrain)).with_grids(free, blocked)
         bodies = {part: StaticFields.load(folder / part) for part in sorted(set(facts["fields"].values()))}
         kept = {part: Round.load(folder / part) for part in sorted({*facts["rounds"].values()} - {None})}
         return Prepared(
@@ -340,6 +345,29 @@ def _check_zones(scenario: Scenario, terrain: Terrain, by_radius: Mapping[float,
             if zone.speed is not None and not any((fields.reach & points).any() for fields in bodies):
                 why = "no robot gets there, so it slows none; correct or drop it"
                 raise BadInput(f"zones.{number}: {zone.name}: {why}")
+            if zone.one_way is not None:
+                _check_one_way(f"zones.{number}: {zone.name}", zone.one_way, points, scenario, terrain, by_radius)
+
+
+def _check_one_way(
+    where: str,
+    degrees: int,
+    points: BoolGrid,
+    scenario: Scenario,
+    terrain: Terrain,
+    by_radius: Mapping[float, StaticFields],
+) -> None:
+    """Refuse a zone that bodies cross in a few steps, or none gets to: the verdict could not tell its direction."""
+    if not any((fields.reach & points).any() for fields in by_radius.values()):
+        raise BadInput(f"{where}: no robot gets there, so it directs none; correct or drop it")
+    rows, cols = np.nonzero(points)
+    across, up = unit(degrees)
+    along = (cols * across + rows * up) * terrain.point
+    length_m = float(along.max() - along.min()) + terrain.point
+    least_m = LEAST_LONG * max(2.0 * spec.radius + spec.speed * scenario.step for spec in scenario.roster)
+    if length_m < least_m:
+        long = f"is {length_m:.2f} m long in its direction, and robots take at least {least_m:.2f} m to show theirs"
+        raise BadInput(f"{where}: {long}; make it longer")
 
 
 def _check_closures(scenario: Scenario, terrain: Terrain, starts: Sequence[Pose]) -> None:

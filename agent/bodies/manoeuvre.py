@@ -370,14 +370,21 @@ class Manoeuvres:
             self._plan.extend([move.command] * move.ticks)
 
     def _closed(self, view: View) -> NDArray[np.uint8]:
-        """The points that are closed at this tick; of size 0 where there are none or the body is on one of them."""
-        ground = view.ground
-        if ground.static is ground or ground.is_closed(*self._terrain.point_at(view.pose.x, view.pose.y)):
+        """The points that are closed at this tick or lie behind in a one-way zone.
+
+        Of size 0 where there are none or the body is on one of them.
+        """
+        ground, here = view.ground, self._terrain.point_at(view.pose.x, view.pose.y)
+        closed = ground.behind
+        if ground.static is not ground:
+            shut = ground.static.open_now & ~ground.open_now
+            closed = shut if closed is None else closed | shut
+        if closed is None or (self._terrain.inside(*here) and closed[here]):
             return np.zeros((0, 0), dtype=np.uint8)
-        return (ground.static.open_now & ~ground.open_now).view(np.uint8)
+        return closed.view(np.uint8)
 
 
 def _paths_to(point: tuple[int, int], ground: Ground, within: float) -> BoxPaths:
     """Find the paths of at most `within` m to a point of the terrain."""
     limit = round(min(LONGEST, 100.0 * within / ground.terrain.point))
-    return paths_in(ground, [point], box_around(point, limit // 100 + 1, ground.terrain.shape), limit)
+    return paths_in(ground, [point], box_around(point, limit // 100 + 1, ground.terrain.shape), limit, back=True)

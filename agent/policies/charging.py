@@ -187,7 +187,7 @@ class Charging:
         routes = Routes(Ground(terrain, setup.fields.reach))
         self._docks: list[_Dock] = []
         for given in setup.docks:
-            ways = routes.lengths(given.place).astype(np.float32)
+            ways = routes.lengths(given.place, back=True).astype(np.float32)
             if np.isfinite(ways).any():
                 point = terrain.point_at(*given.place)
                 slow_ways = SlowWays(ways, terrain.point, spec.speed, speed_limits)

@@ -24,6 +24,9 @@ _REMEMBERED = 65536
 
 _UNKNOWN = (-1, -1)
 
+ALL_WAYS: NDArray[np.uint8] = np.zeros((0, 0), dtype=np.uint8)
+"""`Ground.against` where ways may lead in all directions."""
+
 
 class Area:
     """A part of the ground that can be closed as a whole.
@@ -51,9 +54,17 @@ class Ground:
 
     `begin` sets the obstacles of the robot's body each tick. A policy may `close` more for that tick, which affects its
     own routes and the body alike. Elements are numbered like those of `state`.
+
+    Attributes:
+        against: uint8 (h, w), the steps that lead against one-way zones (`patrol.ground.terrain.Terrain.against`); of
+            size 0 where ways may lead in all directions.
+        behind: bool (h, w), the points of one-way zones that lie behind the robot, on which manoeuvres keep off; None
+            for none.
     """
 
-    def __init__(self, terrain: Terrain, reach: NDArray[np.bool_], base: Ground | None = None) -> None:
+    def __init__(
+        self, terrain: Terrain, reach: NDArray[np.bool_], base: Ground | None = None, *, one_way: bool = True
+    ) -> None:
         """Start with nothing closed.
 
         Args:
@@ -61,7 +72,10 @@ class Ground:
             reach: bool (h, w), the points on which the robot's centre may be.
             base: The same ground, on which nothing is ever closed; then this one has grids of its own only while
                 something is closed on it.
+            one_way: Whether the terrain's one-way zones count.
         """
+        self.against = terrain.against if one_way else ALL_WAYS
+        self.behind: NDArray[np.bool_] | None = None
         self.terrain = terrain
         self._borrows = base is not None
         self._beside: dict[tuple[float, float], tuple[int, int] | None] = {}

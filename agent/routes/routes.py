@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.routes.ground import Ground, Spot
-from agent.routes.path_window import DIAGONAL, FAR
+from agent.routes.path_window import DIAGONAL, FAR, Place
 from agent.routes.wave import LONGEST, BoxPaths, box_between, paths_in
+from patrol.ground.one_way import first_bend
 
 STRAIGHT_OVER = 2**16
 """Points between two places among which a closed one is looked for before a wave."""
@@ -40,11 +41,19 @@ def unhindered(one: Element, other: Element) -> int:
     return 100 * max(up, across) + (DIAGONAL - 100) * min(up, across)
 
 
+def _nearest_in(paths: BoxPaths, point: Place) -> Place:
+    """Return the point of the terrain nearest to another one to which a path leads."""
+    rows, cols = np.nonzero(paths.length < FAR)
+    rows, cols = rows + paths.row0, cols + paths.col0
+    nearest = int(np.argmin((rows - point[0]) ** 2 + (cols - point[1]) ** 2))
+    return int(rows[nearest]), int(cols[nearest])
+
+
 class Routes:
     """Shortest ways over one robot's ground, computed on demand.
 
     A way runs from point to neighbouring point (8 neighbours; a straight step counts 1, a diagonal one 1.41 points) and
-    cuts no corner (paper, "The wave").
+    cuts no corner (paper, "The wave"). No way leads against a one-way zone (`patrol.ground.one_way`).
     """
 
     def __init__(self, ground: Ground) -> None:
@@ -55,13 +64,14 @@ class Routes:
         """
         self._ground = ground
 
-    def lengths(self, place: Spot, within: float | None = None) -> NDArray[np.float64]:
+    def lengths(self, place: Spot, within: float | None = None, *, back: bool = False) -> NDArray[np.float64]:
         """Lengths of the ways from a place to all points.
 
         Args:
             place: x and y in m: the robot's own place, another robot's, or any other. A place that is closed at this
                 tick starts from the ground with nothing closed, since robots do stand there.
             within: Longest way to follow, m; a limit saves time. None for no limit.
+            back: Lengths of the ways from all points to the place instead; they differ where there are one-way zones.
 
         Returns:
             float64 (height, width) in m; infinity where no way leads, or only a longer one.
@@ -79,7 +89,7 @@ class Routes:
             return far
         limit = LONGEST if within is None else round(min(LONGEST, 100.0 * within / terrain.point))
         box = 0, terrain.height, 0, terrain.width
-        lengths = paths_in(ground, [(start[0] - 1, start[1] - 1)], box, limit).length[1:-1, 1:-1]
+        lengths = paths_in(ground, [(start[0] - 1, start[1] - 1)], box, limit, back=back).length[1:-1, 1:-1]
         np.copyto(far, lengths * (terrain.point / 100.0), where=lengths < FAR)
         return far
 
@@ -100,6 +110,8 @@ class Routes:
             place = ground.centre(*target)
             return Way(place, place, float(unhindered(start, target)) * ground.terrain.point / 100.0)
         here, there = (start[0] - 1, start[1] - 1), (target[0] - 1, target[1] - 1)
+        if ground.against.size:
+            return self._way_along(here, there, expected)
         shape = ground.terrain.shape
         if expected is not None:
             box = box_between(here, there, expected // 100 + 1, shape)
@@ -109,15 +121,40 @@ class Routes:
         paths = paths_in(ground, [here], (0, shape[0], 0, shape[1]), LONGEST, bends=True)
         if paths.length_to(*there) < FAR:
             return self._way_in(paths, *there)
-        rows, cols = np.nonzero(paths.length < FAR)
-        rows, cols = rows + paths.row0, cols + paths.col0
-        nearest = int(np.argmin((rows - there[0]) ** 2 + (cols - there[1]) ** 2))
-        return self._way_in(paths, int(rows[nearest]), int(cols[nearest]))
+        return self._way_in(paths, *_nearest_in(paths, there))
+
+    def _way_along(self, here: Place, there: Place, expected: int | None) -> Way:
+        """Return the way from one point of the terrain to another on ground with one-way zones, as `way`."""
+        ground, shape = self._ground, self._ground.terrain.shape
+        whole = 0, shape[0], 0, shape[1]
+        if ground.open_now[there]:
+            if expected is not None:
+                box = box_between(here, there, expected // 100 + 1, shape)
+                paths = paths_in(ground, [there], box, expected, back=True)
+                if paths.length_to(*here) < FAR:
+                    return self._way_down(paths, here, there)
+            paths = paths_in(ground, [there], whole, LONGEST, back=True)
+            if paths.length_to(*here) < FAR:
+                return self._way_down(paths, here, there)
+        there = _nearest_in(paths_in(ground, [here], whole, LONGEST), there)
+        return self._way_down(paths_in(ground, [there], whole, LONGEST, back=True), here, there)
+
+    def _way_down(self, paths: BoxPaths, here: Place, there: Place) -> Way:
+        """Return the way between two points of the terrain, down the lengths of paths to the second one."""
+        ground = self._ground
+        top, left = paths.row0 + 1, paths.col0 + 1
+        rows, cols = paths.length.shape[0] - 2, paths.length.shape[1] - 2
+        box = slice(top, top + rows), slice(left, left + cols)
+        first, last = (here[0] - top, here[1] - left), (there[0] - top, there[1] - left)
+        bend = first_bend(ground.open_now[box], ground.against[box], paths.length, first, last)
+        centre, length = ground.terrain.centre, paths.length_to(*here)
+        return Way(centre(*there), centre(bend[0] + top, bend[1] + left), length * ground.terrain.point / 100.0)
 
     def _is_straight(self, start: Element, target: Element) -> bool:
         """Return True if nothing is closed between two elements, and the one is in sight of the other.
 
-        Then no way is shorter than theirs, and it does not bend. No look reaches farther than the terrain is long.
+        Then no way is shorter than theirs, and it does not bend. No look reaches farther than the terrain is long. A
+        one-way zone in between may be closed, too.
         Where much lies between them, something is closed nearly always, and is not looked for.
         """
         (row, col), (to_row, to_col) = start, target
@@ -126,6 +163,8 @@ class Routes:
         if (abs(to_row - row) + 1) * (abs(to_col - col) + 1) > STRAIGHT_OVER:
             return False
         rows, cols = slice(min(row, to_row), max(row, to_row) + 1), slice(min(col, to_col), max(col, to_col) + 1)
+        if self._ground.against.size and self._ground.against[rows, cols].any():
+            return False
         return bool(self._ground.state[rows, cols].all())
 
     def _way_in(self, paths: BoxPaths, row: int, col: int) -> Way:

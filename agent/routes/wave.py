@@ -13,6 +13,7 @@ from agent.routes.kernels.lengths import read, spread
 from agent.routes.kernels.wave import settle
 from agent.routes.path_window import FAR, Lengths, PathWindow, Place
 from patrol.ground.kernels.footprint import cast
+from patrol.ground.one_way import lengths_along
 
 LONGEST = 2**26
 """Longest path that fits an entry, in hundredths of a point."""
@@ -96,20 +97,30 @@ def box_between(first: tuple[int, int], second: tuple[int, int], steps: int, sha
     return top, bottom, left, right
 
 
-def paths_in(ground: Ground, starts: Sequence[Place], box: Box, limit: int, *, bends: bool = False) -> BoxPaths:
+def paths_in(
+    ground: Ground, starts: Sequence[Place], box: Box, limit: int, *, bends: bool = False, back: bool = False
+) -> BoxPaths:
     """Find the paths from the nearest of several starts, over a box of the ground.
+
+    On ground with one-way zones no path leads against them.
 
     Args:
         ground: As it is now.
         starts: Open points (row, col) of the terrain, within the box; a single one where bends are asked for.
         box: Paths that leave it are not known.
         limit: The longest path, in hundredths of a point; at most `LONGEST`.
-        bends: Find first bends as well.
+        bends: Find first bends as well; on ground with one-way zones `agent.routes.routes.Routes.way` finds them.
+        back: Find the paths to the nearest start instead. Without one-way zones they are as long.
     """
     top, bottom, left, right = box
     shape = rows, cols = bottom - top + 2, right - left + 2
     if rows * cols > MOST_POINTS:
         raise ValueError(f"a box of {rows * cols} points is larger than {MOST_POINTS}")
+    if ground.against.size:
+        is_open, against = ground.open_now[top:bottom, left:right], ground.against[top:bottom, left:right]
+        places = [(row - top, col - left) for row, col in starts]
+        along = lengths_along(is_open, against, places, limit, back=back)
+        return BoxPaths(along, NO_BENDS, top - 1, left - 1, limit)
     length, bend, room = np.empty(shape, dtype=np.int32), NO_BENDS, ROOM
     places, window = [(row - top + 1, col - left + 1) for row, col in sorted(set(starts))], (0, rows, 0, cols)
     if bends:

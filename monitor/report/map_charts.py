@@ -29,7 +29,9 @@ MOST_PANELS = 12
 MOST_STEPS = 2500
 """Most points of a path."""
 
-ZONE, KEEP_OUT, SLOW, CLOSURE = "#6a1b9a", "#c1121f", "#00796b", "#e07b00"
+CLOSURE = "#e07b00"
+ZONES = {"weight": "#6a1b9a", "keepout": "#c1121f", "slow": "#00796b", "oneway": "#0b5cad"}
+"""Colours of the kinds of zones."""
 """Colours of the outlines of zones and closures."""
 
 _LONGEST = 1600
@@ -117,10 +119,7 @@ def _outline(axes: Axes, terrain: Terrain, zones: Sequence[ZoneSpec], closures: 
     from matplotlib.collections import LineCollection
     from matplotlib.patheffects import withStroke
 
-    shapes = [
-        (points_of(zone, terrain), zone.label, KEEP_OUT if zone.keep_out else ZONE if zone.weighs else SLOW)
-        for zone in zones
-    ]
+    shapes = [(points_of(zone, terrain), zone.label, ZONES[zone.kind]) for zone in zones]
     for closure in closures:
         points = np.zeros(terrain.shape, dtype=np.bool_)
         points.reshape(-1)[closure_points(closure, terrain)] = True

@@ -38,7 +38,7 @@ class ChangingTerrain(Terrain):
         Args:
             base: The terrain.
         """
-        super().__init__(base.name, base.passable, base.point, base.origin, base.keep_out, base.source)
+        super().__init__(base.name, base.passable, base.point, base.origin, base.keep_out, base.source, base.against)
         vars(self)["base"] = base
 
     def close(self, closed: BoolGrid) -> None:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.errors import BadInput
+from patrol.ground.one_way import ground_with_ways_back
 from patrol.ground.terrain import BoolGrid, Terrain, frozen_grid
 from patrol.pose import Pose
 
@@ -36,7 +37,7 @@ class StaticFields:
 
     Attributes:
         cspace: bool, the body fits with its centre at the point's centre.
-        reach: bool, the connected parts of `cspace` that hold a start.
+        reach: bool, the connected parts of `cspace` that hold a start, as far as ways lead there and back.
         patrolled: bool, points that are seen from some place in `reach`; all of them, or those that are to be watched.
         proxy: int32, for a patrolled point outside `reach` the flat index of the nearest point of `reach` that sees it
             (paper/NOTES 4: such points pull through it), else -1.
@@ -239,7 +240,7 @@ def compute_fields(
         The fields of this radius.
 
     Raises:
-        BadInput: Where a start lies in no part of the C-space.
+        BadInput: Where a start lies in no part of the C-space, or one-way zones leave no way back from some ground.
     """
     cspace = cspace_of(terrain, radius)
     labels, _ = parts_of(cspace)
@@ -252,7 +253,11 @@ def compute_fields(
                 f"{terrain.name}; start it further from the walls"
             )
         held.append(int(labels[at]))
-    reach = frozen_grid(np.isin(labels, sorted(set(held))) & cspace)
+    reach = np.isin(labels, sorted(set(held))) & cspace
+    if terrain.against.size:
+        parts = [ground_with_ways_back(terrain, labels == label, radius) for label in sorted(set(held))]
+        reach = np.logical_or.reduce(parts)
+    reach = frozen_grid(reach)
     proxy = proxies_of(terrain, reach, sensor_range, line_of_sight)
     proxy.flags.writeable = False
     return StaticFields(cspace, reach, frozen_grid(reach | (proxy >= 0)), proxy)

@@ -18,7 +18,7 @@ from patrol.ground.map_cells import free_cells, image_size, suspicious, touched_
 from patrol.ground.map_file import read_map_file
 from patrol.ground.shapes import cover
 from patrol.ground.terrain import MAX_POINTS, BoolGrid, Terrain, whole_points
-from patrol.ground.zones import Zone, with_keep_outs
+from patrol.ground.zones import Zone, with_zones
 from patrol.printable import printable
 
 
@@ -61,14 +61,14 @@ def load_terrain(
     else:
         terrain = read_terrain(base / str(spec.map), point, within)
     if not spec.keep_out:
-        return with_keep_outs(terrain, zones)
+        return with_zones(terrain, zones)
     keep_out = np.zeros(terrain.shape, dtype=np.bool_)
     for polygon in spec.keep_out:
         keep_out |= cover(polygon, terrain.shape, point, terrain.origin)
     kept = Terrain(terrain.name, terrain.passable, point, terrain.origin, keep_out, terrain.source)
     if not kept.free.any():
         raise BadInput(f"terrain.keep_out: covers all free space of {terrain.name}; leave some for the robots")
-    return with_keep_outs(kept, zones)
+    return with_zones(kept, zones)
 
 
 def read_terrain(path: Path, point: float, within: Path | None = None) -> Terrain:

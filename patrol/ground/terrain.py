@@ -58,6 +58,8 @@ class Terrain:
         keep_out: bool (height, width), read-only; True where bodies may not go although a sensor sees across. All False
             when omitted.
         source: The YAML file of the map that it was read from, for errors; None for any other terrain.
+        against: uint8 (height, width), the steps from each point that lead against a one-way zone
+            (`patrol.ground.one_way`); of size 0 on ground without one.
     """
 
     name: str
@@ -66,6 +68,7 @@ class Terrain:
     origin: tuple[float, float] = (0.0, 0.0)
     keep_out: BoolGrid = field(default_factory=lambda: np.zeros((0, 0), dtype=np.bool_))
     source: Path | None = None
+    against: NDArray[np.uint8] = field(default_factory=lambda: np.zeros((0, 0), dtype=np.uint8))
 
     def __post_init__(self) -> None:
         passable = frozen_grid(self.passable)

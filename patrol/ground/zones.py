@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from patrol.errors import BadInput
 from patrol.ground.map_cells import touched_points
+from patrol.ground.one_way import with_direction
 from patrol.ground.shapes import Polygon, cover
 from patrol.ground.terrain import BoolGrid, Terrain
 
@@ -53,6 +54,11 @@ class Zone(Protocol):
     @property
     def keep_out(self) -> bool | None:
         """True where no body may enter."""
+        ...
+
+    @property
+    def one_way(self) -> int | None:
+        """Direction against which no way leads, degrees from x towards y; None where ways lead in all directions."""
         ...
 
 
@@ -115,8 +121,22 @@ def middle(points: BoolGrid, terrain: Terrain) -> tuple[float, float]:
     return terrain.centre(int(rows[nearest]), int(cols[nearest]))
 
 
-def with_keep_outs(terrain: Terrain, zones: Iterable[Zone]) -> Terrain:
-    """Return the terrain without the ground that zones keep bodies out of.
+def steps_against(zones: Iterable[Zone], terrain: Terrain) -> NDArray[np.uint8]:
+    """Return the steps that lead against one-way zones: `Terrain.against`.
+
+    Args:
+        zones: All zones of the scenario.
+        terrain: The ground.
+    """
+    against = np.zeros((0, 0), dtype=np.uint8)
+    for zone in zones:
+        if zone.one_way is not None:
+            against = with_direction(against, points_of(zone, terrain), zone.one_way)
+    return against
+
+
+def with_zones(terrain: Terrain, zones: Iterable[Zone]) -> Terrain:
+    """Return the terrain without the ground that zones keep bodies out of, and with the directions of one-way zones.
 
     Args:
         terrain: The ground.
@@ -125,6 +145,7 @@ def with_keep_outs(terrain: Terrain, zones: Iterable[Zone]) -> Terrain:
     Raises:
         BadInput: A zone lies outside of the terrain, or no free space is left.
     """
+    zones = list(zones)
     keep_out, kept_out = terrain.keep_out.copy(), []
     for number, zone in enumerate(zones):
         points = points_of(zone, terrain)
@@ -135,9 +156,10 @@ def with_keep_outs(terrain: Terrain, zones: Iterable[Zone]) -> Terrain:
         if zone.keep_out:
             keep_out |= points
             kept_out.append(zone.name)
-    if not kept_out:
+    against = steps_against(zones, terrain)
+    if not kept_out and not against.size:
         return terrain
-    kept = Terrain(terrain.name, terrain.passable, terrain.point, terrain.origin, keep_out, terrain.source)
+    kept = Terrain(terrain.name, terrain.passable, terrain.point, terrain.origin, keep_out, terrain.source, against)
     if not kept.free.any():
         names = ", ".join(kept_out)
         raise BadInput(f"zones: {names} keep robots out of all free space of {terrain.name}; leave some for the robots")

@@ -22,7 +22,7 @@ from patrol.scenario.faults.kinds import Faults
 from patrol.scenario.faults.nemesis_spec import NemesisSpec, room_for
 from patrol.scenario.faults.roster import check_faults
 from patrol.scenario.lengths import BodyLengths, check_refinement, resolve_lengths
-from patrol.scenario.policies import CommittedPatrol, PaperPatrol, Patrol, PatrolSpec, check_letter
+from patrol.scenario.policies import PAPER, CommittedPatrol, PaperPatrol, Patrol, PatrolSpec, check_letter
 from patrol.scenario.radio_spec import IdealRadio, Radio, check_radio_spec
 from patrol.scenario.robots import RobotSpec, roster_of
 from patrol.scenario.sections import DockSpec, IntruderSpec, RobotGroup, Robots, SensorSpec, TerrainSpec
@@ -183,6 +183,17 @@ class Scenario(Section):
                 limit = f"{zone.name} begins at {first:g} s, and the run ends at {self.duration:g} s; correct it"
                 raise wrong(f"zones.{number}.times", limit)
             self._check_spans(f"zones.{number}.times", zone.name, zone.times or ())
+            if zone.one_way is not None:
+                self._check_one_way(f"zones.{number}.one_way", zone.one_way)
+
+    def _check_one_way(self, field: str, degrees: int) -> None:
+        """Refuse a one-way zone where something counts on ways that are as long there as back."""
+        if self.patrol.policy == PAPER:
+            limit = f"{PAPER} sums forces over ways that may lead against it; drop it, or choose another policy"
+            raise wrong(field, limit, degrees)
+        if self.closures:
+            limit = "with closures, robots could not tell which ground no way leads back from; drop it, or them"
+            raise wrong(field, limit, degrees)
 
     def _check_spans(self, field: str, name: str, spans: Sequence[Span]) -> None:
         """Refuse spans of time between two ticks."""

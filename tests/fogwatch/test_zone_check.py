@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from fogwatch.cli.grounds.map_commands import app
 from patrol.errors import BadInput
+from tests.ring import LOWER, UPPER, write_ring, zone
 
 WALL = {"name": "tape", "polygon": [[0, 43], [100, 43], [100, 45], [0, 45]], "keep_out": True}
 VAULT: dict[str, Any] = {"name": "vault", "polygon": [[0, 0], [40, 0], [40, 30], [0, 30]]}
@@ -54,3 +55,39 @@ def test_a_file_without_zones_is_refused(tmp_path: Path) -> None:
         CliRunner().invoke(
             app, ["check", "yards", "--point", "1", "--zones", str(tmp_path / "zones.yaml")], catch_exceptions=False
         )
+
+
+def check_ring(folder: Path, *zones: dict[str, Any]) -> str:
+    (folder / "zones.yaml").write_text(yaml.safe_dump(list(zones)), encoding="utf-8")
+    arguments = ["check", str(write_ring(folder)), "--radius", "0.3", "--point", "0.5"]
+    result = CliRunner().invoke(app, [*arguments, "--zones", str(folder / "zones.yaml")], catch_exceptions=False)
+    assert result.exit_code == 0
+    return result.output
+
+
+def test_a_one_way_zone_and_its_direction(tmp_path: Path) -> None:
+    """In the corridor one row of 16 points is left to the centres of bodies: 4 m²."""
+    told = check_ring(tmp_path, zone("aisle", LOWER, 0))
+    assert "  aisle →: one way at 0 degrees, 4.0 m² of reachable ground\n" in told
+
+
+@pytest.mark.parametrize(
+    ("zones", "problem"),
+    [
+        (
+            (zone("aisle", LOWER, 0), zone("back", UPPER, 0)),
+            r"zones: one_way: no way leads back from \d.* m² around \(",
+        ),
+        (
+            (zone("aisle", [[6, 1], [7, 1], [7, 3], [6, 3]], 0),),
+            r"zones\.0: aisle: is 1\.00 m long in its direction, and",
+        ),
+        (
+            (zone("aisle", [[6, 4], [14, 4], [14, 6], [6, 6]], 0),),
+            r"zones\.0: aisle: no robot gets there, so it directs",
+        ),
+    ],
+)
+def test_one_way_zones_that_are_refused(tmp_path: Path, zones: tuple[dict[str, Any], ...], problem: str) -> None:
+    with pytest.raises(BadInput, match=problem):
+        check_ring(tmp_path, *zones)

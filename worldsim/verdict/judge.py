@@ -26,6 +26,7 @@ from worldsim.verdict.robots.body_checks import BodiesApart, MovesAreTrue
 from worldsim.verdict.robots.closure_checks import ClosuresKept
 from worldsim.verdict.robots.keep_outs import KeepOutsKept
 from worldsim.verdict.robots.motion_checks import MotionAsAsked
+from worldsim.verdict.robots.one_way_zones import OneWayZonesKept
 from worldsim.verdict.robots.sense_checks import SensesAsAsked
 from worldsim.verdict.robots.slow_zones import SlowZonesKept
 from worldsim.verdict.robots.status_checks import DownAreSilent, NobodyLost, PausedStandStill, StatusesFollow
@@ -70,6 +71,7 @@ CHECKS: tuple[type[Check], ...] = (
     BatteriesLast,
     KeepOutsKept,
     SlowZonesKept,
+    OneWayZonesKept,
     ClosuresKept,
     ZoneTimesTold,
     FramesAreTrue,

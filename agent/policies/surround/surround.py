@@ -163,7 +163,7 @@ class Surround:
             ground = self._ring.ground if self._ring is not None else Ground(self._terrain, self._reach)
             stands = spread(spots_around(self._sight, self._reach, *intruder, self._radius), count, self._spacing)
             box = 0, self._terrain.height, 0, self._terrain.width
-            lengths = [paths_in(ground, [(stand.row, stand.col)], box, LONGEST).length for stand in stands]
+            lengths = [paths_in(ground, [(s.row, s.col)], box, LONGEST, back=True).length for s in stands]
             self._ring = _Ring(intruder, count, ground, stands, lengths)
         return self._ring
 
@@ -177,7 +177,7 @@ class _Ring:
         count: Number of robots.
         ground: The terrain with nothing closed.
         stands: The places, by bearing.
-        lengths: For each place, int32 (h + 2, w + 2), path lengths from it in hundredths of a point.
+        lengths: For each place, int32 (h + 2, w + 2), path lengths to it in hundredths of a point.
     """
 
     intruder: Spot

@@ -25,7 +25,7 @@ export function drawRobots(map) {
 }
 
 /** Colours of the outlines of zones by kind; page.css has the same. */
-const ZONES = { keepout: "#c1121f", slow: "#00796b", weight: "#6a1b9a" };
+const ZONES = { keepout: "#c1121f", oneway: "#0b5cad", slow: "#00796b", weight: "#6a1b9a" };
 
 /** Draw the outlines of the zones in force, and what holds there, and thinly those of the others. */
 export function drawZones(map) {

@@ -3,6 +3,9 @@
 Robots that follow such a tour of length L at equal distances see each point at least once in L / (N v), so that time
 bounds the MFoW that a fleet of N robots of speed v needs. The tour is the best that was found, not the shortest:
 greedy choice of places, then 2-opt and Or-opt on their path lengths. It is the same for the same ground.
+
+On ground with one-way zones the places are put in order as if there were none. Of both directions the shorter one
+counts, and from then on all ways lead against no zone. So another order may be shorter.
 """
 
 from __future__ import annotations
@@ -15,6 +18,7 @@ from numpy.typing import NDArray
 
 from patrol.ground.footprint import Footprint
 from patrol.ground.kernels.tour import FAR, lengths_between, shorten, way_between
+from patrol.ground.one_way import Steps, way_along
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.ground.tour.cover import Looks, Views, choose, complete, lattice, needed
 from patrol.ground.tour.tour import Tour
@@ -85,7 +89,7 @@ def find_tour(
     chosen = needed(choose(lattice(part, spacing), rough) + complete(rough, part, proxy), rough)
     if len(chosen) > MOST_PLACES:
         return None
-    ways = _Ways(part, max(SAMPLES * footprint.radius, 1.0), NEAR * spacing)
+    ways = _Ways(part, terrain.against, max(SAMPLES * footprint.radius, 1.0), NEAR * spacing)
     best, length = chosen, math.inf
     for _ in range(ROUNDS):
         tour = _Patrol(ways.ordered(best), rough, ways)
@@ -103,14 +107,17 @@ def find_tour(
 class _Ways:
     """Ways between the points of a part of the reachable ground, and tours in a short order."""
 
-    def __init__(self, part: BoolGrid, stride: float, near: float) -> None:
+    def __init__(self, part: BoolGrid, against: Steps, stride: float, near: float) -> None:
         """Know no way yet.
 
         Args:
             part: As for `find_tour`.
+            against: As of `Terrain.against`.
             stride: Distance of the samples on a way, points.
             near: Length of the paths that are searched for first, points.
         """
+        self._part = part
+        self._against = against
         self._framed = np.pad(part, 1).view(np.uint8)
         self.width = int(part.shape[1])
         self.stride = stride
@@ -128,7 +135,7 @@ class _Ways:
         return 0 <= row < rows - 2 and 0 <= col < cols - 2 and bool(self._framed[row + 1, col + 1])
 
     def way(self, first: int, last: int) -> tuple[float, tuple[int, ...]]:
-        """Return the way between two points, the same in both directions.
+        """Return the way between two points, the same in both directions where there are no one-way zones.
 
         Args:
             first: Flat index.
@@ -137,8 +144,13 @@ class _Ways:
         Returns:
             Its length in points, and the samples on it, without its ends.
         """
-        pair = (min(first, last), max(first, last))
-        if pair not in self._known:
+        pair = self._pair(first, last)
+        if pair not in self._known and self._against.size:
+            ends = (divmod(place, self.width) for place in pair)
+            rows, cols = np.array(way_along(self._part, self._against, *ends)).T
+            self._known[pair] = self._sampled(rows, cols)
+            self._bends[pair] = tuple(int(place) for place in rows * self.width + cols)
+        elif pair not in self._known:
             first, last = (self._flat(place) for place in pair)
             scratch, straight, diagonal = self._length, self._straight, self._diagonal
             count: int = way_between(self._framed, first, last, scratch, straight, diagonal, self._corners)
@@ -151,8 +163,13 @@ class _Ways:
         """Return the corners of a way that is known, from its first point to before its last; flat indices."""
         if first == last:
             return (first,)
-        bends = self._bends[min(first, last), max(first, last)]
-        return (bends if first < last else bends[::-1])[:-1]
+        pair = self._pair(first, last)
+        bends = self._bends[pair]
+        return (bends if pair == (first, last) else bends[::-1])[:-1]
+
+    def _pair(self, first: int, last: int) -> tuple[int, int]:
+        """Return the ends of the way that is kept for two points."""
+        return (first, last) if self._against.size or first < last else (last, first)
 
     def _sampled(self, rows: Flat, cols: Flat) -> tuple[float, tuple[int, ...]]:
         along = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(rows), np.diff(cols)))])
@@ -167,6 +184,11 @@ class _Ways:
 
     def ordered(self, places: list[int]) -> list[int]:
         """Places in the order of a short closed tour."""
+        order = self._in_short_order(places)
+        return min(order, order[::-1], key=self.length) if self._against.size else order
+
+    def _in_short_order(self, places: list[int]) -> list[int]:
+        """Places in the order of a short closed tour, as if there were no one-way zones."""
         if len(places) < 4:
             return places
         flat = np.array([self._flat(place) for place in places], dtype=np.int64)
@@ -180,6 +202,10 @@ class _Ways:
         tour = _nearest_neighbours(lengths)
         shorten(lengths, tour)
         return [places[at] for at in tour]
+
+    def length(self, places: list[int]) -> float:
+        """Return the length of the closed tour through some places, points."""
+        return sum(self.way(places[at - 1], place)[0] for at, place in enumerate(places))
 
 
 class _Patrol:
@@ -201,7 +227,7 @@ class _Patrol:
     @property
     def length(self) -> float:
         """The length of the tour, points."""
-        return sum(self._ways.way(self.places[at - 1], place)[0] for at, place in enumerate(self.places))
+        return self._ways.length(self.places)
 
     @property
     def corners(self) -> list[int]:

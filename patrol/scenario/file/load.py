@@ -277,7 +277,7 @@ def _drop_what_is_not_given(meaning: dict[str, Any]) -> None:
         if not meaning[field]:
             del meaning[field]
     for zone in meaning.get("zones", ()):
-        for field in ("speed", "times", "weights"):
+        for field in ("speed", "one_way", "times", "weights"):
             if zone[field] is None:
                 del zone[field]
 

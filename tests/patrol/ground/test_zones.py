@@ -10,7 +10,7 @@ import pytest
 
 from patrol.errors import BadInput
 from patrol.ground.terrain import BoolGrid, Terrain
-from patrol.ground.zones import middle, outline, points_of, with_keep_outs
+from patrol.ground.zones import middle, outline, points_of, with_zones
 
 Corners = tuple[tuple[float, float], ...]
 ROOM = Terrain("room", np.ones((6, 8), dtype=np.bool_), 0.5, (1.0, 2.0))
@@ -33,6 +33,7 @@ class Given:
     polygon: Corners | None = None
     mask: Cells | None = None
     keep_out: bool | None = None
+    one_way: int | None = None
 
 
 def box(left: float, low: float, right: float, high: float) -> Corners:
@@ -64,13 +65,13 @@ def test_keep_outs_join_those_of_the_terrain() -> None:
     before[5, 7] = True
     terrain = Terrain("room", ROOM.passable, ROOM.point, ROOM.origin, before)
     zones = [Given("stairs", box(1.0, 2.0, 2.0, 3.0), keep_out=True), Given("lobby", box(3.0, 3.0, 4.0, 4.0))]
-    kept = with_keep_outs(terrain, zones)
+    kept = with_zones(terrain, zones)
     assert np.argwhere(kept.keep_out).tolist() == [[0, 0], [0, 1], [1, 0], [1, 1], [5, 7]]
     assert kept.passable.all()
 
 
 def test_without_a_keep_out_the_terrain_stays_as_it_is() -> None:
-    assert with_keep_outs(ROOM, [Given(polygon=box(1.0, 2.0, 2.0, 3.0))]) is ROOM
+    assert with_zones(ROOM, [Given(polygon=box(1.0, 2.0, 2.0, 3.0))]) is ROOM
 
 
 def test_an_outline_is_where_a_zone_ends() -> None:
@@ -109,4 +110,4 @@ def test_the_middle_of_a_zone_lies_in_it() -> None:
 )
 def test_what_is_refused(zone: Any, message: str) -> None:
     with pytest.raises(BadInput, match=message):
-        with_keep_outs(ROOM, [zone])
+        with_zones(ROOM, [zone])

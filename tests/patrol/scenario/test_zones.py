@@ -76,7 +76,8 @@ def test_hashes() -> None:
     plain = scenario_hash(load_scenario(YARDS))
     assert scenario_hash(load_scenario(YARDS | {"zones": []})) == plain
     hashes = {scenario_hash(load_scenario(YARDS | {"zones": [zone(weight=weight)]})) for weight in (2, 3)}
-    assert len(hashes | {plain}) == 3
+    ways = {scenario_hash(load_scenario(YARDS | {"zones": [zone(one_way=way)]})) for way in (0, 45)}
+    assert len(hashes | ways | {plain}) == 5
 
 
 @pytest.mark.parametrize(
@@ -92,15 +93,19 @@ def test_hashes() -> None:
             [zone(polygon=[[2, 2], [30, 2], [50, 2]], weight=2)],
             r"zones\.0\.polygon: vault: its corners lie on one line",
         ),
-        ([zone(one_way=[1, 0])], r"zones\.0\.one_way: zones of one direction are not supported; drop it, or"),
+        ([zone(one_way=[1, 0])], r"zones\.0\.one_way = .*: expected a whole number of degrees from 0 to 315"),
+        ([zone(one_way=360)], r"zones\.0\.one_way = 360: expected a whole number of degrees from 0 to 315"),
+        ([zone(one_way=100)], r"zones\.0\.one_way: vault: 100 is no multiple of 45 degrees; the nearest is 90"),
+        ([zone(one_way=340)], r"zones\.0\.one_way: vault: 340 is no multiple of 45 degrees; the nearest is 0"),
+        ([zone(one_way=90, times=[[0, 9]])], r"zones\.0\.times: vault: a one-way zone always holds; drop them"),
         (
             [zone(weight=2, age=60)],
-            r"zones\.0: vault: exactly one is needed: keep_out: true, a weight, an age or a speed",
+            r"zones\.0: vault: exactly one is needed: keep_out: true, a weight, an age, a speed or one_way",
         ),
-        ([zone()], r"zones\.0: vault: exactly one is needed: keep_out: true, a weight, an age or a speed"),
+        ([zone()], r"zones\.0: vault: exactly one is needed: keep_out: true, a weight, an age, a speed or one_way"),
         (
             [zone(weight=2, speed=0.5)],
-            r"zones\.0: vault: exactly one is needed: keep_out: true, a weight, an age or a speed",
+            r"zones\.0: vault: exactly one is needed: keep_out: true, a weight, an age, a speed or one_way",
         ),
         ([zone(speed=0)], r"zones\.0\.speed = 0: expected a number above 0 and at most 1e9"),
         (
@@ -134,6 +139,24 @@ def test_what_is_refused_in_one_line(zones: Any, message: str) -> None:
     with pytest.raises(BadInput, match=message) as caught:
         load_scenario(YARDS | {"zones": zones})
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("given", "why"),
+    [
+        ({"patrol": {"policy": "potential-field"}}, "potential-field sums forces over ways that may lead against it"),
+        ({"closures": [{"name": "door", "polygon": SQUARE}]}, "with closures, robots could not tell which ground"),
+    ],
+)
+def test_what_needs_ways_that_are_as_long_there_as_back(given: dict[str, Any], why: str) -> None:
+    with pytest.raises(BadInput, match=rf"zones\.0\.one_way = 90: {why}"):
+        load_scenario(YARDS | given | {"zones": [zone(one_way=90)]})
+
+
+def test_a_one_way_zone_shows_its_direction() -> None:
+    loaded = load_scenario(YARDS | {"zones": [zone(name=f"z{way}", one_way=way) for way in (0, 90, 225)]}).zones
+    assert [each.label for each in loaded] == ["z0 →", "z90 ↑", "z225 ↙"]
+    assert {each.kind for each in loaded} == {"oneway"}
 
 
 def test_when_a_zone_is_in_force() -> None:

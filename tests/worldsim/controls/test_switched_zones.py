@@ -202,6 +202,12 @@ def test_what_is_refused_in_one_line(control: dict[str, Any], problem: str) -> N
     assert "\n" not in str(caught.value)
 
 
+def test_a_one_way_zone_always_holds() -> None:
+    lane = STAIRS | {"name": "lane", "keep_out": None, "one_way": 90}
+    with pytest.raises(BadInput, match="name = lane: a one-way zone always holds; only other zones can be switched"):
+        amended(load_scenario(SITE | {"zones": [lane]}), 5, read_control(switch("lane", False)))
+
+
 def test_without_zones_there_is_nothing_to_switch() -> None:
     with pytest.raises(BadInput, match="control: name = vault: this run has no zones"):
         amended(load_scenario(SITE | {"zones": []}), 5, read_control(switch("vault", False)))

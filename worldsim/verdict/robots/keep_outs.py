@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,10 +13,12 @@ from worldsim.verdict.common.robots_there import RobotsThere
 from worldsim.verdict.robots.expected_statuses import ExpectedStatuses
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from patrol.journal import TickRecord
-    from patrol.scenario.zones import MaskSpec
+    from patrol.scenario.zones import MaskSpec, ZoneSpec
     from worldsim.verdict.common.check import JudgedRun, Readings
 
 
@@ -56,6 +59,17 @@ class KeepOutsKept(Check):
 
     def _good(self) -> str:
         return f"{self._looked} poses outside of {len(self._polygons) + len(self._masks)} keep-outs"
+
+
+def place_test(zone: ZoneSpec) -> Callable[[float, float], bool]:
+    """Return what tells by x and y in m whether a place is in a zone, by its polygon or mask.
+
+    Args:
+        zone: The zone.
+    """
+    if zone.mask is not None:
+        return partial(is_marked, zone.mask, zone.mask.marked())
+    return partial(is_inside, np.array(zone.polygon, dtype=np.float64))
 
 
 def is_inside(corners: NDArray[np.float64], x: float, y: float) -> bool:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from patrol.journal import RobotTick, Status, TickRecord
 from patrol.pose import command_of
 from patrol.scenario.faults.kinds import Motion
@@ -14,7 +12,7 @@ from worldsim.verdict.common.check import Check
 from worldsim.verdict.common.faults import active
 from worldsim.verdict.common.robots_there import RobotsThere
 from worldsim.verdict.robots.expected_statuses import ExpectedStatuses
-from worldsim.verdict.robots.keep_outs import is_inside, is_marked
+from worldsim.verdict.robots.keep_outs import place_test
 
 if TYPE_CHECKING:
     from patrol.scenario import ZoneSpec
@@ -41,8 +39,7 @@ class SlowZonesKept(Check):
         self._names = run.names
         self._models = {spec.number: spec.model for spec in scenario.roster}
         self._slow = [zone for zone in scenario.zones if zone.speed is not None]
-        self._corners = {zone.name: np.array(zone.polygon or ((0, 0),), dtype=np.float64) for zone in self._slow}
-        self._marked = {zone.name: zone.mask.marked() for zone in self._slow if zone.mask is not None}
+        self._is_in = {zone.name: place_test(zone) for zone in self._slow}
         self._motions = [entry for entry in run.timeline.entries if isinstance(entry.fault, Motion)]
         self._moving: dict[int, tuple[RobotTick, ZoneSpec]] = {}
         self._looked = 0
@@ -70,7 +67,7 @@ class SlowZonesKept(Check):
 
     def _slowest(self, row: RobotTick, k: int) -> ZoneSpec | None:
         """Return the zone in force with the lowest speed among those that a robot is in."""
-        there = [zone for zone in self._slow if self._is_in_force(zone, k) and self._is_in(zone, row)]
+        there = [zone for zone in self._slow if self._is_in_force(zone, k) and self._is_in[zone.name](row.x, row.y)]
         return min(there, key=lambda zone: zone.speed or 0.0, default=None)
 
     def _is_in_force(self, zone: ZoneSpec, k: int) -> bool:
@@ -79,11 +76,6 @@ class SlowZonesKept(Check):
         begun = [first for first, _ in zone.times if first <= k * self._run.step]
         ended = [end for _, end in zone.times if end <= k * self._run.step]
         return len(begun) > len(ended)
-
-    def _is_in(self, zone: ZoneSpec, row: RobotTick) -> bool:
-        if zone.mask is not None:
-            return is_marked(zone.mask, self._marked[zone.name], row.x, row.y)
-        return is_inside(self._corners[zone.name], row.x, row.y)
 
     def _judge(self, k: int, number: int, row: RobotTick, zone: ZoneSpec, way_m: float) -> None:
         self._looked += 1

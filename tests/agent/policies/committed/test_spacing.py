@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 
 from agent.policies.committed.spacing import Spacing
+from agent.routes.ground import Ground
 from patrol.ground.terrain import Terrain
 from patrol.ground.tour.round import Round
+from patrol.ground.zones import with_zones
 from patrol.pose import Pose
+from patrol.scenario.zones import ZoneSpec
 
 STRIDE = 0.5
 
@@ -35,6 +38,11 @@ class Spec:
     speed: float = 1.0
 
 
+FIELD = Terrain("field", np.ones((20, 40), dtype=np.bool_), 1.0)
+
+GROUND = Ground(FIELD, FIELD.passable)
+
+
 @dataclass(frozen=True)
 class Seen:
     """The part of a view that it reads."""
@@ -46,6 +54,10 @@ class Seen:
     charging: frozenset[int] = frozenset()
     spec: Spec = Spec()
     stride: float = STRIDE
+    ground: Ground = GROUND
+
+    def point_of(self, place: tuple[float, float]) -> tuple[int, int]:
+        return self.ground.terrain.point_at(*place)
 
     @property
     def pose(self) -> Pose:
@@ -54,7 +66,6 @@ class Seen:
 
 def round_through(*corners: tuple[int, int]) -> tuple[Round, Terrain]:
     """A closed tour through columns and rows of points of 1 m, with a place on each point of the way."""
-    terrain = Terrain("field", np.ones((20, 40), dtype=np.bool_), 1.0)
     places: list[int] = []
     for (col, row), (to_col, to_row) in zip(corners, [*corners[1:], corners[0]], strict=True):
         steps = max(abs(to_col - col), abs(to_row - row))
@@ -62,7 +73,7 @@ def round_through(*corners: tuple[int, int]) -> tuple[Round, Terrain]:
             (row + (to_row - row) * step // steps) * 40 + col + (to_col - col) * step // steps for step in range(steps)
         ]
     flat = np.array(places, dtype=np.int64)
-    return Round(float(len(flat)), flat, np.arange(float(len(flat))), flat[:0], flat[:0], flat[:0]), terrain
+    return Round(float(len(flat)), flat, np.arange(float(len(flat))), flat[:0], flat[:0], flat[:0]), FIELD
 
 
 RING = round_through((0, 0), (30, 0), (30, 10), (0, 10))
@@ -227,3 +238,16 @@ def test_a_tick_is_certain_where_all_were_heard_and_could_have_driven_there(
     spacing = spacing_on(RING)
     assert listen(spacing, at(0, {1: (10.5, 0.5), 2: (20.5, 0.5)}))
     assert listen(spacing, at(1, places)) is certain
+
+
+@pytest.mark.parametrize(("one_way", "place"), [(None, 76.0), (0, 6.0)])
+def test_robots_spread_by_ways_where_there_are_one_way_zones(one_way: int | None, place: float) -> None:
+    """As the crow flies places on both sides are 7 m away. Robot 1 cannot go back, so it stays."""
+    reach = np.zeros(FIELD.shape, dtype=np.bool_)
+    reach.reshape(-1)[RING[0].places] = True
+    terrain = FIELD
+    if one_way is not None:
+        zone = {"name": "aisle", "polygon": [[5, 0], [25, 0], [25, 1], [5, 1]], "one_way": one_way}
+        terrain = with_zones(FIELD, [ZoneSpec.model_validate(zone)])
+    seen = replace(at(0, {1: (6.5, 0.5), 2: (26.5, 0.5)}), ground=Ground(terrain, reach))
+    assert begin(spacing_on(RING), seen) == pytest.approx(place, abs=1.0)
