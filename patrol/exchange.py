@@ -12,6 +12,9 @@ from patrol.pose import Command, Pose
 MOST_BLOCKED = 4096
 """Points that a robot is shown blocked in a tick, at most."""
 
+LEAST_WEIGHT, MOST_WEIGHT = 0.001, 1000.0
+"""Bounds of a zone's weight."""
+
 MOST_ZONES = 64
 """Zones of a scenario, at most."""
 

@@ -41,7 +41,7 @@ TICKS_APART = 4
 """Most ticks between two robots of a fleet where the world waits for none of them."""
 
 LEAST_LONG = 2.0
-"""Length of a one-way zone at least, in diameters of a robot and a step together: what the verdict lets pass."""
+"""Length of a one-way zone at least, in diameters of a robot and a step together, besides a point's diagonal."""
 
 FACTS = "prepared.json"
 GROUND = ("passable", "keep_out", "free", "blocked")
@@ -364,7 +364,8 @@ def _check_one_way(
     across, up = unit(degrees)
     along = (cols * across + rows * up) * terrain.point
     length_m = float(along.max() - along.min()) + terrain.point
-    least_m = LEAST_LONG * max(2.0 * spec.radius + spec.speed * scenario.step for spec in scenario.roster)
+    longest_m = max(2.0 * spec.radius + spec.speed * scenario.step for spec in scenario.roster)
+    least_m = LEAST_LONG * longest_m + math.sqrt(2.0) * terrain.point
     if length_m < least_m:
         long = f"is {length_m:.2f} m long in its direction, and robots take at least {least_m:.2f} m to show theirs"
         raise BadInput(f"{where}: {long}; make it longer")

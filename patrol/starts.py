@@ -18,6 +18,7 @@ from patrol.errors import BadInput
 from patrol.ground.doors.fitting import fits_no_door, fits_nowhere, no_room_for_all
 from patrol.ground.fields import TOLERANCE, anchor, cspace_of, parts_of, planning_radius
 from patrol.ground.kernels.clearance import nearest
+from patrol.ground.one_way import ground_with_ways_back
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import TAU, Pose, wrap
 from patrol.random import Purpose, draw
@@ -97,7 +98,7 @@ def starting_part(terrain: Terrain, radius: float, first: Pose | None = None) ->
         bool (height, width).
 
     Raises:
-        BadInput: Where the body fits nowhere.
+        BadInput: Where the body fits nowhere, or one-way zones leave no way back from some of that part.
     """
     cspace = cspace_of(terrain, radius)
     if not cspace.any():
@@ -106,7 +107,7 @@ def starting_part(terrain: Terrain, radius: float, first: Pose | None = None) ->
     start_point = None if first is None else anchor(terrain, cspace, first.x, first.y)
     part = preferred_part(terrain, labels, count, radius) if start_point is None else int(labels[start_point])
     mask: BoolGrid = labels == part
-    return mask
+    return ground_with_ways_back(terrain, mask, radius) if terrain.against.size else mask
 
 
 def preferred_part(terrain: Terrain, labels: NDArray[np.int32], count: int, radius: float) -> int:

@@ -225,7 +225,7 @@ class _Planner:
         for field in ("starts", "spare"):
             mapping["robots"].pop(field, None)
         self.scenario = load_scenario(mapping)
-        self.terrain = load_terrain(scenario.terrain, scenario.point, scenario.base)
+        self.terrain = load_terrain(scenario.terrain, scenario.point, scenario.base, zones=scenario.zones)
         self.sizes: dict[int, FleetSize] = {}
         self._wanted_s = wanted_s
         self._observer = observer

@@ -14,6 +14,7 @@ from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
@@ -31,6 +32,7 @@ from patrol.closures import Closings
 from patrol.errors import BadInput, Malformed
 from patrol.ground.fog import Fog
 from patrol.ground.terrain import Terrain
+from patrol.ground.zones import steps_against
 from patrol.journal.records import End, Event, Header, Status, TickRecord
 from patrol.net.messages.feed import Batch, SoFar, read_so_far
 from patrol.pose import Pose
@@ -100,7 +102,8 @@ class FeedSource:
         self._given = self._scenario = scenario
         self._planned = len(self._scenario.faults)
         facts = header.terrain
-        self._terrain = Terrain(facts.name, so_far.ground.passable, facts.point, facts.origin, so_far.ground.keep_out)
+        terrain = Terrain(facts.name, so_far.ground.passable, facts.point, facts.origin, so_far.ground.keep_out)
+        self._terrain = replace(terrain, against=steps_against(scenario.zones, terrain))
         self._footprint = sensor_footprint(self._scenario, self._terrain)
         self._closings = Closings(scenario.closures, self._terrain)
         self._step = self._scenario.step

@@ -257,6 +257,12 @@ def compute_fields(
     if terrain.against.size:
         parts = [ground_with_ways_back(terrain, labels == label, radius) for label in sorted(set(held))]
         reach = np.logical_or.reduce(parts)
+        for start in starts:
+            if not reach[anchor(terrain, cspace, start.x, start.y) or (0, 0)]:
+                raise BadInput(
+                    f"robots.starts: one-way zones leave no way back to ({start.x:g}, {start.y:g}), or none from "
+                    "there; start elsewhere"
+                )
     reach = frozen_grid(reach)
     proxy = proxies_of(terrain, reach, sensor_range, line_of_sight)
     proxy.flags.writeable = False

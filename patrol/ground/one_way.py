@@ -33,6 +33,9 @@ STEPS = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))
 ARROWS = "→↗↑↖←↙↓↘"
 """A sign for each direction."""
 
+MOST_PARTS = 32
+"""Parts of the ground, each with ways between all of its points, of which the largest is kept."""
+
 NICHE = 4.0
 """Area of the largest niche that is left out, in areas of the body."""
 
@@ -176,7 +179,9 @@ def ground_with_ways_back(terrain: Terrain, reach: BoolGrid, radius: float) -> B
     kept, ways_lead_to = np.zeros_like(reach), np.zeros_like(reach)
     left = reach & (terrain.against == 0)
     left = left if left.any() else reach.copy()
-    while np.count_nonzero(left) > np.count_nonzero(kept):
+    for _ in range(MOST_PARTS):
+        if np.count_nonzero(left) <= np.count_nonzero(kept):
+            break
         start = [divmod(int(left.argmax()), terrain.width)]
         to, back = (_reached(terrain, reach, start, back=back) for back in (False, True))
         if np.count_nonzero(to & back) > np.count_nonzero(kept):

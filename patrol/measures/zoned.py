@@ -19,11 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.errors import BadInput
+from patrol.exchange import LEAST_WEIGHT, MOST_WEIGHT
 from patrol.ground.tour.zoned import MOST_CLASSES, Classes, ZonedGround
 from patrol.ground.zones import points_of
 from patrol.measures.best_tour import best_tour, round_over, tour_over
 from patrol.measures.own_ground import own_grounds
-from patrol.scenario.zones import LEAST_WEIGHT, MOST_WEIGHT, Weighing, weighing_at
+from patrol.scenario.zones import Weighing, weighing_at
 
 if TYPE_CHECKING:
     from patrol.ground.terrain import BoolGrid

@@ -429,12 +429,12 @@ def _switched(scenario: Scenario, k: int, zone: ZoneSpec, on: bool) -> tuple[Spa
 def _reweighted(scenario: Scenario, k: int, zone: ZoneSpec, weight: float) -> list[tuple[float, float]]:
     """Return the later weights of a zone that is given another one before tick k: as before up to then."""
     if zone.weight is None:
-        raise BadInput(f"control: name = {zone.name}: has no weight to change; only zones with a weight have")
+        raise BadInput(f"control: name = {zone.name}: is no zone with a weight, so it has none to change")
     begin = _time_of(k, scenario.step)
-    earlier = [(start, before) for start, before in zone.weights or () if start < begin]
-    if zone.weight_at(begin) == weight and len(earlier) >= len(zone.weights or ()) - 1:
+    given = zone.weights or ()
+    if zone.weight_at(begin) == weight and all(start <= begin for start, _ in given):
         raise BadInput(f"control: weight = {weight:g}: {zone.name} counts so many times already")
-    return [*earlier, (begin, weight)]
+    return [*(entry for entry in given if tick_of(entry[0], scenario.step) < k), (begin, weight)]
 
 
 def _is_over(scenario: Scenario, k: int, name: str) -> bool:

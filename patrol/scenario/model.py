@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Self
 
@@ -20,7 +21,7 @@ from patrol.radio.units import ms_to_s, s_to_ms
 from patrol.scenario.closures import Closures, ClosureSpec, closures_in_file
 from patrol.scenario.faults.kinds import Faults
 from patrol.scenario.faults.nemesis_spec import NemesisSpec, room_for
-from patrol.scenario.faults.roster import check_faults
+from patrol.scenario.faults.roster import check_faults, tick_of
 from patrol.scenario.lengths import BodyLengths, check_refinement, resolve_lengths
 from patrol.scenario.policies import PAPER, CommittedPatrol, PaperPatrol, Patrol, PatrolSpec, check_letter
 from patrol.scenario.radio_spec import IdealRadio, Radio, check_radio_spec
@@ -183,8 +184,20 @@ class Scenario(Section):
                 limit = f"{zone.name} begins at {first:g} s, and the run ends at {self.duration:g} s; correct it"
                 raise wrong(f"zones.{number}.times", limit)
             self._check_spans(f"zones.{number}.times", zone.name, zone.times or ())
+            self._check_weights(f"zones.{number}.weights", zone)
             if zone.one_way is not None:
                 self._check_one_way(f"zones.{number}.one_way", zone.one_way)
+
+    def _check_weights(self, field: str, zone: ZoneSpec) -> None:
+        """Refuse later weights that never hold."""
+        ticks = [*(tick_of(start_s, self.step) for start_s, _ in zone.weights or ()), self.ticks]
+        for (start_s, weight), (tick, after) in zip(zone.weights or (), pairwise(ticks), strict=True):
+            if tick >= after:
+                ends = "the run ends" if after == self.ticks else "the next one holds"
+                limit = (
+                    f"{zone.name} is to count {weight:g} times from {start_s:g} s on, and by then {ends}; correct it"
+                )
+                raise wrong(field, limit)
 
     def _check_one_way(self, field: str, degrees: int) -> None:
         """Refuse a one-way zone where something counts on ways that are as long there as back."""

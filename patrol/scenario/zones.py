@@ -27,15 +27,13 @@ import numpy as np
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from patrol.errors import BadInput
-from patrol.exchange import MOST_ZONES
+from patrol.exchange import LEAST_WEIGHT, MOST_WEIGHT, MOST_ZONES
 from patrol.files.yaml_text import parse_yaml, read_text
 from patrol.ground.map_file import read_map_file
 from patrol.ground.one_way import ARROWS, TURN
 from patrol.ground.terrain import BoolGrid
 from patrol.values.section import Section, absolute, wrong
 from patrol.values.types import Corner, Flag, Name, NotNegative, Polygon, Positive, at_most, expecting
-
-LEAST_WEIGHT, MOST_WEIGHT = 0.001, 1000.0
 
 MOST_CELLS = 25_000_000
 """Cells of the largest mask."""
@@ -182,7 +180,7 @@ class ZoneSpec(Section):
             raise wrong("times", f"{self.name}: a one-way zone always holds; drop them")
         check_spans(self.times or (), "times", self.name)
         starts_s = [start_s for start_s, _ in self.weights or ()]
-        if self.weight is None and starts_s:
+        if self.weight is None and self.weights is not None:
             raise wrong("weights", f"{self.name}: take the place of weight, which is missing; give it, or drop them")
         if sorted(set(starts_s)) != starts_s:
             raise wrong("weights", f"{self.name}: each begins later than the one before it; sort them")

@@ -6,6 +6,7 @@ import argparse
 import json
 import time
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -40,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(process: ProcessContext) -> int:
     from patrol.own_sensor import allow_sensor
     from patrol.prepare import prepare
-    from patrol.scenario import load_scenario
+    from patrol.scenario import load_scenario, naming
 
     options, say = process.options, process.log.info
     check(options)
@@ -50,7 +51,8 @@ def _run(process: ProcessContext) -> int:
     plugs = unplugged(options, names)
     process.warm(("patrol", "worldsim"), scenario)
     allow_sensor(scenario.sensor)
-    prepared = prepare(scenario)
+    with nullcontext() if options.scenario is None else naming(options.scenario):
+        prepared = prepare(scenario)
     pace = options.pace or scenario.factor or 1.0
     simulation = _simulation(process, prepared, pace)
     say(f"simulates {', '.join(names)} at {options.connect}")

@@ -23,7 +23,7 @@ import msgpack
 from pydantic import AfterValidator, Field
 
 from patrol.errors import Malformed
-from patrol.exchange import MOST_BLOCKED, MOST_ZONES, Reply, Sensed
+from patrol.exchange import LEAST_WEIGHT, MOST_BLOCKED, MOST_WEIGHT, MOST_ZONES, Reply, Sensed
 from patrol.net.security.tick_chain import PROOF
 from patrol.net.security.transcripts import DIGEST, MAX_DIGESTS, MAX_LINES, Line, digest_of
 from patrol.pose import Pose, pack_command, unpack_command
@@ -62,7 +62,8 @@ _Proof = Annotated[Bytes, Field(min_length=PROOF, max_length=PROOF)]
 _Reason = Annotated[Text, Field(max_length=_MAX_REASON), PRINTABLE]
 _Contacts = Annotated[tuple[Finite, ...], Field(max_length=2 * MAX_CONTACTS, fail_fast=True), AfterValidator(_paired)]
 _Blocked = Annotated[tuple[_Count, ...], Field(max_length=MOST_BLOCKED, fail_fast=True)]
-_Weights = Annotated[tuple[tuple[_Count, Finite], ...], Field(max_length=MOST_ZONES, fail_fast=True)]
+_Weight = Annotated[Finite, Field(ge=LEAST_WEIGHT, le=MOST_WEIGHT)]
+_Weights = Annotated[tuple[tuple[_Count, _Weight], ...], Field(max_length=MOST_ZONES, fail_fast=True)]
 _Zones = Annotated[tuple[_Count, ...], Field(max_length=MOST_ZONES, fail_fast=True)] | None
 _Digests = Annotated[Bytes, Field(max_length=MAX_DIGESTS * DIGEST)]
 _Line = tuple[_Count, _Digests, _Digests, _Digests, _Digests]

@@ -22,6 +22,7 @@ from patrol.ground.tour.search import find_tour
 from patrol.ground.zones import with_zones
 from patrol.pose import Pose
 from patrol.scenario.zones import ZoneSpec
+from patrol.starts import starting_part
 from tests.ring import LOWER, UPPER, ring, zone
 
 NO_STEPS = np.zeros((0, 0), dtype=np.uint8)
@@ -148,6 +149,28 @@ def test_ground_from_which_no_way_leads_back_is_refused(zones: tuple[dict[str, o
     with pytest.raises(BadInput, match=rf"^zones: one_way: {leads} .* m² around \(.*\) of ring") as caught:
         compute_fields(ring(*zones), 0.3, 4.0, True, [Pose(3.0, 5.0, 0.0)])
     assert "\n" not in str(caught.value)
+
+
+def test_a_start_in_ground_that_is_left_out_is_refused() -> None:
+    passable = np.ones((21, 40), dtype=np.bool_)
+    passable[:, 25:] = False
+    passable[9:12, 25:27] = True
+    niche = ZoneSpec.model_validate(zone("niche", [[10, 3.5], [14, 3.5], [14, 7], [10, 7]], 0))
+    terrain = with_zones(Terrain("room", passable, 0.5), [niche])
+    with pytest.raises(
+        BadInput, match=r"robots\.starts: one-way zones leave no way back to \(12\.75, 5\.25\), or none"
+    ):
+        compute_fields(terrain, 0.3, 4.0, True, [Pose(12.75, 5.25, 0.0)])
+    drawn = starting_part(terrain, 0.3)
+    assert drawn.any()
+    assert not drawn[:, 25:].any()
+
+
+def test_a_large_zone_over_everything_is_refused_at_once() -> None:
+    terrain = Terrain("hall", np.ones((300, 300), dtype=np.bool_), 0.5)
+    over = ZoneSpec.model_validate(zone("over", [[0, 0], [150, 0], [150, 150], [0, 150]], 0))
+    with pytest.raises(BadInput, match="no way leads"):
+        compute_fields(with_zones(terrain, [over]), 0.3, 4.0, True, [Pose(3.0, 5.0, 0.0)])
 
 
 def test_a_niche_that_is_open_against_the_zone_is_left_out() -> None:

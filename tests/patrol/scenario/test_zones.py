@@ -85,6 +85,9 @@ def test_hashes() -> None:
     [
         ([zone(weight=2, weights=[[9, 0]])], r"zones\.0\.weights\.0\.1 = 0: expected a number from 0\.001 to 1000"),
         ([zone(weight=2, weights=[[9, 3], [9, 4]])], r"zones\.0\.weights: .*: each begins later than the one before"),
+        ([zone(weight=2, weights=[[1e5, 3]])], r"zones\.0\.weights: .*3 times from 100000 s on.*the run ends"),
+        ([zone(weight=2, weights=[[9.1, 3], [9.2, 4]])], r"zones\.0\.weights: .*3 times from 9\.1 s on.*the next one"),
+        ([zone(speed=0.5, weights=[])], r"zones\.0\.weights: .*: take the place of weight, which is missing"),
         ([zone(age=9, weights=[[9, 3]])], r"zones\.0\.weights: .*: take the place of weight, which is missing"),
         ([zone(weight=0)], r"zones\.0\.weight = 0: expected a number from 0\.001 to 1000"),
         ([zone(weight=1e6)], r"zones\.0\.weight = 1000000\.0: expected a number from 0\.001 to 1000"),

@@ -132,6 +132,16 @@ def test_of_two_weights_before_one_tick_the_last_holds() -> None:
     assert scenario.zones[0].weights == ((0.0, 4.0), (2.0, 5.0))
 
 
+def test_an_operators_weight_outlasts_those_of_the_scenario() -> None:
+    scenario = load_scenario(SITE | {"zones": [VAULT | {"weights": [[5.0, 3.0], [10.1, 7.0]]}, WARD, STAIRS]})
+    held, _ = amended(scenario, 15, read_control(weigh("vault", 3.0)))
+    assert held.zones[0].weights == ((5.0, 3.0), (7.5, 3.0))
+    later, _ = amended(scenario, 21, read_control(weigh("vault", 2.0)))  # 10.1 s is in the same tick
+    assert later.zones[0].weights == ((5.0, 3.0), (10.5, 2.0))
+    with pytest.raises(BadInput, match="already"):
+        amended(held, 16, read_control(weigh("vault", 3.0)))
+
+
 def test_a_verdict_that_knows_nothing_of_the_operator_does_not_see_slow_zones_kept() -> None:
     """By its times the ward is in force up to tick 19, and robots are fast from tick 9 on."""
     prepared = prepare(load_scenario(SITE | {"zones": [VAULT, WARD | {"times": [[0, 10]]}, STAIRS]}))
@@ -187,8 +197,8 @@ def test_a_switch_outlasts_the_zones_times() -> None:
         ({"do": "zone", "name": "vault"}, "exactly one is needed: on, or a weight"),
         ({**switch("vault", True), "weight": 3.0}, "exactly one is needed: on, or a weight"),
         (weigh("vault", 8.0), "weight = 8: vault counts so many times already"),
-        (weigh("ward", 2.0), "name = ward: has no weight to change; only zones with a weight have"),
-        (weigh("stairs", 2.0), "name = stairs: has no weight to change"),
+        (weigh("ward", 2.0), "name = ward: is no zone with a weight"),
+        (weigh("stairs", 2.0), "name = stairs: is no zone with a weight"),
         (weigh("vault", 0.0), "weight = 0.0: expected a number from 0.001 to 1000"),
         (weigh("vault", 1e4), "weight = 10000.0: expected a number from 0.001 to 1000"),
         ({"do": "zone", "name": "vault", "on": 1}, "on = 1: expected true or false"),

@@ -31,9 +31,11 @@ class _Visit(NamedTuple):
 
 
 class OneWayZonesKept(Check):
-    """No robot gets farther against a one-way zone than its diameter and a step, from where it came in, by its poses.
+    """No robot gets farther against a one-way zone, from where it came in, than is allowed.
 
-    Where it is follows from the polygons and masks themselves instead of the grid. Visits during which a drift or
+    That is its diameter, a step and a point's diagonal.
+
+    It goes by poses, and by the polygons and masks themselves instead of the grid. Visits during which a drift or
     motion fault acts on a robot are counted and not judged.
     """
 
@@ -45,7 +47,8 @@ class OneWayZonesKept(Check):
         scenario = run.prepared.scenario
         self._expected = readings[ExpectedStatuses]
         self._names = run.names
-        self._allowed = {spec.number: 2.0 * spec.radius + spec.speed * run.step for spec in scenario.roster}
+        rim_m = math.sqrt(2.0) * run.prepared.terrain.point  # robots know zones by points
+        self._allowed = {spec.number: 2.0 * spec.radius + spec.speed * run.step + rim_m for spec in scenario.roster}
         self._zones = [(zone, place_test(zone)) for zone in scenario.zones if zone.one_way is not None]
         self._disturbing = [entry for entry in run.timeline.entries if isinstance(entry.fault, Drift | Motion)]
         self._visits: dict[tuple[int, str], _Visit] = {}

@@ -131,24 +131,30 @@ def _of_message(where: str, says: Mapping[str, Any], frame: str) -> tuple[Pose, 
         raise BadInput(f"{where}: header.frame_id = {quoted(given)}: expected {frame}, the robot's map; echo amcl_pose")
     outer, within = says["pose"], "pose"
     if isinstance(outer.get("pose"), Mapping):
-        outer, within, covariance = outer["pose"], "pose.pose", outer.get("covariance")
+        variances = _variances(where, outer.get("covariance"))
+        outer, within = outer["pose"], "pose.pose"
     else:
-        covariance = None
+        variances = VARIANCES
     position, turn = (_mapping(f"{where}: {within}", outer, key) for key in ("position", "orientation"))
     x, y = (_number(f"{where}: {within}.position", position, key) for key in ("x", "y"))
     qx, qy, qz, qw = (_number(f"{where}: {within}.orientation", turn, key) for key in ("x", "y", "z", "w"))
     if not 0.9 <= math.hypot(qx, qy, qz, qw) <= 1.1:
         raise BadInput(f"{where}: {within}.orientation: a quaternion that is not 1 long; export the pose again")
     heading = math.atan2(2.0 * (qw * qz + qx * qy), qw * qw + qx * qx - qy * qy - qz * qz)
-    variances = VARIANCES
-    if covariance is not None:
-        if not isinstance(covariance, list) or len(covariance) != 36:
-            listed = f"{len(covariance)} numbers" if isinstance(covariance, list) else quoted(covariance)
-            raise BadInput(f"{where}: pose.covariance = {listed}: expected 36 numbers; export the pose again")
-        given = [_number(f"{where}: pose.covariance", dict(enumerate(covariance)), place) for place in (0, 7, 35)]
-        vx, vy, turned = (value if value > 0.0 else usual for value, usual in zip(given, VARIANCES, strict=True))
-        variances = vx, vy, turned
     return Pose(x, y, heading), variances
+
+
+def _variances(where: str, covariance: Any) -> tuple[float, float, float]:
+    """Return the variances of x, y and the heading in a covariance; the usual ones where it has none."""
+    if not isinstance(covariance, list) or len(covariance) != 36:
+        listed = f"{len(covariance)} numbers" if isinstance(covariance, list) else quoted(covariance)
+        raise BadInput(f"{where}: pose.covariance = {listed}: expected 36 numbers; export the pose again")
+    numbers = dict(enumerate(covariance))
+    given = [_number(f"{where}: pose.covariance", numbers, place) for place in numbers]
+    vx, vy, turned = (
+        given[place] if given[place] > 0.0 else usual for place, usual in zip((0, 7, 35), VARIANCES, strict=True)
+    )
+    return vx, vy, turned
 
 
 def _initial_poses(says: Any, name: str) -> Iterator[tuple[str, Mapping[str, Any]]]:

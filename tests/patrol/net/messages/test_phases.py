@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from patrol.errors import Malformed
-from patrol.exchange import MOST_ZONES, Reply, Sensed
+from patrol.exchange import LEAST_WEIGHT, MOST_WEIGHT, MOST_ZONES, Reply, Sensed
 from patrol.net.messages.phases import (
     MAX_REPLY,
     MAX_STATE,
@@ -51,7 +51,7 @@ pairs = st.lists(st.tuples(finite, finite), max_size=MAX_CONTACTS).map(tuple)
 
 numbers = st.integers(0, MOST_ZONES - 1)
 zones = st.none() | st.lists(numbers, max_size=MOST_ZONES).map(tuple)
-weights = st.lists(st.tuples(numbers, finite), max_size=MOST_ZONES).map(tuple)
+weights = st.lists(st.tuples(numbers, st.floats(LEAST_WEIGHT, MOST_WEIGHT)), max_size=MOST_ZONES).map(tuple)
 
 
 def phase_a(

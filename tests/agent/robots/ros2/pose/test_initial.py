@@ -101,6 +101,8 @@ def test_the_variances_of_a_message_are_kept(tmp_path: Path) -> None:
             echoed().partition("  covariance:")[0] + "  covariance: wide\n",
             'pose.covariance = "wide": expected 36 numbers',
         ),
+        (echoed().partition("  covariance:")[0], "pose.covariance = null: expected 36 numbers"),
+        (echoed().replace("  - 0.0\n", "  - .nan\n", 1), "pose.covariance.1 = NaN: expected a finite number"),
     ],
 )
 def test_what_holds_no_pose_is_refused_in_one_line(text: str, words: str, tmp_path: Path) -> None:
