@@ -19,7 +19,7 @@ import numpy as np
 
 from experiments.inprocess import run_in_process
 from experiments.plan.division import Divider, Territory, longest_m
-from patrol.errors import BadInput
+from patrol.errors import BadInput, NotPrepared
 from patrol.ground.maps import load_terrain
 from patrol.measures.best_tour import MOST_ROBOTS, BestTour, best_tour
 from patrol.prepare import Prepared, prepare
@@ -225,7 +225,10 @@ class _Planner:
         for field in ("starts", "spare"):
             mapping["robots"].pop(field, None)
         self.scenario = load_scenario(mapping)
-        self.terrain = load_terrain(scenario.terrain, scenario.point, scenario.base, zones=scenario.zones)
+        try:
+            self.terrain = load_terrain(scenario.terrain, scenario.point, scenario.base, zones=scenario.zones)
+        except BadInput as error:
+            raise NotPrepared(str(error)) from None
         self.sizes: dict[int, FleetSize] = {}
         self._wanted_s = wanted_s
         self._observer = observer
