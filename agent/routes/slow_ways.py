@@ -23,7 +23,7 @@ _STRAIGHT = 100
 
 
 class SlowWays:
-    """What slow zones cost on the ways of one body to one place, for the zones that were in force last."""
+    """The time lost in slow zones on the ways of one body to one place, for the zones that were in force last."""
 
     def __init__(self, lengths: NDArray[np.float32], point: float, speed: float, limits: SpeedLimits) -> None:
         """Compute nothing yet.

@@ -29,10 +29,11 @@ MOST_PANELS = 12
 MOST_STEPS = 2500
 """Most points of a path."""
 
-CLOSURE = "#e07b00"
 ZONES = {"weight": "#6a1b9a", "keepout": "#c1121f", "slow": "#00796b", "oneway": "#0b5cad"}
-"""Colours of the kinds of zones."""
-"""Colours of the outlines of zones and closures."""
+"""Colours of the outlines of each kind of zone."""
+
+CLOSURE = "#e07b00"
+"""Colour of the outlines of closures."""
 
 _LONGEST = 1600
 """Pixels along the longer side of a map; larger maps are thinned."""

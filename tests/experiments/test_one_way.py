@@ -42,7 +42,7 @@ def check_of(outcome: Outcome) -> CheckResult:
 
 
 def passages(outcome: Outcome) -> tuple[int, int]:
-    """How often robots passed the lower corridor, with its direction and against it."""
+    """The number of times that robots passed the lower corridor, with its direction and against it."""
     counts = {1: 0, -1: 0}
     came_in: dict[int, int] = {}
     for record in outcome.journal.ticks:

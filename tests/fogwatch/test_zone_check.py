@@ -1,4 +1,4 @@
-"""What ``fogwatch map check --zones`` says."""
+"""The output of ``fogwatch map check --zones``."""
 
 from __future__ import annotations
 

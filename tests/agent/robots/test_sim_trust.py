@@ -1,4 +1,4 @@
-"""What a simulated robot refuses of others, and what it reports to its world so that forgeries are found."""
+"""Messages that a simulated robot refuses, and what it reports to its world so that forgeries are found."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ class InitialPose:
 
     @property
     def was_told(self) -> bool:
-        """Whether the pose was sent. From then on the localisation says what it was told, be it right or not."""
+        """True if the pose was sent. From then on the localisation says what it was told, be it right or not."""
         return not math.isinf(self._first_s)
 
     def doubt(self, pose: Pose, moment_s: float) -> str:
