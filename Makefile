@@ -143,6 +143,7 @@ lock: ## rewrite the lock files from pyproject.toml (installs uv into build/)
 	$(LOCK) --extra sim --extra monitor --extra checkout --constraint requirements.lock \
 		--output-file requirements-run.lock pyproject.toml
 	$(LOCK) --extra bench --constraint requirements.lock --output-file requirements-bench.lock pyproject.toml
+	$(LOCK) --extra docs --constraint requirements.lock --output-file requirements-docs.lock pyproject.toml
 
 LOCK := build/uv/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header --no-annotate
 

@@ -188,14 +188,14 @@ def test_documents_name_files_that_exist() -> None:
     assert not missing
 
 
-LOCKS = ("requirements.lock", "requirements-run.lock", "requirements-bench.lock")
-"""Lock files: of all that work on fogwatch needs, of the part that a run needs, of the benchmarks' rivals."""
+LOCKS = ("requirements.lock", "requirements-run.lock", "requirements-bench.lock", "requirements-docs.lock")
+"""Lock files: of all that work needs, of the part that a run needs, of the benchmarks' rivals, of the site."""
 
 RUN_EXTRAS = ("sim", "monitor", "checkout")
 """The extras that the lock file of a run is for."""
 
-BENCH = "bench"
-"""The extra that the third lock file is for, and no other part of the project asks for."""
+OWN_LOCKS = ("bench", "docs")
+"""The extras that the third and the fourth lock file are for, and no other part of the project asks for."""
 
 
 def locked(name: str) -> dict[str, list[str]]:
@@ -225,11 +225,11 @@ def test_lock_pins_and_hashes_everything_and_names_no_host(name: str) -> None:
 def test_locks_hold_what_the_project_asks_for() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())
     extras = dict(project["project"]["optional-dependencies"])
-    rivals = extras.pop(BENCH)
+    rivals, site = (extras.pop(name) for name in OWN_LOCKS)
     base = [*project["build-system"]["requires"], *project["project"]["dependencies"]]
     asked = [*base, *(line for extra in extras.values() for line in extra)]
     run = [*base, *(line for extra in RUN_EXTRAS for line in extras[extra])]
-    for lines, lock in zip((asked, run, rivals), map(pinned, LOCKS), strict=True):
+    for lines, lock in zip((asked, run, rivals, site), map(pinned, LOCKS), strict=True):
         for wanted in map(Requirement, lines):
             if wanted.name == "fogwatch":
                 continue
@@ -238,14 +238,16 @@ def test_locks_hold_what_the_project_asks_for() -> None:
 
 
 def test_the_locks_agree_and_rivals_are_in_no_other_installation() -> None:
-    everybody, run, bench = map(pinned, LOCKS)
+    everybody, run, *others = map(pinned, LOCKS)
     assert {name: versions for name, versions in run.items() if everybody[name] != versions} == {}
     assert run.keys().isdisjoint({"scipy", "dask", "shapely", "pytest", "mypy", "ruff", "hypothesis", "playwright"})
-    assert {name: bench[name] for name in bench.keys() & everybody.keys() if bench[name] != everybody[name]} == {}
+    for own in others:
+        assert {name: own[name] for name in own.keys() & everybody.keys() if own[name] != everybody[name]} == {}
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
-    others = [line for name, lines in extras.items() if name != BENCH for line in lines]
-    assert not [line for line in others if BENCH in Requirement(line).extras]
-    assert {"dijkstra3d", "scikit-fmm", "scikit-image", "tcod"} <= bench.keys() - everybody.keys()
+    asked = [line for name, lines in extras.items() if name not in OWN_LOCKS for line in lines]
+    assert not [line for line in asked if Requirement(line).extras & set(OWN_LOCKS)]
+    assert {"dijkstra3d", "scikit-fmm", "scikit-image", "tcod"} <= others[0].keys() - everybody.keys()
+    assert {"sphinx", "furo", "myst-nb"} <= others[1].keys() - everybody.keys()
 
 
 def base_distributions() -> set[str]:
