@@ -152,12 +152,7 @@ def run(
         fogwatch.launch.launcher.LaunchFailed: The processes could not be brought to run.
         KeyboardInterrupt: The run was interrupted before its first tick; its folder is gone again.
     """
-    if isinstance(scenario, Scenario):
-        loaded = load_scenario(scenario.model_dump(mode="json", exclude_none=True), overrides)
-    elif isinstance(scenario, Mapping):
-        loaded = load_scenario(scenario, overrides)
-    else:
-        loaded = open_scenario(str(scenario), overrides)
+    loaded = open_any(scenario, overrides)
     display = SilentDisplay() if progress is None else CallbackDisplay(progress)
     where = None if out is None else Path(out)
     options = RunOptions(
@@ -173,6 +168,25 @@ def run(
         with naming(scenario, overrides or ()):
             return execute(loaded, options)
     return execute(loaded, options)
+
+
+def open_any(
+    scenario: Scenario | str | Path | Mapping[str, Any], overrides: Mapping[str, object] | None = None
+) -> Scenario:
+    """Load what `run` takes for a scenario.
+
+    Args:
+        scenario: As of `run`.
+        overrides: Likewise.
+
+    Raises:
+        BadInput: One line that says what is wrong, and how to mend it.
+    """
+    if isinstance(scenario, Scenario):
+        return load_scenario(scenario.model_dump(mode="json", exclude_none=True), overrides)
+    if isinstance(scenario, Mapping):
+        return load_scenario(scenario, overrides)
+    return open_scenario(str(scenario), overrides)
 
 
 def execute(scenario: Scenario, options: RunOptions) -> Result:
