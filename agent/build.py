@@ -302,9 +302,7 @@ def _sending(scenario: Scenario, terrain: Terrain) -> Sending:
     return Sending(radio.trail, radio.trail_every, share, radio.adaptive.error, silence, predictor)
 
 
-def mind_maker(
-    prepared: Prepared, key: bytes | None, shared: Shared, kind: PolicyKind | None = None
-) -> MakeMind:
+def mind_maker(prepared: Prepared, key: bytes | None, shared: Shared, kind: PolicyKind | None = None) -> MakeMind:
     """Return a function that makes the minds of a scenario, which share what they can.
 
     Args:

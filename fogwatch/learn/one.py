@@ -39,9 +39,7 @@ class OneRobotEnv(gymnasium.Env[Parts, Any]):
         self.observation_space = fleet.observation_space(self._agent)
         self.action_space = fleet.action_space(self._agent)
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Parts, dict[str, Any]]:
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Parts, dict[str, Any]]:
         """Begin an episode, as `PatrolEnv.reset`."""
         super().reset(seed=seed)
         observations, infos = self.fleet.reset(seed, options)

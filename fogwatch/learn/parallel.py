@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,7 +12,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from pettingzoo.utils.env import ParallelEnv
 
-from agent.policies.learned.decisions import STAY
+from agent.policies.learned.decisions import MASK, STAY
 from agent.policies.learned.observation import Observer
 from experiments.inprocess import check_in_process
 from fogwatch.api import open_any
@@ -24,9 +24,6 @@ from patrol.scenario import Scenario
 from patrol.scenario.policies import LEARNED, LearnedInput, LearnedOptions
 
 Parts = dict[str, NDArray[Any]]
-
-MASK = "action_mask"
-"""The part of an observation that says which actions may be chosen."""
 
 
 class PatrolEnv(ParallelEnv[str, Parts, Any]):
@@ -132,7 +129,7 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):
         self.episode = Episode(self._prepared, self.options, keep=self._keep)
         self.agents = [name for name, number in self._numbers.items() if self.episode.will_be_alive(number)]
         self._due = self._find_due(self.episode)
-        return self._observe(self.episode), self._infos(self.episode, 0)
+        return self._observe(self.episode), self._infos(0)
 
     def step(
         self, actions: Mapping[str, Any]
@@ -160,7 +157,7 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):
             reward += self._reward(self._last, record, self.scenario.step)
             self._last, ticks = record, ticks + 1
             self._due = self._find_due(episode)
-        observations, infos = self._observe(episode), self._infos(episode, ticks)
+        observations, infos = self._observe(episode), self._infos(ticks)
         gone = {name: not episode.will_be_alive(self._numbers[name]) for name in self.agents}
         ended = {name: episode.over and not gone[name] for name in self.agents}
         rewards = dict.fromkeys(self.agents, reward)
@@ -176,10 +173,7 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):
         scenario = open_any(self._source, overrides)
         check_in_process(scenario)
         terrain = None if seed is None else self._prepared.terrain
-        prepared = prepare(scenario, terrain)
-        if seed is not None and scenario.patrol.options.actions == "node":
-            return replace(prepared, graph=self._prepared.graph)
-        return prepared
+        return prepare(scenario, terrain)
 
     def _find_due(self, episode: Episode) -> set[int]:
         return {number for number, view in episode.views.items() if episode.decisions(number).is_due(view)}
@@ -199,7 +193,7 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):
             observations[name] = parts
         return observations
 
-    def _infos(self, episode: Episode, ticks: int) -> dict[str, dict[str, Any]]:
+    def _infos(self, ticks: int) -> dict[str, dict[str, Any]]:
         step, last = self.scenario.step, self._last
         mfow_s, mean_age_s = (0.0, 0.0) if last is None else (last.mfow * step, last.fog_mean * step)
         return {
@@ -213,10 +207,10 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):
         }
 
     def _make_observation_space(self) -> spaces.Dict:
-        boxes: dict[str, spaces.Space[Any]] = {
-            name: spaces.Box(0 if name == MASK else -1, 1, values.shape, values.dtype.type)
+        boxes = OrderedDict(  # of a plain dict Gymnasium would sort the parts
+            (name, spaces.Box(0 if name == MASK else -1, 1, values.shape, values.dtype.type))
             for name, values in self._silent.items()
-        }
+        )
         return spaces.Dict(boxes)
 
     def _make_action_space(self) -> spaces.Space[Any]:

@@ -1,6 +1,6 @@
 """Rewards of an environment, all from the true fog; the same for each robot, since the fog is the fleet's.
 
-With A(k) the mean age of all patrolled points after tick k and M(k) the age of the stalest one, the true MFoW, both in s:
+With A(k) the mean age of all patrolled points after tick k, and M(k) the age of the stalest one, the true MFoW, in s:
 
     mean     -A(k)
     mfow     -M(k)

@@ -1,9 +1,9 @@
 """The decisions of a learned policy: when one is due, and what its answer means.
 
-    actions   an action is                                                                  it means
-    bearing   0 to 7, a sector of `observation`, or 8                                       Bearing, or Stay
-    place     two numbers in [-1, 1]: x and y from the robot, in half windows               Place
-    node      a vertex of the terrain's graph, moved to the nearest ground of this body     Place
+actions   an action is                                                                  it means
+bearing   0 to 7, a sector of `observation`, or 8                                       Bearing, or Stay
+place     two numbers in [-1, 1]: x and y from the robot, in half windows               Place
+node      a vertex of the terrain's graph, moved to the nearest ground of this body     Place
 """
 
 from __future__ import annotations
@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 
 STAY = SECTORS
 """The action that stands still."""
+
+MASK = "action_mask"
+"""The part of an environment's observation that says which actions may be chosen; no network gets it."""
 
 NO_NEARER_S = 15.0
 """A robot that has come no nearer to a place for so long has arrived, s."""

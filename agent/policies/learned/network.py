@@ -5,8 +5,8 @@ A network in a ``.npz`` file holds the float arrays ``w0, b0, w1, b1, ...``, of 
 
     y = activation(x @ w0 + b0) @ w1 + b1
 
-It is evaluated in float64 in a fixed order, so that every machine finds the same numbers. An ``.onnx`` file is evaluated
-by onnxruntime in one thread, whose last digits may differ between processors.
+It is evaluated in float64 in a fixed order, so that every machine finds the same numbers. An ``.onnx`` file is
+evaluated by onnxruntime in one thread, whose last digits may differ between processors.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.policies.learned.decisions import Action
+from agent.policies.learned.decisions import MASK, Action
 from agent.policies.learned.observation import Observation
 from patrol.classes.weights_file import FIELD, weights_content
 from patrol.errors import BadInput
@@ -79,9 +79,10 @@ def flattened(observation: Observation) -> Vector:
     """Return an observation's values in one row, as a network gets them: float64 (inputs,).
 
     Args:
-        observation: Its parts, in the order of `patrol.options.inputs`.
+        observation: Its parts, in the order of `patrol.options.inputs`; a mask of actions is left out.
     """
-    return np.concatenate([part.reshape(-1) for part in observation.values()], dtype=np.float64)
+    parts = [part.reshape(-1) for name, part in observation.items() if name != MASK]
+    return np.concatenate(parts, dtype=np.float64)
 
 
 def action_of(outputs: Vector, mask: NDArray[np.int8] | None) -> Action:

@@ -18,8 +18,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.policies.learned.kernels.sectors import sum_ages
+from agent.policies.learned.kernels.surroundings import count_free, fill_features, fill_heard, fill_window, sum_ages
 from patrol.pose import TAU
+from patrol.radio.peers import places_of, ticks_of
 
 if TYPE_CHECKING:
     from agent.view import View
@@ -74,14 +75,17 @@ class Observer:
         self.shapes = {name: shapes[name] for name in options.inputs}
         makers = {"fog": self._fog, "pose": self._pose, "heard": self._others, "sectors": self._sectors}
         self._makers = [(name, makers[name]) for name in options.inputs]
-        steps = np.arange(1, self._half + 1)
-        bearings = [bearing_of(sector) for sector in range(SECTORS)]
-        # The points of the window from its middle to its side, in each direction.
-        self._rays = tuple(
-            np.array([[self._half + round(k * side(b)) for k in steps.tolist()] for b in bearings], dtype=np.intp)
-            for side in (math.sin, math.cos)
+        # The points from the robot's own to the side of its window, in each direction.
+        self._rays = np.array(
+            [
+                [[round(k * math.sin(b)), round(k * math.cos(b))] for k in range(1, self._half + 1)]
+                for b in map(bearing_of, range(SECTORS))
+            ],
+            dtype=np.int64,
         )
         self._sums = np.zeros((SECTORS, 4), dtype=np.int64)
+        self._ways = np.zeros(SECTORS, dtype=np.int64)
+        self._ways_at = -1
 
     @property
     def size(self) -> int:
@@ -108,29 +112,18 @@ class Observer:
         Returns:
             int64 (8,), by sector, 0 to half a window.
         """
-        ways = self._cut(view.ground.open_now, view)[self._rays]
-        return np.where(ways.all(axis=1), self._half, ways.argmin(axis=1))
+        if self._ways_at != view.tick:
+            row, col = view.ground.terrain.point_at(view.pose.x, view.pose.y)
+            count_free(view.ground.open_now, row, col, self._rays, self._ways)
+            self._ways_at = view.tick
+        return self._ways
 
     def _fog(self, view: View) -> Grid:
-        fog = np.zeros(self.shapes["fog"], dtype=np.float32)
-        patrolled, seen = self._cut(view.fog.patrolled, view), self._cut(view.fog.last_seen, view)
-        fog[0] = np.where(patrolled, (view.tick - np.maximum(seen, 0)) / max(view.mfow, 1), 0.0)
-        fog[1] = self._cut(view.ground.open_now, view)
+        fog = np.empty(self.shapes["fog"], dtype=np.float32)
+        row, col = view.ground.terrain.point_at(view.pose.x, view.pose.y)
+        grids = view.fog.last_seen, view.fog.patrolled, view.ground.open_now
+        fill_window(*grids, row, col, view.tick, max(view.mfow, 1), fog)
         return fog
-
-    def _cut(self, grid: NDArray[np.generic], view: View) -> NDArray[np.generic]:
-        """Return the robot's window of a grid (height, width), 0 beyond the terrain."""
-        (row, col), half = view.ground.terrain.point_at(view.pose.x, view.pose.y), self._half
-        height, width = grid.shape
-        top, bottom, left, right = row - half, row + half + 1, col - half, col + half + 1
-        if 0 <= top and bottom <= height and 0 <= left and right <= width:
-            return grid[top:bottom, left:right]
-        cut = np.zeros((2 * half + 1, 2 * half + 1), dtype=grid.dtype)
-        rows, cols = (max(top, 0), min(bottom, height)), (max(left, 0), min(right, width))
-        if rows[0] < rows[1] and cols[0] < cols[1]:
-            inside = grid[rows[0] : rows[1], cols[0] : cols[1]]
-            cut[rows[0] - top : rows[1] - top, cols[0] - left : cols[1] - left] = inside
-        return cut
 
     def _pose(self, view: View) -> Grid:
         pose = view.pose
@@ -138,32 +131,19 @@ class Observer:
         return np.array([_bounded(x), _bounded(y), math.cos(pose.heading), math.sin(pose.heading)], dtype=np.float32)
 
     def _others(self, view: View) -> Grid:
-        heard = np.zeros(self.shapes["heard"], dtype=np.float32)
-        pose = view.pose
-        peers = sorted(
-            (math.hypot(peer.pose.x - pose.x, peer.pose.y - pose.y), number) for number, peer in view.peers.items()
-        )
-        for place, (_, number) in enumerate(peers[: self._heard]):
-            peer = view.peers[number]
-            across, up = (peer.pose.x - pose.x) / self._longest, (peer.pose.y - pose.y) / self._longest
-            age = min((view.tick - peer.tick) * self._step / HEARD_S, 1.0)
-            heard[place] = 1.0, _bounded(across), _bounded(up), age
+        heard = np.empty(self.shapes["heard"], dtype=np.float32)
+        places, ticks = places_of(view.peers), ticks_of(view.peers)
+        fill_heard(places, ticks, view.pose.x, view.pose.y, self._longest, view.tick, HEARD_S / self._step, heard)
         return heard
 
     def _sectors(self, view: View) -> Grid:
-        sectors = np.zeros(self.shapes["sectors"], dtype=np.float32)
-        pose, fog, sums = view.pose, view.fog, self._sums
+        sectors = np.empty(self.shapes["sectors"], dtype=np.float32)
+        pose, fog, sums, half = view.pose, view.fog, self._sums, self._half
         row, col = view.ground.terrain.point_at(pose.x, pose.y)
-        sum_ages(fog.last_seen, fog.patrolled, row, col, self._half, view.tick, sums)
-        sectors[:, :2] = sums[:, ::2] / np.maximum(sums[:, 1::2] * max(view.mfow, 1), 1)
-        sectors[:, 2] = self.free_ways(view) / self._half
-        for peer in view.peers.values():
-            across, up = peer.pose.x - pose.x, peer.pose.y - pose.y
-            nearness = 1.0 - math.hypot(across, up) / self.half_m
-            if nearness > 0.0:
-                sector = round(math.atan2(up, across) * SECTORS / TAU) % SECTORS
-                sectors[sector, 3] = max(sectors[sector, 3], nearness)
-        sectors[:, 4] = [math.cos(pose.heading - bearing_of(sector)) for sector in range(SECTORS)]
+        sum_ages(fog.last_seen, fog.patrolled, row, col, half, view.tick, sums)
+        ways, places, heading = self.free_ways(view), places_of(view.peers), pose.heading
+        numbers = pose.x, pose.y, self.half_m, math.cos(heading), math.sin(heading)
+        fill_features(sums, max(view.mfow, 1), ways, half, places, *numbers, sectors)
         return sectors
 
 

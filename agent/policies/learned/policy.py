@@ -1,6 +1,6 @@
 """The policy `learned`: a trained network that decides.
 
-    patrol: {policy: learned, options: {weights: trained.npz, inputs: [sectors]}}
+patrol: {policy: learned, options: {weights: trained.npz, inputs: [sectors]}}
 """
 
 from __future__ import annotations

@@ -46,7 +46,7 @@ def _goes_one_way(scenario: Scenario) -> bool:
 SELDOM: Mapping[str, Callable[[Scenario], bool]] = {
     "agent.belief.kernels.changes": _dilates,
     "agent.belief.kernels.dilate": _dilates,
-    "agent.policies.learned.kernels.sectors": _is_learned,
+    "agent.policies.learned.kernels.surroundings": _is_learned,
     "agent.policies.potential_field.kernels.force": _follows_forces,
     "agent.routes.kernels.region_paths": _has_regions,
     "agent.routes.kernels.straight": _goes_straight,
