@@ -47,9 +47,9 @@ class OneRobotEnv(gymnasium.Env[Parts, Any]):
 
     def step(self, action: Any) -> tuple[Parts, float, bool, bool, dict[str, Any]]:
         """Act, as `PatrolEnv.step`."""
-        return_values = self.fleet.step({self._agent: action})
-        observation, reward, is_gone, has_ended, info = (by_agent[self._agent] for by_agent in return_values)
-        return observation, reward, is_gone, has_ended, info
+        agent = self._agent
+        observations, rewards, gone, ended, infos = self.fleet.step({agent: action})
+        return observations[agent], rewards[agent], gone[agent], ended[agent], infos[agent]
 
     def close(self) -> None:
         """Drop the episode."""

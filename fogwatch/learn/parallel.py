@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -26,7 +25,7 @@ from patrol.scenario.policies import LEARNED, LearnedInput, LearnedOptions
 Parts = dict[str, NDArray[Any]]
 
 
-class PatrolEnv(ParallelEnv[str, Parts, Any]):
+class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZoo is untyped
     """A fleet on patrol, of which each robot is an agent, named as in the scenario.
 
     A step is one tick of all robots; with ``decide="arrival"`` it is as many ticks as pass until a robot needs a
@@ -207,10 +206,10 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):
         }
 
     def _make_observation_space(self) -> spaces.Dict:
-        boxes = OrderedDict(  # of a plain dict Gymnasium would sort the parts
+        boxes = [  # of a mapping Gymnasium would sort the parts
             (name, spaces.Box(0 if name == MASK else -1, 1, values.shape, values.dtype.type))
             for name, values in self._silent.items()
-        )
+        ]
         return spaces.Dict(boxes)
 
     def _make_action_space(self) -> spaces.Space[Any]:
