@@ -12,11 +12,15 @@ the scenario; those of any other when a run finds its class (`agent.policies.fou
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Final, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from patrol.classes.class_file import beside, class_file
+from patrol.classes.weights_file import FIELD as WEIGHTS_FIELD
+from patrol.classes.weights_file import weights_content
+from patrol.errors import BadInput
 from patrol.scenario.letter import FIELD as LETTER_FIELD
 from patrol.scenario.letter import LETTER, Letter, PaperRule, rules_of
 from patrol.values.section import Section, absolute, wrong
@@ -212,6 +216,16 @@ class LearnedOptions(Section):
         if self.decide == "arrival" and self.actions == "bearing":
             raise wrong("decide", "is arrival, and a bearing leads to no place; set actions to place or node")
         return self
+
+    def read_weights(self) -> bytes:
+        """Read the trained network's file.
+
+        Raises:
+            BadInput: There is none, it cannot be read, or it is not the one that the scenario was resolved with.
+        """
+        if self.weights is None:
+            raise BadInput(f"{WEIGHTS_FIELD}: is missing; train a network with fogwatch.learn, and name its file")
+        return weights_content(Path(self.weights), self.weights_sha256)
 
 
 POLICY = (

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from agent.policies.learned.decisions import MASK, Action
 from agent.policies.learned.observation import Observation
-from patrol.classes.weights_file import FIELD, weights_content
+from patrol.classes.weights_file import FIELD
 from patrol.errors import BadInput
 from patrol.files.untrusted import WEIGHTS
 
@@ -100,19 +100,18 @@ def action_of(outputs: Vector, mask: NDArray[np.int8] | None) -> Action:
     return int(np.argmax(np.where(mask != 0, outputs, -np.inf)))
 
 
-def read_network(path: Path, sha256: str | None, inputs: int, outputs: int) -> Callable[[Vector], Vector]:
+def read_network(content: bytes, path: Path, inputs: int, outputs: int) -> Callable[[Vector], Vector]:
     """Read a trained network.
 
     Args:
-        path: ``.npz`` or ``.onnx``.
-        sha256: Of the file (hex), where the scenario says it.
+        content: Of its file.
+        path: The file, ``.npz`` or ``.onnx``.
         inputs: Number of values that it must take.
         outputs: Number of values that it must give.
 
     Raises:
-        BadInput: It cannot be read or evaluated, or is for another number of values.
+        BadInput: It cannot be evaluated, or is for another number of values.
     """
-    content = weights_content(path, sha256)
     network: Callable[[Vector], Vector]
     if path.suffix == ".onnx":
         from agent.policies.learned.onnx_network import onnx_network  # here: its library is an extra

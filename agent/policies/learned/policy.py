@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING
 
 from agent.policies.learned.decisions import Decisions
 from agent.policies.learned.network import action_of, flattened, read_network
-from patrol.classes.weights_file import FIELD
-from patrol.errors import BadInput
 
 if TYPE_CHECKING:
     from agent.ports import Intent, PolicySetup
@@ -31,13 +29,11 @@ class Learned:
             BadInput: There is none, or it cannot be used.
         """
         options = setup.options
-        if options.weights is None:
-            raise BadInput(f"{FIELD}: is missing; train a network with fogwatch.learn, and name its file")
+        content = options.read_weights()
         self._decisions = Decisions(setup, options)
         choices = self._decisions.choices
         outputs = 2 if choices is None else choices
-        weights = Path(options.weights)
-        self._network = read_network(weights, options.weights_sha256, self._decisions.observer.size, outputs)
+        self._network = read_network(content, Path(options.weights), self._decisions.observer.size, outputs)
 
     def decide(self, view: View) -> Intent:
         """Go on as decided before, or decide anew."""

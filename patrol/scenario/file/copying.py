@@ -11,7 +11,6 @@ from typing import TypeVar
 import yaml
 
 from patrol.classes.class_file import class_file, class_source, file_digest
-from patrol.classes.weights_file import weights_content
 from patrol.errors import BadInput
 from patrol.files.untrusted import IMAGE, read_untrusted
 from patrol.ground.map_file import read_map_file
@@ -90,7 +89,7 @@ def _with_own_weights(section: PatrolSpec, folder: Path) -> PatrolSpec:
     if not isinstance(section, LearnedPatrol) or section.options.weights is None:
         return section
     source = Path(section.options.weights)
-    content = weights_content(source, section.options.weights_sha256)
+    content = section.options.read_weights()
     folder.mkdir()
     (folder / source.name).write_bytes(content)
     options = section.options.model_copy(update={"weights": f"./{folder.name}/{source.name}"})
