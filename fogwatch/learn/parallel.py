@@ -34,6 +34,7 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZo
     scenario's duration all are truncated.
 
     Attributes:
+        prepared: The scenario of the present episode, with its terrain and fields.
         options: What robots see and decide.
         episode: The present one; None before the first `reset`.
     """
@@ -62,8 +63,8 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZo
         """
         self._source, self._overrides, self._keep = scenario, dict(overrides), keep
         self._reward = reward_of(reward)
-        self._prepared = self._prepare(None)
-        options = self._prepared.scenario.patrol.options
+        self.prepared = self._prepare(None)
+        options = self.prepared.scenario.patrol.options
         assert isinstance(options, LearnedOptions)
         self.options = options
         self.episode: Episode | None = None
@@ -72,9 +73,9 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZo
         self.agents: list[str] = []
         self._due: set[int] = set()
         self._last: TickRecord | None = None
-        observer = Observer(self._prepared.terrain, options, self.scenario.step)
+        observer = Observer(self.prepared.terrain, options, self.scenario.step)
         self._silent: Parts = {name: np.zeros(shape, np.float32) for name, shape in observer.shapes.items()}
-        choices = {"bearing": STAY + 1, "node": self._prepared.graph.size if options.actions == "node" else 0}
+        choices = {"bearing": STAY + 1, "node": self.prepared.graph.size if options.actions == "node" else 0}
         self._choices = choices.get(options.actions)
         if self._choices is not None:
             self._silent[MASK] = np.ones(self._choices, np.int8)
@@ -84,8 +85,8 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZo
 
     @property
     def scenario(self) -> Scenario:
-        """The scenario of the present episode, resolved."""
-        return self._prepared.scenario
+        """The scenario of the present episode."""
+        return self.prepared.scenario
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
         """Return an agent's observations (`agent.policies.learned.observation`), with a mask of discrete actions.
@@ -123,9 +124,9 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZo
         if seed is None:
             seed = self.scenario.seed + (self.episode is not None)
         if seed != self.scenario.seed:
-            self._prepared = self._prepare(seed)
+            self.prepared = self._prepare(seed)
         self._last = None
-        self.episode = Episode(self._prepared, self.options, keep=self._keep)
+        self.episode = Episode(self.prepared, self.options, keep=self._keep)
         self.agents = [name for name, number in self._numbers.items() if self.episode.will_be_alive(number)]
         self._due = self._find_due(self.episode)
         return self._observe(self.episode), self._infos(0)
@@ -151,7 +152,8 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZo
             if self._numbers[name] in self._due:
                 episode.take(self._numbers[name], action)
         reward, ticks = 0.0, 0
-        while not ticks or not (episode.over or self._due):
+        waits = self.options.decide == "arrival"
+        while not ticks or (waits and not self._due and not episode.over):
             record = episode.advance()
             reward += self._reward(self._last, record, self.scenario.step)
             self._last, ticks = record, ticks + 1
@@ -171,7 +173,7 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZo
         overrides = self._overrides if seed is None else {**self._overrides, "seed": seed}
         scenario = open_any(self._source, overrides)
         check_in_process(scenario)
-        terrain = None if seed is None else self._prepared.terrain
+        terrain = None if seed is None else self.prepared.terrain
         return prepare(scenario, terrain)
 
     def _find_due(self, episode: Episode) -> set[int]:

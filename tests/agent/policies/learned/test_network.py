@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import sys
 import zipfile
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ FILE = Path("trained.npz")
 
 def layers(*sizes: int, activation: Any = "tanh") -> Layers:
     rng = np.random.default_rng(3)
-    pairs = list(zip(sizes, sizes[1:], strict=False))
+    pairs = list(pairwise(sizes))
     return Layers([rng.normal(size=pair) for pair in pairs], [rng.normal(size=out) for _, out in pairs], activation)
 
 
