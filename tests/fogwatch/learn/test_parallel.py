@@ -85,7 +85,7 @@ def test_the_same_seed_and_actions_give_the_same_trace(actions: Any, decide: Any
 @pytest.mark.parametrize(("actions", "decide"), KINDS)
 def test_a_trained_network_decides_in_a_run_as_in_training(tmp_path: Any, actions: str, decide: str) -> None:
     settings: dict[str, Any] = {"actions": actions, "decide": decide, "inputs": ["sectors", "pose"]}
-    intruders = [{"place": [90.0, 36.0], "at": 20, "for": 20}]
+    intruders = [{"place": [95.0, 36.5], "at": 1, "for": 20}]
     scenario = {**FLEET, "duration": 80.0, "faults": FAULTS, "intruders": intruders}
     env = parallel_env(scenario, keep=True, **settings)
     network = random_network(env)
