@@ -65,36 +65,40 @@ def score(numbers: Numbers, seeds: Sequence[int], duration: float) -> float:
 
 
 def train(generations: int, children: int, duration: float, seed: int, workers: int) -> Numbers:
-    """Evolve the weights: draw children around the mean, and move it to the mean of the better half.
+    """Evolve the weights: children are drawn around the mean of the best three so far, ever closer to it.
 
-    Each generation plays on a seed of its own, the same for all its children.
+    All play on the same two seeds, so that their scores can be compared.
     """
     rng = np.random.default_rng(seed)
-    mean, spread = np.array(START), 0.5
+    spread = 0.5
+    judge = partial(score, seeds=(1000, 1001), duration=duration)
     # Each worker is a process with a world of its own; the result does not depend on how many there are.
     with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
-        for generation in range(generations):
-            drawn = mean + spread * rng.standard_normal((children, len(mean)))
-            scores = list(pool.map(partial(score, seeds=[1000 + generation], duration=duration), drawn))
-            best = np.argsort(scores, kind="stable")[::-1][: children // 2]
-            mean, spread = drawn[best].mean(axis=0), spread * 0.9
-            print(f"generation {generation + 1}: best {max(scores):.2f}, weights {np.round(mean, 2)}", flush=True)
-    return mean
+        best = [(judge(np.array(START)), np.array(START))]
+        for generation in range(1, generations + 1):
+            mean = np.mean([numbers for _, numbers in best], axis=0)
+            drawn = list(mean + spread * rng.standard_normal((children, len(START))))
+            best += zip(pool.map(judge, drawn), drawn, strict=True)
+            best = sorted(best, key=lambda scored: -scored[0])[:3]
+            spread *= 0.8
+            print(
+                f"generation {generation}: mean age {-best[0][0]:.1f} s, weights {np.round(best[0][1], 2)}", flush=True
+            )
+    return best[0][1]
 
 
 def main() -> None:
     """Train, and compare the result with the start on seeds that training has not seen."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("trained.npz"), help="where to write the network")
-    parser.add_argument("--generations", type=int, default=10)
+    parser.add_argument("--generations", type=int, default=8)
     parser.add_argument("--children", type=int, default=8, help="in each generation")
-    parser.add_argument("--duration", type=float, default=300.0, help="of an episode, simulated s")
+    parser.add_argument("--duration", type=float, default=200.0, help="of an episode, simulated s")
     parser.add_argument("--seed", type=int, default=1, help="of the evolution")
     parser.add_argument("--workers", type=int, default=1, help="processes")
     options = parser.parse_args()
     trained = train(options.generations, options.children, options.duration, options.seed, options.workers)
-    seeds = range(1, 4)
-    before, after = (score(np.array(each), seeds, options.duration) for each in (START, trained))
+    before, after = (score(np.array(each), (1, 2, 3), options.duration) for each in (START, trained))
     network_of(trained).save(options.out)
     print(f"mean age of the ground on other seeds: {-before:.1f} s before, {-after:.1f} s after; wrote {options.out}")
 
