@@ -207,7 +207,6 @@ def test_incarnations_count_a_robots_minds(lab: Lab) -> None:
 def test_a_robot_will_be_alive_if_an_act_to_come_makes_it_so(lab: Lab) -> None:
     faults = [
         fault("kill", "r1", 2),
-        fault("join", "r1", 4),
         fault("kill", "r2", 2),
         fault("restart", "r2", 6),
         fault("pause", "r3", 2, **{"for": 1.0}),
