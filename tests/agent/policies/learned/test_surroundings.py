@@ -93,7 +93,7 @@ def test_the_nearest_robots_come_first_and_the_rest_is_zero() -> None:
     places, ticks = np.array([[9.0, 1.0], [2.0, 1.0], [1.0, -200.0]]), np.array([10, 18, 20])
     heard = np.full((4, 4), np.nan, dtype=np.float32)
     fill_heard(places, ticks.copy(), 1.0, 1.0, 100.0, 20, 10.0, heard)
-    expected = [[1, 0.01, 0, 0.2], [1, 0.08, 0, 1], [1, 0, -1, 0], [0, 0, 0, 0]]
-    np.testing.assert_allclose(heard, expected, atol=1e-7)
+    expected = [[1.0, 0.01, 0.0, 0.2], [1.0, 0.08, 0.0, 1.0], [1.0, 0.0, -1.0, 0.0], [0.0] * 4]
+    assert heard.ravel().tolist() == pytest.approx(np.array(expected).ravel().tolist(), abs=1e-7)
     fill_heard(places, ticks, 1.0, 1.0, 100.0, 20, 10.0, heard[:1])
-    np.testing.assert_allclose(heard[:1], expected[:1], atol=1e-7)
+    assert heard[0].tolist() == pytest.approx(expected[0], abs=1e-7)
