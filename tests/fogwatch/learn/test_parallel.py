@@ -209,7 +209,7 @@ def test_robots_see_what_they_believe_and_not_the_truth() -> None:
     heard = parallel_env(FLEET, inputs=["fog", "heard"], window=101)
     seen = []
     for env in (deaf, heard):
-        env.reset()
+        observations, _ = env.reset()
         for _ in range(10):
             observations, *_ = env.step({})
         parts = observations["r1"]
