@@ -115,7 +115,7 @@ def test_a_mind_that_fails_ends_the_run_and_the_journal_says_so(
     def failing(mind: Mind, sensed: Sensed, view: View | None) -> Any:
         if sensed.k == 4:
             raise RuntimeError("no idea")
-        return decide(mind, sensed)
+        return decide(mind, sensed, view)
 
     monkeypatch.setattr(Mind, "decide", failing)
     events: list[Event] = []
