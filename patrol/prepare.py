@@ -18,7 +18,7 @@ import numpy as np
 from patrol.closures import closure_points
 from patrol.errors import BadInput, NotPrepared
 from patrol.ground.closed import ChangingFootprint
-from patrol.ground.fields import StaticFields, compute_fields, load_grid
+from patrol.ground.fields import StaticFields, compute_fields, grown, load_grid, parts_of
 from patrol.ground.footprint import REMEMBERED, Footprint
 from patrol.ground.one_way import unit
 from patrol.ground.terrain import BoolGrid, Terrain, frozen_grid
@@ -41,7 +41,7 @@ TICKS_APART = 4
 """Most ticks between two robots of a fleet where the world waits for none of them."""
 
 LEAST_LONG = 2.0
-"""Length of a one-way zone at least, in diameters of a robot and a step together, besides a point's diagonal."""
+"""Length of a one-way zone at least where a robot gets, in its diameters and steps, besides a point's diagonal."""
 
 FACTS = "prepared.json"
 GROUND = ("passable", "keep_out", "free", "blocked")
@@ -357,18 +357,34 @@ def _check_one_way(
     terrain: Terrain,
     by_radius: Mapping[float, StaticFields],
 ) -> None:
-    """Refuse a zone that bodies cross in a few steps, or none gets to: the verdict could not tell its direction."""
-    if not any((fields.reach & points).any() for fields in by_radius.values()):
+    """Refuse a zone that bodies cross in a few steps, or none gets to: the verdict could not tell its direction.
+
+    Only its points that bodies reach count, and of several parts of these, as on both sides of a wall, the longest.
+    """
+    bodies = [(radius, fields.reach) for radius, fields in by_radius.items() if (fields.reach & points).any()]
+    if not bodies:
         raise BadInput(f"{where}: no robot gets there, so it directs none; correct or drop it")
-    rows, cols = np.nonzero(points)
+    for radius, reach in bodies:
+        longest_m = max(2.0 * radius + spec.speed * scenario.step for spec in scenario.roster if spec.radius == radius)
+        least_m = LEAST_LONG * longest_m + math.sqrt(2.0) * terrain.point
+        length_m = _longest_part_m(degrees, points, reach, terrain)
+        if length_m < least_m:
+            long = f"is {length_m:.2f} m long in its direction where robots of radius {radius:g} m get"
+            remedy = "make it longer there"
+            raise BadInput(f"{where}: {long}, and they take at least {least_m:.2f} m to show theirs; {remedy}")
+
+
+def _longest_part_m(degrees: int, points: BoolGrid, reach: BoolGrid, terrain: Terrain) -> float:
+    """Return the length, in a direction, of the longest part of a zone in which a body can go on; m."""
+    # With the points around, a thin zone that goes up by corners stays in one part, as for the ways of bodies.
+    labels, count = parts_of(reach & grown(points))
+    rows, cols = np.nonzero(reach & points)
     across, up = unit(degrees)
     along = (cols * across + rows * up) * terrain.point
-    length_m = float(along.max() - along.min()) + terrain.point
-    longest_m = max(2.0 * spec.radius + spec.speed * scenario.step for spec in scenario.roster)
-    least_m = LEAST_LONG * longest_m + math.sqrt(2.0) * terrain.point
-    if length_m < least_m:
-        long = f"is {length_m:.2f} m long in its direction, and robots take at least {least_m:.2f} m to show theirs"
-        raise BadInput(f"{where}: {long}; make it longer")
+    first, last = np.full(count + 1, np.inf), np.full(count + 1, -np.inf)
+    np.minimum.at(first, labels[rows, cols], along)
+    np.maximum.at(last, labels[rows, cols], along)
+    return float((last - first).max()) + terrain.point
 
 
 def _check_closures(scenario: Scenario, terrain: Terrain, starts: Sequence[Pose]) -> None:
