@@ -81,7 +81,7 @@ def test_a_one_way_zone_and_its_direction(tmp_path: Path) -> None:
         ),
         (
             (zone("aisle", [[6, 1], [7, 1], [7, 3], [6, 3]], 0),),
-            r"zones\.0: aisle: is 1\.00 m long in its direction where robots of radius 0\.3 m get, and they take at least",
+            r"zones\.0: aisle: is 1\.00 m long in its direction where robots of radius 0\.3 m get, and they take",
         ),
         (  # 10 m long in its direction, of which robots reach one row of each corridor
             (zone("aisle", [[8, 0], [12, 0], [12, 10], [8, 10]], 90),),
