@@ -198,8 +198,7 @@ def prepare(scenario: Scenario, terrain: Terrain | None = None) -> Prepared:
 
 
 def _prepared(scenario: Scenario, terrain: Terrain | None) -> Prepared:
-    from patrol.ground.maps import load_terrain  # here: loading a prepared scenario needs neither
-    from patrol.starts import place_starts
+    from patrol.ground.maps import load_terrain  # here: loading a prepared scenario does not need it
 
     if terrain is None:
         terrain = load_terrain(scenario.terrain, scenario.point, scenario.base, zones=scenario.zones)
@@ -207,8 +206,7 @@ def _prepared(scenario: Scenario, terrain: Terrain | None) -> Prepared:
         check_intruder(intruder, terrain, f"intruders.{number}.place")
     _check_critical_areas(scenario, terrain)
     _check_graph(scenario, terrain)
-    all_closed = _with_closed(terrain, scenario.closures) if scenario.closures else None
-    starts = tuple(place_starts(terrain, scenario.roster, scenario.seed, all_closed))
+    starts = _starts(scenario, terrain)
     by_radius: dict[float, StaticFields] = {}
     for radius in sorted({spec.radius for spec in scenario.roster}):
         own = [start for spec, start in zip(scenario.roster, starts, strict=True) if spec.radius == radius]
@@ -225,6 +223,30 @@ def _prepared(scenario: Scenario, terrain: Terrain | None) -> Prepared:
         splits = _split(scenario, terrain, by_radius)
         regions = {spec.number: splits[spec.radius] for spec in scenario.roster}
     return Prepared(scenario, terrain, starts, fields, regions)
+
+
+def _starts(scenario: Scenario, terrain: Terrain) -> tuple[Pose, ...]:
+    """Place the robots, clear of all closures. Raises BadInput, which names the closures where they take the room."""
+    from patrol.starts import place_starts  # here: loading a prepared scenario does not need it
+
+    roster, seed, closures = scenario.roster, scenario.seed, scenario.closures
+    if not closures:
+        return tuple(place_starts(terrain, roster, seed))
+    try:
+        return tuple(place_starts(terrain, roster, seed, _with_closed(terrain, closures)))
+    except BadInput:
+        place_starts(terrain, roster, seed)  # raises the same where closures are not to blame
+    number, largest = max(enumerate(closures), key=lambda each: closure_points(each[1], terrain).size)
+    robots = sum(not spec.spare for spec in roster)
+    fleet = f"{robots} {'robot' if robots == 1 else 'robots'}"
+    room = f"no room on {terrain.name} for the starts of {fleet}, which are clear of closures"
+    try:
+        place_starts(terrain, roster, seed, _with_closed(terrain, [largest]))
+    except BadInput:
+        why = f"closures.{number}.polygon: {largest.name} leaves {room}; make it smaller, or start fewer robots"
+    else:
+        why = f"closures: together they leave {room}; make some smaller, or start fewer robots"
+    raise BadInput(why)
 
 
 def sensor_footprint(scenario: Scenario, terrain: Terrain) -> Footprint:
