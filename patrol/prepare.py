@@ -62,7 +62,8 @@ class Prepared:
         fields: By robot number.
         regions: By robot number, or None where paths do not lead through regions.
         rounds: By robot number, once somebody has asked for one (`patrol.measures.best_tour.round_of`).
-        zoned: The ground by the zones in force and their weights, likewise (`patrol.measures.zoned.zoned_ground`).
+        zoned: The ground by the zones in force and their weights, likewise (`patrol.measures.zoned.zoned_ground`); a
+            bounded number of them.
     """
 
     scenario: Scenario
