@@ -60,7 +60,7 @@ Weights = Annotated[
 ]
 
 MOST_NAMED = 4
-"""Times of a zone that are named to people, at most."""
+"""Times of a zone that are named to people, at most, and its later weights."""
 
 Span = tuple[NotNegative, NotNegative]
 """From and to, s."""
@@ -229,6 +229,15 @@ class ZoneSpec(Section):
         """
         weight = self.weight_at(time_s)
         return self.label if weight is None else f"{self.name} x{weight:g}"
+
+    @property
+    def labels(self) -> str:
+        """The label, and the later weights, for people: ``vault x10, x5 from 60 s``."""
+        later = self.weights or ()
+        more = f", and {len(later) - MOST_NAMED} more" if len(later) > MOST_NAMED else ""
+        return (
+            ", ".join([self.label, *(f"x{weight:g} from {start:g} s" for start, weight in later[:MOST_NAMED])]) + more
+        )
 
     @property
     def when(self) -> str:
