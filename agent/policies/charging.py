@@ -9,7 +9,8 @@ Robots tell each other where they are and nothing else, so all is inferred from 
 
 - *Taken*: a dock is taken while another robot has stood at it for some seconds, or while something has closed it.
 - *Claimed*: of two robots that want one dock, the one with the shorter way goes, at equal lengths the lower number. A
-  robot seems to want a dock while its way there gets shorter at half of its speed or more.
+  robot seems to want a dock while its way there gets shorter at half of its speed or more; where slow zones hold it up,
+  at half of what they allow.
 - *Waiting*: a robot for which no dock is free stands a few lengths away from one, clear of those that leave.
 - *Charge of others*: a robot reckons it from where they drive and stand, as if all had a battery like its own.
 - *Number on patrol*: as many robots patrol as the others can recharge meanwhile. One that has charged waits beside its
@@ -443,9 +444,12 @@ class Charging:
         """Return the energy for a way of some m to a dock, and for the time that slow zones in force cost on it, J."""
         needed_j = way_m * self._use_per_m
         if self._battery is not None and self._battery.idle:
-            here = view.point_of((view.pose.x, view.pose.y))
-            needed_j += DETOUR * self._docks[index].slow_ways.delay_s(here, view.zones) * self._battery.idle
+            needed_j += DETOUR * self._delay_s(index, (view.pose.x, view.pose.y), view) * self._battery.idle
         return needed_j
+
+    def _delay_s(self, index: int, spot: Spot, view: View) -> float:
+        """Return the time that slow zones in force cost on the way from x and y in m to a dock, s."""
+        return self._docks[index].slow_ways.delay_s(view.point_of(spot), view.zones)
 
     def _is_taken(self, index: int, tick: int) -> bool:
         return self._lasts(self._docks[index].used_since, tick, STOOD_S)
@@ -483,7 +487,9 @@ class Charging:
         way_m = self._length(index, last.spot, view)
         if (way_m, number) > (own_m, self._number):
             return False
-        return self._length(index, first.spot, view) - way_m >= TOWARDS * self._speed * passed_s
+        nearer_m = self._length(index, first.spot, view) - way_m
+        held_up_s = self._delay_s(index, first.spot, view) - self._delay_s(index, last.spot, view)
+        return nearer_m + self._speed * held_up_s >= TOWARDS * self._speed * passed_s
 
     def _clear_of(self, index: int) -> float:
         """Return the length of the way to a dock from which on a robot is clear of it, m."""

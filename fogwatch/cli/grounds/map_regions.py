@@ -17,7 +17,7 @@ from patrol.ground.terrain import Terrain
 from patrol.printable import printable
 from patrol.process.starting.seldom import SELDOM
 from patrol.process.starting.warmup import warm
-from patrol.scenario import open_scenario
+from patrol.scenario import naming, open_scenario
 
 if TYPE_CHECKING:
     from patrol.regions.split import RegionSplit
@@ -64,7 +64,8 @@ def regions(
     from patrol.ground.maps import load_terrain
     from patrol.regions.split import regions_by_hand, split_regions
 
-    terrain = load_terrain(scenario.terrain, scenario.point, scenario.base, zones=scenario.zones)
+    with naming(what, overrides):
+        terrain = load_terrain(scenario.terrain, scenario.point, scenario.base, zones=scenario.zones)
     body = cspace_of(terrain, widest)
     given = scenario.patrol.regions
     begun = time.perf_counter()
