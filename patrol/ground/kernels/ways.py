@@ -15,7 +15,7 @@ PLACES = types.Array(types.int64, 1, "C", readonly=True)
 LENGTHS = types.Array(types.int32, 2, "C")
 KNOWN_LENGTHS = types.Array(types.int32, 2, "C", readonly=True)
 QUEUES = types.Array(types.int32, 3, "C")
-USED = types.UniTuple(types.int64, 2)
+USED = types.UniTuple(types.int64, 2)  # type: ignore[no-untyped-call]
 WAY = types.Array(types.int32, 1, "C")
 int64 = types.int64
 index = types.uint64

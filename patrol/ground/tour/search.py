@@ -144,9 +144,9 @@ class _Ways:
         """
         pair = self._pair(first, last)
         if pair not in self._known:
-            ends = (self._flat(place) for place in pair)
+            begin, end = (self._flat(place) for place in pair)
             scratch = self._length, self._queues, self._corners
-            count: int = way_between(self._framed, self._against, *ends, *scratch)
+            count: int = way_between(self._framed, self._against, begin, end, *scratch)
             if not count:
                 raise ValueError(f"no way leads from {first} to {last}")
             rows, cols = np.divmod(self._corners[:count].astype(np.int64), self._framed.shape[1])

@@ -80,8 +80,8 @@ def way(reach: BoolGrid, against: Steps, first: Place, last: Place) -> list[Plac
     is_open, steps = framed(reach, against)
     length = np.full(is_open.shape, FAR, dtype=np.int32)
     scratch = length, np.empty((2, is_open.size, 2), dtype=np.int32), np.empty(is_open.size, dtype=np.int32)
-    ends = [(row + 1) * is_open.shape[1] + col + 1 for row, col in (first, last)]
-    count = way_between(is_open, steps, *ends, *scratch)
+    begin, end = ((row + 1) * is_open.shape[1] + col + 1 for row, col in (first, last))
+    count = way_between(is_open, steps, begin, end, *scratch)
     assert (length == FAR).all()
     rows, cols = np.divmod(scratch[2][:count], is_open.shape[1])
     return list(zip((rows - 1).tolist(), (cols - 1).tolist(), strict=True))
