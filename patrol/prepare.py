@@ -198,7 +198,7 @@ def prepare(scenario: Scenario, terrain: Terrain | None = None) -> Prepared:
 
 
 def _prepared(scenario: Scenario, terrain: Terrain | None) -> Prepared:
-    from patrol.ground.maps import load_terrain  # here: loading a prepared scenario needs neither
+    from patrol.ground.maps.load import load_terrain  # here: loading a prepared scenario needs neither
     from patrol.starts import place_starts
 
     if terrain is None:
