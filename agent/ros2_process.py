@@ -210,7 +210,7 @@ def _check_map(
     options: argparse.Namespace, name: str, scenario: Scenario | None, overrides: dict[str, object]
 ) -> Terrain | None:
     """Say what is wrong with the map, if it is given, before anything waits for the robot; return the map."""
-    from patrol.ground.maps import load_terrain
+    from patrol.ground.maps.load import load_terrain
     from patrol.pose import Pose
 
     if scenario is None and options.map is not None:

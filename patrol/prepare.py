@@ -199,7 +199,7 @@ def prepare(scenario: Scenario, terrain: Terrain | None = None) -> Prepared:
 
 
 def _prepared(scenario: Scenario, terrain: Terrain | None) -> Prepared:
-    from patrol.ground.maps import load_terrain  # here: loading a prepared scenario does not need it
+    from patrol.ground.maps.load import load_terrain  # here: loading a prepared scenario does not need it
 
     if terrain is None:
         terrain = load_terrain(scenario.terrain, scenario.point, scenario.base, zones=scenario.zones)

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.errors import NotPrepared
-from patrol.ground.map_cells import touched_points
+from patrol.ground.maps.cells import touched_points
 from patrol.ground.one_way import with_direction
 from patrol.ground.shapes import Polygon, cover
-from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.ground.terrain import ALL_WAYS, BoolGrid, Steps, Terrain
 
 
 class Mask(Protocol):
@@ -121,14 +121,14 @@ def middle(points: BoolGrid, terrain: Terrain) -> tuple[float, float]:
     return terrain.centre(int(rows[nearest]), int(cols[nearest]))
 
 
-def steps_against(zones: Iterable[Zone], terrain: Terrain) -> NDArray[np.uint8]:
+def steps_against(zones: Iterable[Zone], terrain: Terrain) -> Steps:
     """Return the steps that lead against one-way zones: `Terrain.against`.
 
     Args:
         zones: All zones of the scenario.
         terrain: The ground.
     """
-    against = np.zeros((0, 0), dtype=np.uint8)
+    against = ALL_WAYS
     for zone in zones:
         if zone.one_way is not None:
             against = with_direction(against, points_of(zone, terrain), zone.one_way)

@@ -29,7 +29,7 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 from patrol.errors import BadInput
 from patrol.exchange import LEAST_WEIGHT, MOST_WEIGHT, MOST_ZONES
 from patrol.files.yaml_text import parse_yaml, read_text
-from patrol.ground.map_file import read_map_file
+from patrol.ground.maps.map_file import read_map_file
 from patrol.ground.one_way import ARROWS, TURN
 from patrol.ground.terrain import BoolGrid
 from patrol.values.section import Section, absolute, wrong
@@ -102,7 +102,7 @@ class MaskSpec(Section):
         Raises:
             BadInput: It cannot be read, or is too large.
         """
-        from patrol.ground.map_cells import marked_cells  # here: loads the image library
+        from patrol.ground.maps.cells import marked_cells  # here: loads the image library
 
         says = read_map_file(file)
         marked = marked_cells(says)

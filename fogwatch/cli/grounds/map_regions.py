@@ -12,7 +12,7 @@ import numpy as np
 import typer
 
 from patrol.errors import BadInput
-from patrol.ground.builtins import LAYOUTS
+from patrol.ground.maps.builtins import LAYOUTS
 from patrol.ground.terrain import Terrain
 from patrol.printable import printable
 from patrol.process.starting.seldom import SELDOM
@@ -61,7 +61,7 @@ def regions(
     widest = max(spec.radius for spec in scenario.roster)
     warm(("patrol",), lambda line: typer.echo(line, err=True), SELDOM)
     from patrol.ground.fields import cspace_of  # here: these import kernels, which are compiled first
-    from patrol.ground.maps import load_terrain
+    from patrol.ground.maps.load import load_terrain
     from patrol.regions.split import regions_by_hand, split_regions
 
     with naming(what, overrides):

@@ -1,7 +1,7 @@
 """Terrains of maps in ROS map_server's format, read as nav2's map server reads them, without shrinking an obstacle.
 
-A map is a YAML file (`patrol.ground.map_file`) and the image that it names, whose pixels are the map's cells, the upper
-row at the highest y.
+A map is a YAML file (`patrol.ground.maps.map_file`) and the image that it names, whose pixels are the map's cells, the
+upper row at the highest y.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from typing import Protocol
 import numpy as np
 
 from patrol.errors import BadInput, NotPrepared
-from patrol.ground.builtins import builtin_terrain
-from patrol.ground.map_cells import free_cells, image_size, suspicious, touched_points
-from patrol.ground.map_file import read_map_file
+from patrol.ground.maps.builtins import builtin_terrain
+from patrol.ground.maps.cells import free_cells, image_size, suspicious, touched_points
+from patrol.ground.maps.map_file import read_map_file
 from patrol.ground.shapes import cover
 from patrol.ground.terrain import MAX_POINTS, BoolGrid, Terrain, whole_points
 from patrol.ground.zones import Zone, with_zones
