@@ -290,7 +290,7 @@ def run(
 @command(
     app,
     examples=["fogwatch demo"],
-    exit_codes="0 verdict valid, 1 verdict invalid, 3 verdict unknown (the run could not be judged), 130 interrupted",
+    exit_codes="as for fogwatch run: 0 verdict valid, 1 invalid, 2 bad input, 3 unknown, 130 interrupted",
     panel=START,
 )
 def demo() -> int:
