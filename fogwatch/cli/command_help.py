@@ -29,6 +29,7 @@ ORDER = (
     "record",
     "replay",
     "report",
+    "export",
     "compare",
     "intruder",
     "judge",

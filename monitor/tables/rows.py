@@ -133,6 +133,9 @@ class _RobotRows:
         return row.rejected - before if row.rejected >= before else row.rejected
 
 
+_NONE_LOST: Counter[str | None] = Counter({None: 0})
+
+
 class _LinkCounts:
     """Counts the frames of a tick by link; rows are senders and columns receivers, first the forger, then the robots.
 
@@ -158,7 +161,7 @@ class _LinkCounts:
     def links(self, record: TickRecord) -> Iterator[tuple[int, int, int, int | None, int | None, str | None]]:
         """Yield sender, receiver (places), sent, delivered, dropped and cause; a further row for each further cause."""
         self._count(record)
-        causes: dict[tuple[int, int], Counter[str]] = {}
+        causes: dict[tuple[int, int], Counter[str | None]] = {}
         for source, to, _, cause in record.dropped:
             causes.setdefault((self._place[source], self._place[to]), Counter())[cause] += 1
         used = (self._sent + self._delivered) > 0
@@ -168,8 +171,9 @@ class _LinkCounts:
             if self.direct:
                 yield sender, receiver, sent, None, None, None
                 continue
-            for cause, dropped in sorted(causes.get((sender, receiver), {}).items()) or [(None, 0)]:
-                yield sender, receiver, sent, delivered, dropped, cause
+            lost = causes.get((sender, receiver), _NONE_LOST)
+            for why in sorted(lost, key=str):
+                yield sender, receiver, sent, delivered, lost[why], why
                 sent = delivered = 0  # so that sums over rows count each frame once
 
     def _count(self, record: TickRecord) -> None:
