@@ -14,11 +14,21 @@ if TYPE_CHECKING:
     from typing import Any
 
     from fogwatch.api import run
+    from fogwatch.notebook.plan import PlanResult, plan
     from fogwatch.notebook.run import Run, load
+    from fogwatch.notebook.sweep import SweepResult, sweep
 
-__all__ = ["Run", "load", "run"]
+__all__ = ["PlanResult", "Run", "SweepResult", "load", "plan", "run", "sweep"]
 
-_HOMES = {"Run": "fogwatch.notebook.run", "load": "fogwatch.notebook.run", "run": "fogwatch.api"}
+_HOMES = {
+    "PlanResult": "fogwatch.notebook.plan",
+    "Run": "fogwatch.notebook.run",
+    "SweepResult": "fogwatch.notebook.sweep",
+    "load": "fogwatch.notebook.run",
+    "plan": "fogwatch.notebook.plan",
+    "run": "fogwatch.api",
+    "sweep": "fogwatch.notebook.sweep",
+}
 """The modules of the public names, imported on first use, so that child processes and short commands start quickly."""
 
 _RENAMED = {"Result": "Run"}

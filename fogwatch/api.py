@@ -18,6 +18,7 @@ from fogwatch.launch.limits import check_limits
 from fogwatch.launch.terminal.live_table import CallbackDisplay, RunDisplay, SilentDisplay
 from fogwatch.notebook.policy import policy_name
 from fogwatch.notebook.run import Run
+from fogwatch.notebook.scenario import scenario_of
 from patrol.errors import BadInput
 from patrol.measures.best_tour import round_of
 from patrol.measures.zoned import prepare_zones
@@ -27,7 +28,7 @@ from patrol.process.lifeline import InterruptedBySignal
 from patrol.process.starting.seldom import seldom_kernels
 from patrol.process.starting.warmup import warm
 from patrol.radio.fleet_key import fleet_key
-from patrol.scenario import Scenario, load_scenario, naming, open_scenario
+from patrol.scenario import Scenario, naming
 from patrol.scenario.policies import BUILT_IN
 from patrol.scenario.radio_spec import MODELS
 
@@ -125,12 +126,7 @@ def run(
     """
     if policy is not None:
         overrides = {**(overrides or {}), "patrol.policy": policy_name(policy, in_process=in_process)}
-    if isinstance(scenario, Scenario):
-        loaded = load_scenario(scenario.model_dump(mode="json", exclude_none=True), overrides)
-    elif isinstance(scenario, Mapping):
-        loaded = load_scenario(scenario, overrides)
-    else:
-        loaded = open_scenario(str(scenario), overrides)
+    loaded = scenario_of(scenario, overrides)
     display = SilentDisplay() if progress is None else CallbackDisplay(progress)
     where = None if out is None else Path(out)
     options = RunOptions(

@@ -51,7 +51,7 @@ def with_names(settings: Mapping[str, object]) -> dict[str, object]:
     """
 
     def named(value: object) -> object:
-        if isinstance(value, list | tuple):
+        if isinstance(value, list | tuple | range):
             return [named(one) for one in value]
         return policy_name(value, in_process=False) if isinstance(value, type) else value
 
