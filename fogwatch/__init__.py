@@ -17,10 +17,12 @@ if TYPE_CHECKING:
     from fogwatch.notebook.plan import PlanResult, plan
     from fogwatch.notebook.run import Run, load
     from fogwatch.notebook.sweep import SweepResult, sweep
+    from patrol.errors import BadInput
 
-__all__ = ["PlanResult", "Run", "SweepResult", "load", "plan", "run", "sweep"]
+__all__ = ["BadInput", "PlanResult", "Run", "SweepResult", "load", "plan", "run", "sweep"]
 
 _HOMES = {
+    "BadInput": "patrol.errors",
     "PlanResult": "fogwatch.notebook.plan",
     "Run": "fogwatch.notebook.run",
     "SweepResult": "fogwatch.notebook.sweep",
