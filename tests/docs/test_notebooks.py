@@ -1,4 +1,4 @@
-"""The notebooks of the documentation, each executed from its first cell to its last."""
+"""The notebooks of the documentation, and its page on Python: each executed from its first block to its last."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
+API = ROOT / "docs" / "python-api.md"
 NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.md"))
-CELL = re.compile(r"^```\{code-cell\} ipython3\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+CELL = re.compile(r"^```(?:\{code-cell\} ipython3|python)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 RUNNER = """
 import ast, json, sys
@@ -47,7 +48,7 @@ def test_there_are_four() -> None:
 
 
 @pytest.mark.processes
-@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=[notebook.stem for notebook in NOTEBOOKS])
+@pytest.mark.parametrize("notebook", [*NOTEBOOKS, API], ids=lambda document: document.stem)
 def test_every_cell_can_be_executed(notebook: Path, tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-W", "error::DeprecationWarning:__main__", "-c", RUNNER],
