@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from experiments.sweeps.plan import Run as SweptRun
     from experiments.sweeps.results import RunResult
     from experiments.sweeps.runner import SweepOutcome
-    from experiments.sweeps.stats import Estimate
 
 NAME = "sweep"
 SHOWN = {
@@ -99,6 +98,7 @@ class SweepResult:
     def _repr_html_(self) -> str:
         """Show the sweep in a notebook: the means of each case."""
         from experiments.sweeps.casetable import case_rows
+        from experiments.sweeps.stats import with_interval
 
         rows = case_rows(self.outcome)
         shown = {name: title for name, title in SHOWN.items() if any(name in row.metrics for row in rows)}
@@ -108,8 +108,8 @@ class SweepResult:
             [
                 row.case,
                 f"{row.runs}" + (f", {row.failed} failed" if row.failed else ""),
-                *(_with_interval(row.metrics.get(name)) for name in shown),
-                *([_with_interval(row.change.get("mfow_mean_s")), row.against or ""] if compared else []),
+                *(with_interval(row.metrics.get(name)) for name in shown),
+                *([with_interval(row.change.get("mfow_mean_s")), row.against or ""] if compared else []),
             ]
             for row in rows
         ]
@@ -239,9 +239,3 @@ def _name_of(content: Mapping[str, Any], file: Path) -> str:
     terrain = content.get("terrain")
     builtin = terrain.get("builtin") if isinstance(terrain, Mapping) else None
     return str(builtin) if builtin and file == Path(NAME) else file.stem
-
-
-def _with_interval(found: Estimate | None) -> str:
-    if found is None:
-        return "-"
-    return f"{found.mean:.1f}" if found.half is None else f"{found.mean:.1f} ±{found.half:.1f}"

@@ -44,7 +44,7 @@ def test_there_are_four() -> None:
     for notebook in NOTEBOOKS:
         text = notebook.read_text(encoding="utf-8")
         assert text.startswith("---\njupytext:\n")
-        assert text.count("```{code-cell}") == len(cells(notebook)) > 5
+        assert text.count("```{code-cell}") == len(cells(notebook)) >= 5
 
 
 @pytest.mark.processes

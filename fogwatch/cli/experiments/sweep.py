@@ -17,7 +17,7 @@ from experiments.sweeps.cluster import ClusterWorkers
 from experiments.sweeps.plan import Plan, read_plan
 from experiments.sweeps.pool import LocalWorkers, WorkerPool
 from experiments.sweeps.runner import SweepOutcome, run_sweep
-from experiments.sweeps.stats import Estimate
+from experiments.sweeps.stats import with_interval
 from fogwatch.launch.terminal.live_table import duration_text
 from fogwatch.progress import SweepProgress, print_failures
 from patrol.errors import BadInput
@@ -199,14 +199,3 @@ def told_apart(cases: Sequence[str]) -> tuple[dict[str, str], str]:
     if len(set(short)) < len(cases):
         return {case: case for case in cases}, ""
     return dict(zip(cases, short, strict=True)), " ".join(common)
-
-
-def with_interval(found: Estimate | None) -> str:
-    """A mean and half the width of its 95 % interval, as in "12.3 ±0.4".
-
-    Args:
-        found: The mean; None gives "-".
-    """
-    if found is None:
-        return "-"
-    return f"{found.mean:.1f}" if found.half is None else f"{found.mean:.1f} ±{found.half:.1f}"
