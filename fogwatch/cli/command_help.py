@@ -15,6 +15,7 @@ from patrol.errors import BadInput, did_you_mean
 F = TypeVar("F", bound=Callable[..., Any])
 
 ORDER = (
+    "demo",
     "run",
     "map",
     "plan",
@@ -29,6 +30,7 @@ ORDER = (
     "record",
     "replay",
     "report",
+    "export",
     "compare",
     "intruder",
     "judge",

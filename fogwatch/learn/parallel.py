@@ -14,9 +14,9 @@ from pettingzoo.utils.env import ParallelEnv
 from agent.policies.learned.decisions import MASK, STAY
 from agent.policies.learned.observation import Observer
 from experiments.inprocess import check_in_process
-from fogwatch.api import open_any
 from fogwatch.learn.episode import Episode
 from fogwatch.learn.rewards import Reward, reward_of
+from fogwatch.notebook.scenario import scenario_of
 from patrol.journal import TickRecord
 from patrol.prepare import Prepared, prepare
 from patrol.scenario import Scenario
@@ -171,7 +171,7 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZo
 
     def _prepare(self, seed: int | None) -> Prepared:
         overrides = self._overrides if seed is None else {**self._overrides, "seed": seed}
-        scenario = open_any(self._source, overrides)
+        scenario = scenario_of(self._source, overrides)
         check_in_process(scenario)
         terrain = None if seed is None else self.prepared.terrain
         return prepare(scenario, terrain)
