@@ -110,7 +110,7 @@ accept: develop ## long measurements, and variants of tests of which CI runs one
 
 # Results lie in build/bench, a folder for each time; make bench BENCH="kernels --fast" runs one script and prints alone.
 BENCH ?=
-BENCHES := kernels decisions fleets processes router
+BENCHES := kernels decisions fleets environments processes router
 
 .PHONY: bench rivals
 bench: rivals ## measure the speed of everything, beside other libraries (hours; BENCH="kernels --fast")

@@ -37,7 +37,7 @@ from patrol.measures.zoned import zoned_ground
 from patrol.prepare import inboxes_of, sensor_footprint
 from patrol.radio.prediction import Predictor
 from patrol.random import Purpose, draw
-from patrol.scenario.policies import COMMITTED
+from patrol.scenario.policies import COMMITTED, LEARNED
 from patrol.scenario.zones import weighing_at
 
 if TYPE_CHECKING:
@@ -145,7 +145,12 @@ def group_of(number: int, groups: int) -> int:
 
 
 def build_mind(
-    prepared: Prepared, number: int, incarnation: int = 1, key: bytes | None = None, shared: Shared | None = None
+    prepared: Prepared,
+    number: int,
+    incarnation: int = 1,
+    key: bytes | None = None,
+    shared: Shared | None = None,
+    kind: PolicyKind | None = None,
 ) -> Mind:
     """Put the mind of one robot together.
 
@@ -155,6 +160,7 @@ def build_mind(
         incarnation: 1 for its first process, one more for each restart.
         key: Of the fleet's tags, or None.
         shared: What it shares with others; made for it alone unless given.
+        kind: What makes its policy; the scenario's unless given.
 
     Raises:
         BadInput: The scenario's policy cannot be found or does not take its options.
@@ -166,7 +172,7 @@ def build_mind(
     sight = sensor_footprint(scenario, prepared.terrain) if scenario.closures else shared.footprint
     terrain = sight.terrain if scenario.closures else prepared.terrain
     patrol, spec = scenario.patrol, scenario.roster[number - 1]
-    kind = policy_of(scenario)
+    kind = kind or policy_of(scenario)
     lengths = scenario.lengths[spec.number].with_options(kind.options)
     scratch = shared.scratches[group_of(number, len(shared.scratches))]
 
@@ -264,8 +270,8 @@ def zoned_of(prepared: Prepared) -> Callable[[Weighing], ZonedGround] | None:
 
 def _rounds(scenario: Scenario, terrain: Terrain, lengths: BodyLengths, kind: PolicyKind) -> int:
     """Return by how many points a mind dilates what it believes."""
-    if kind.name == COMMITTED:
-        return 0  # it asks for single points only
+    if kind.name in (COMMITTED, LEARNED):
+        return 0  # they do not ask for it
     # A window of half the terrain's points in every direction already holds all of it.
     return min(round(lengths.dilatation / scenario.point), terrain.height + terrain.width)
 
@@ -296,15 +302,16 @@ def _sending(scenario: Scenario, terrain: Terrain) -> Sending:
     return Sending(radio.trail, radio.trail_every, share, radio.adaptive.error, silence, predictor)
 
 
-def mind_maker(prepared: Prepared, key: bytes | None, shared: Shared) -> MakeMind:
+def mind_maker(prepared: Prepared, key: bytes | None, shared: Shared, kind: PolicyKind | None = None) -> MakeMind:
     """Return a function that makes the minds of a scenario, which share what they can.
 
     Args:
         prepared: The scenario.
         key: Of the fleet's tags, or None.
         shared: What the minds share.
+        kind: What makes their policies; the scenario's unless given.
 
     Returns:
         Makes a mind by robot number and incarnation.
     """
-    return lambda number, incarnation: build_mind(prepared, number, incarnation, key, shared)
+    return lambda number, incarnation: build_mind(prepared, number, incarnation, key, shared, kind)

@@ -113,16 +113,26 @@ class Mind:
         Raises:
             PolicyFailed: The policy raised, or returned something else than an intent. The mind cannot go on.
         """
+        self.hear(sensed, heard)
+        return self.decide(sensed)
+
+    def hear(self, sensed: Sensed, heard: Sequence[bytes]) -> None:
+        """Take in what was heard, as the first half of `step`.
+
+        Args:
+            sensed: By the robot itself.
+            heard: As of `step`.
+        """
         if self.blocked is not None:
             self.blocked.sense(sensed)
         self.belief.hear(sensed.k, as_received(sensed.pose), heard)
-        return self.decide(sensed)
 
-    def decide(self, sensed: Sensed) -> Decision:
+    def decide(self, sensed: Sensed, view: View | None = None) -> Decision:
         """Decide as the second half of `step`, once the belief has taken in what was heard.
 
         Args:
             sensed: By the robot itself.
+            view: What `look` has returned in this tick, if it was called.
 
         Returns:
             As `step`.
@@ -130,7 +140,8 @@ class Mind:
         Raises:
             PolicyFailed: As of `step`.
         """
-        view = self._make_view(sensed)
+        if view is None:
+            view = self.look(sensed)
         try:
             intent = checked(self.policy.decide(view))
         except PolicyFailed:
@@ -151,8 +162,12 @@ class Mind:
             figures=intent.figures,
         )
 
-    def _make_view(self, sensed: Sensed) -> View:
-        """Make the policy's view, after the contacts have joined the belief and obstacles are closed for this tick."""
+    def look(self, sensed: Sensed) -> View:
+        """Make the policy's view, after the contacts have joined the belief and obstacles are closed for this tick.
+
+        Args:
+            sensed: By the robot itself, whose belief has taken in what was heard.
+        """
         facts, k, pose = self.facts, sensed.k, sensed.pose
         reported = as_received(pose)
         for place in sensed.contacts[:MAX_CONTACTS]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from agent.answers import policy_failure
 from agent.build import Shared, group_of, mind_maker, shared_by
 from agent.mind import MakeMind, Mind
-from agent.policies.found import policy_of
+from agent.policies.found import PolicyKind, policy_of
 from agent.ports import Decision, PolicyFailed
 from patrol.errors import BadInput
 from patrol.exchange import FIRST_INCARNATION, Reply, Sensed
@@ -33,6 +33,8 @@ from worldsim.world import World
 
 if TYPE_CHECKING:
     from agent.belief.believed import Beliefs
+    from agent.view import View
+    from patrol.ground.footprint import Footprint
     from patrol.scenario import Scenario
     from patrol.summary.model import Summary
 
@@ -89,6 +91,7 @@ class InProcessFleet:
         self._threads = threads
         self._pool: Executor | None = ThreadPoolExecutor(threads, "mind") if threads > 1 else None
         self._sensed: Mapping[int, Sensed] = {}
+        self._views: Mapping[int, View] = {}
 
     @property
     def minds(self) -> Mapping[int, Mind]:
@@ -101,12 +104,28 @@ class InProcessFleet:
         self._sensed = reports
         return {number: self._minds[number].frames(sensed) for number, sensed in reports.items()}
 
+    def look(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, View]:
+        """Let the minds hear before `phase_b` of the same tick, and return what they would decide by.
+
+        Args:
+            k: The tick.
+            heard: As for `phase_b`.
+
+        Returns:
+            The view of each mind that decides in this tick, by robot number.
+        """
+        self._hear(k, heard)
+        if self._beliefs is None:
+            for number, frames in heard.items():
+                self._minds[number].hear(self._sensed[number], frames)
+        self._views = {number: self._minds[number].look(self._sensed[number]) for number in heard}
+        return self._views
+
     def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply]:
         """Return every mind's command."""
         numbers = list(heard)
-        if self._beliefs is not None:
-            own = {number: as_received(self._sensed[number].pose) for number in numbers}
-            self._beliefs.hear(k, own, heard)
+        if not self._views:
+            self._hear(k, heard)
         if self._pool is None:
             replies = self._step_all(k, numbers, heard)
         else:
@@ -117,6 +136,7 @@ class InProcessFleet:
             replies = {}
             for some in self._pool.map(lambda group: self._step_all(k, group, heard), groups):
                 replies |= some
+        self._views = {}
         return {number: reply for number in numbers if (reply := replies[number]) is not None}
 
     def lost(self) -> Sequence[tuple[int, Status, str]]:
@@ -170,6 +190,12 @@ class InProcessFleet:
         if self._pool is not None:
             self._pool.shutdown(cancel_futures=True)
 
+    def _hear(self, k: int, heard: Mapping[int, list[bytes]]) -> None:
+        """Let the minds that share what they believe hear."""
+        if self._beliefs is not None:
+            own = {number: as_received(self._sensed[number].pose) for number in heard}
+            self._beliefs.hear(k, own, heard)
+
     def _drop(self, number: int) -> None:
         self._minds.pop(number, None)
         if self._beliefs is not None:
@@ -194,8 +220,10 @@ class InProcessFleet:
         return Reply(decision.command, str(decision.state), decision.refined, spent_ms, decision.rejected)
 
     def _decide(self, number: int, heard: Mapping[int, list[bytes]]) -> Decision:
-        mind, sensed = self._minds[number], self._sensed[number]
-        return mind.step(sensed, heard[number]) if self._beliefs is None else mind.decide(sensed)
+        mind, sensed, view = self._minds[number], self._sensed[number], self._views.get(number)
+        if self._beliefs is None and view is None:
+            return mind.step(sensed, heard[number])
+        return mind.decide(sensed, view)
 
 
 def make_minds(prepared: Prepared, shared: Shared | None = None) -> dict[int, Mind]:
@@ -210,6 +238,59 @@ def make_minds(prepared: Prepared, shared: Shared | None = None) -> dict[int, Mi
     """
     make = mind_maker(prepared, fleet_key(prepared.scenario.radio.key), shared or shared_by(prepared))
     return {spec.number: make(spec.number, FIRST_INCARNATION) for spec in prepared.scenario.roster}
+
+
+def check_in_process(scenario: Scenario) -> None:
+    """Refuse a scenario that one process cannot run, and allow its sensor.
+
+    Args:
+        scenario: As loaded.
+
+    Raises:
+        BadInput: It has a direct radio, or a sensor of one's own that cannot be found.
+    """
+    if scenario.radio.via != "ether":
+        raise BadInput("radio.via = direct: in one process there is no network to hear each other by; run as processes")
+    allow_sensor(scenario.sensor)
+
+
+def fleet_of(
+    world: World,
+    footprint: Footprint,
+    *,
+    kind: PolicyKind | None = None,
+    threads: int = 1,
+    share: bool = True,
+    failure: PolicyFailure = lambda _number, _reason, _error: None,
+) -> InProcessFleet:
+    """Make the fleet of a world before its first tick.
+
+    Args:
+        world: The world.
+        footprint: Its sensor.
+        kind: What makes the robots' policies in place of the scenario's; None for the scenario's.
+        threads: As of `run_in_process`.
+        share: Likewise.
+        failure: Likewise.
+
+    Raises:
+        BadInput: A policy cannot be made.
+    """
+    prepared = world.prepared
+    kind = kind or policy_of(prepared.scenario)
+    if not kind.ours:
+        threads = 1  # so that one which hangs can be stopped
+    key = fleet_key(prepared.scenario.radio.key)
+    shared = shared_by(prepared, footprint, groups=threads, believe=share, key=key)
+    make = mind_maker(prepared, key, shared, kind)
+    minds: dict[int, Mind] = {}
+    for number in world.living:
+        try:
+            minds[number] = make(number, FIRST_INCARNATION)
+        except PolicyFailed as failed:
+            failure(number, str(failed), failed.__cause__)
+            raise BadInput(str(failed)) from failed
+    return InProcessFleet(minds, make, threads, None if kind.ours else DECISION_LIMIT_S, shared.beliefs, failure)
 
 
 def run_in_process(
@@ -258,25 +339,10 @@ def run_in_process(
             on.
     """
     prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
-    if prepared.scenario.radio.via != "ether":
-        raise BadInput("radio.via = direct: in one process there is no network to hear each other by; run as processes")
-    allow_sensor(prepared.scenario.sensor)
+    check_in_process(prepared.scenario)
     footprint = sensor_footprint(prepared.scenario, prepared.terrain)
     world = World(prepared, footprint=footprint)
-    kind = policy_of(prepared.scenario)
-    if not kind.ours:
-        threads = 1  # so that one which hangs can be stopped
-    key = fleet_key(prepared.scenario.radio.key)
-    shared = shared_by(prepared, footprint, groups=threads, believe=share, key=key)
-    make = mind_maker(prepared, key, shared)
-    minds: dict[int, Mind] = {}
-    for number in world.living:
-        try:
-            minds[number] = make(number, FIRST_INCARNATION)
-        except PolicyFailed as failed:
-            failure(number, str(failed), failed.__cause__)
-            raise BadInput(str(failed)) from failed
-    fleet = InProcessFleet(minds, make, threads, None if kind.ours else DECISION_LIMIT_S, shared.beliefs, failure)
+    fleet = fleet_of(world, footprint, threads=threads, share=share, failure=failure)
     header = header_of(world, started)
     watchers: list[Callable[[TickRecord], None]] = [] if progress is None else [progress]
     if watch is not None:

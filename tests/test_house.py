@@ -319,6 +319,7 @@ def test_the_wheel_holds_the_six_packages_and_nothing_else(tmp_path: Path) -> No
 
 # Files that this program wrote itself, in a place of its own, or brought along.
 OWN_FILES = {
+    "agent/policies/learned/network.py": "bytes that patrol/files/untrusted.py has read",
     "agent/psi.py": "fields that its launcher prepared",
     "experiments/paper/printed.py": "data of the package",
     "experiments/sweeps/results.py": "the file that it goes on with, checked like others",

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any, cast
 
 from agent.ports import Policy, PolicySetup
 from patrol.classes.named_class import ClassSort, NamedClass, find, options_of
-from patrol.scenario.policies import COMMITTED, PAPER, PatrolOptions
+from patrol.scenario.policies import COMMITTED, LEARNED, PAPER
+from patrol.values.section import Section
 
 if TYPE_CHECKING:
     from patrol.scenario import Scenario
@@ -27,6 +28,7 @@ POLICIES = ClassSort(
         {
             COMMITTED: "agent.policies.committed.policy:Committed",
             PAPER: "agent.policies.potential_field.policy:PotentialField",
+            LEARNED: "agent.policies.learned.policy:Learned",
             "random": "agent.policies.rivals.conscientious:RandomWalk",
             "cr": "agent.policies.rivals.conscientious:ConscientiousReactive",
             "hcr": "agent.policies.rivals.conscientious:HeuristicConscientiousReactive",
@@ -68,7 +70,7 @@ class PolicyKind:
 def policy_named(scenario: Scenario) -> NamedClass:
     """The policy as a scenario names it; nothing of it is imported."""
     patrol = scenario.patrol
-    options = {} if isinstance(patrol.options, PatrolOptions) else patrol.options or {}
+    options = {} if isinstance(patrol.options, Section) else patrol.options or {}
     return NamedClass(POLICIES, patrol.policy, patrol.policy_sha256, options)
 
 
@@ -81,7 +83,7 @@ def policy_of(scenario: Scenario) -> PolicyKind:
     """
     named, options = policy_named(scenario), scenario.patrol.options
     found = find(named)
-    if not isinstance(options, PatrolOptions):  # those of a built-in policy were checked with the scenario
+    if not isinstance(options, Section):  # those of a built-in policy were checked with the scenario
         options = options_of(named, found)
     make = cast(Callable[[PolicySetup], Policy], found)
     return PolicyKind(named.name, make, options, named.name in POLICIES.built_in)

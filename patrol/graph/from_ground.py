@@ -35,6 +35,26 @@ NEAR = 4.0
 Flat = NDArray[np.int64]
 
 
+def on_reach(graph: Graph, terrain: Terrain, reach: BoolGrid) -> Graph:
+    """Move the vertices of a graph that a body cannot stand on to the nearest place where it can.
+
+    Args:
+        graph: The graph.
+        terrain: The ground.
+        reach: bool (h, w), the points that the body can stand on.
+    """
+    rows, cols = np.nonzero(reach)
+    x, y = terrain.origin
+    across, up = x + (cols + 0.5) * terrain.point, y + (rows + 0.5) * terrain.point
+    places = graph.places.copy()
+    for vertex, (there, high) in enumerate(graph.places.tolist()):
+        row, col = terrain.point_at(there, high)
+        if not terrain.inside(row, col) or not reach[row, col]:
+            nearest = int(np.argmin((across - there) ** 2 + (up - high) ** 2))
+            places[vertex] = across[nearest], up[nearest]
+    return Graph(places, graph.edges, graph.pixel, graph.visit)
+
+
 def graph_from_ground(terrain: Terrain, fields: StaticFields, footprint: Footprint) -> Graph:
     """Make the graph of the ground of one kind of body.
 

@@ -296,6 +296,11 @@ class Peers(Mapping[int, Peer]):
         places = np.empty((len(self._column), 2), dtype=np.float64)
         return places[: places_heard(self._cells, self._since, CM_PER_M, places)]
 
+    @property
+    def ticks(self) -> NDArray[np.int64]:
+        """int64 (len,), the tick at which each was heard, by number."""
+        return self._cells["at"][self._known].astype(np.int64)
+
     def lately(self, since: int) -> Peers:
         """List those that were heard at a tick or later."""
         return Peers(self._column, self._cells, since)

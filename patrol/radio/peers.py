@@ -43,3 +43,18 @@ def places_of(peers: Mapping[int, Peer]) -> NDArray[np.float64]:
         return columns
     places = [(peer.pose.x, peer.pose.y) for _, peer in sorted(peers.items())]
     return np.array(places, dtype=np.float64).reshape(-1, 2)
+
+
+def ticks_of(peers: Mapping[int, Peer]) -> NDArray[np.int64]:
+    """Give the ticks at which some robots were heard last, by number.
+
+    Args:
+        peers: As of `places_of`, with the column `ticks`.
+
+    Returns:
+        int64 (n,), of the caller's own.
+    """
+    column: NDArray[np.int64] | None = getattr(peers, "ticks", None)
+    if column is not None:
+        return column
+    return np.array([peer.tick for _, peer in sorted(peers.items())], dtype=np.int64)

@@ -2,23 +2,28 @@
 
     patrol: {give_way: false}                                         committed, with its defaults
     patrol: {policy: potential-field, options: {direction: vector}}   the paper's policy
+    patrol: {policy: learned, options: {weights: trained.npz}}        a network that was trained
     patrol: {policy: ./mine.py:Mine, options: {near: 4}}              a policy of one's own, which checks its options
 
-The section is one of three models, chosen by `policy`. The settings of a built-in policy are checked with the rest of
+The section is one of four models, chosen by `policy`. The settings of a built-in policy are checked with the rest of
 the scenario; those of any other when a run finds its class (`agent.policies.found`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Final, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from patrol.classes.class_file import beside, class_file
+from patrol.classes.weights_file import FIELD as WEIGHTS_FIELD
+from patrol.classes.weights_file import weights_content
+from patrol.errors import BadInput
 from patrol.scenario.letter import FIELD as LETTER_FIELD
 from patrol.scenario.letter import LETTER, Letter, PaperRule, rules_of
-from patrol.values.section import Section, wrong
+from patrol.values.section import Section, absolute, wrong
 from patrol.values.types import (
     AUTO,
     SEPARATIONS,
@@ -37,6 +42,11 @@ from patrol.values.types import (
     Tolerance,
 )
 
+LearnedInput = Literal["fog", "pose", "heard", "sectors"]
+
+LEARNED_INPUTS: tuple[LearnedInput, ...] = ("fog", "pose", "heard", "sectors")
+"""What a learned policy can see (`agent.policies.learned.observation`)."""
+
 COMMITTED: Final = "committed"
 """The default policy."""
 
@@ -45,6 +55,9 @@ PAPER: Final = "potential-field"
 
 BUILT_IN = (COMMITTED, PAPER)
 """Policies that come with fogwatch."""
+
+LEARNED: Final = "learned"
+"""A policy that was trained (docs/environments.md)."""
 
 OPTION_LENGTHS = ("dilatation", "obstacle_radius", "fuzzy_distance", "critical_width")
 """Lengths that are settings of policies: fields of `patrol.options` that may be ``auto``."""
@@ -164,6 +177,55 @@ class PotentialFieldOptions(PatrolOptions):
     def paper_rules(self) -> frozenset[PaperRule]:
         """The rules of the paper that replace ours (`letter`)."""
         return rules_of(self.letter)
+
+
+class LearnedOptions(Section):
+    """Settings of `learned`: a trained network, what it gets to see and what its answers mean.
+
+    Without `weights` they are what a learning environment offers, whose actions come from outside.
+    """
+
+    weights: str | None = Field(None, description="FILE.npz or FILE.onnx beside this file, the trained network")
+    weights_sha256: Digest | None = Field(None, description="of that file; filled in when this file is loaded")
+    inputs: tuple[LearnedInput, ...] = Field(
+        LEARNED_INPUTS, min_length=1, description=f"what it sees, in this order: {', '.join(LEARNED_INPUTS)}"
+    )
+    actions: Literal["bearing", "place", "node"] = Field(
+        "bearing",
+        description="bearing (one of 8, or stay) | place (in the window) | node (of terrain.graph, or a made one)",
+    )
+    decide: Literal["tick", "arrival"] = Field("tick", description="tick | arrival (with actions: place or node)")
+    window: int = Field(21, ge=3, le=201, description="points, odd, side of the window of `fog`")
+    heard: int = Field(4, ge=1, le=64, description="positions in `heard`, the nearest robots")
+
+    @field_validator("weights")
+    @classmethod
+    def _from_the_files_folder(cls, value: str | None, info: ValidationInfo) -> str | None:
+        return absolute(value, info)
+
+    @model_validator(mode="after")
+    def _fit_together(self) -> Self:
+        if self.weights is None and self.weights_sha256 is not None:
+            raise wrong("weights_sha256", "there are no weights; drop it")
+        if self.weights is not None and not self.weights.endswith((".npz", ".onnx")):
+            raise wrong("weights", "is no .npz or .onnx file; give one of these")
+        if self.window % 2 == 0:
+            raise wrong("window", "is even, and the robot stands in the middle; give an odd number", self.window)
+        if len(set(self.inputs)) < len(self.inputs):
+            raise wrong("inputs", "names one of them twice; name each once")
+        if self.decide == "arrival" and self.actions == "bearing":
+            raise wrong("decide", "is arrival, and a bearing leads to no place; set actions to place or node")
+        return self
+
+    def read_weights(self) -> bytes:
+        """Read the trained network's file.
+
+        Raises:
+            BadInput: There is none, it cannot be read, or it is not the one that the scenario was resolved with.
+        """
+        if self.weights is None:
+            raise BadInput(f"{WEIGHTS_FIELD}: is missing; train a network with fogwatch.learn, and name its file")
+        return weights_content(Path(self.weights), self.weights_sha256)
 
 
 POLICY = (
@@ -312,21 +374,29 @@ def _needs(patrol: PaperPatrol, bodies: set[str], intruders: bool) -> dict[Paper
     }
 
 
+class LearnedPatrol(PatrolSpec):
+    """The section with a policy that was trained."""
+
+    policy: Literal["learned"] = Field(description=POLICY)
+    options: LearnedOptions = Field(default_factory=LearnedOptions, description="settings of learned")
+
+
 class OwnPatrol(PatrolSpec):
     """The section with a policy of one's own."""
 
-    policy: PolicyText = Field(description=POLICY, json_schema_extra={"not": {"enum": list(BUILT_IN)}})
+    policy: PolicyText = Field(description=POLICY, json_schema_extra={"not": {"enum": [*BUILT_IN, LEARNED]}})
     options: dict[str, Any] | None = Field(None, description="settings of a policy of one's own, by name")
 
 
 def _tag(section: Any) -> str:
     policy = section.get("policy", COMMITTED) if isinstance(section, dict) else getattr(section, "policy", COMMITTED)
-    return f"={policy}" if policy in (COMMITTED, PAPER) else "=own"
+    return f"={policy}" if policy in (COMMITTED, PAPER, LEARNED) else "=own"
 
 
 Patrol = Annotated[
     Annotated[CommittedPatrol, Tag("=committed")]
     | Annotated[PaperPatrol, Tag("=potential-field")]
+    | Annotated[LearnedPatrol, Tag("=learned")]
     | Annotated[OwnPatrol, Tag("=own")],
     Discriminator(_tag),
 ]

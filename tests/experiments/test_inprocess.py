@@ -9,6 +9,7 @@ import pytest
 
 from agent.build import mind_maker, shared_by
 from agent.mind import Mind
+from agent.view import View
 from experiments.inprocess import InProcessFleet, Outcome, fault_free_mfow, run_in_process
 from patrol.errors import BadInput
 from patrol.exchange import Sensed
@@ -111,10 +112,10 @@ def test_a_mind_that_fails_ends_the_run_and_the_journal_says_so(
 ) -> None:
     decide = Mind.decide
 
-    def failing(mind: Mind, sensed: Sensed) -> Any:
+    def failing(mind: Mind, sensed: Sensed, view: View | None) -> Any:
         if sensed.k == 4:
             raise RuntimeError("no idea")
-        return decide(mind, sensed)
+        return decide(mind, sensed, view)
 
     monkeypatch.setattr(Mind, "decide", failing)
     events: list[Event] = []

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -117,6 +117,16 @@ class Timeline:
     def acts(self, k: int) -> tuple[Act, ...]:
         """Return the acts on robots before tick k, by fault and then by robot."""
         return self._acts.get(k, ())
+
+    def acts_on(self, number: int, since: int) -> Iterator[Act]:
+        """Return the acts on one robot before some tick and later ones, in their order.
+
+        Args:
+            number: The robot's.
+            since: The first tick.
+        """
+        for k in sorted(tick for tick in self._acts if tick >= since):
+            yield from (act for act in self._acts[k] if act.number == number)
 
     def beginnings(self, k: int) -> tuple[Event, ...]:
         """Return the faults that happen or begin before tick k."""

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
 from patrol.journal import Event, Status
-from worldsim.faults.lifecycle import APPLIES, LOOKED_AT, SKIPPED, WAITING
+from worldsim.faults.lifecycle import APPLIES, BECOMES, LOOKED_AT, SKIPPED, WAITING
 from worldsim.fleet.process_control import NotStarted, ProcessControl
 
 if TYPE_CHECKING:
@@ -58,6 +58,22 @@ class Acts:
             return False
         kinds = ("restart", "join")
         return not any(e.begin >= self._world.tick and e.fault.kind in kinds for e in self._world.timeline.entries)
+
+    def will_be_alive(self, number: int) -> bool:
+        """Return True if a robot is alive, is being started, or will be after an act that is still to come.
+
+        Args:
+            number: The robot's.
+        """
+        status = self._world.bodies[number].status
+        if status is Status.ALIVE or number in self._coming:
+            return True
+        for act in self._world.timeline.acts_on(number, self._world.tick + 1):
+            if status in APPLIES[act.kind]:
+                status = BECOMES[act.kind]
+            if status is Status.ALIVE:
+                return True
+        return False
 
     @property
     def may_wait(self) -> bool:

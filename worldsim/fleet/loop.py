@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from patrol.journal import Event, Status, TickRecord
@@ -93,13 +94,9 @@ def run_ticks(
                     return INTERRUPTED
             if acts.may_wait:
                 settle()
-            for event in acts.due():
-                events(event)
-            for event in world.close_and_open():
-                events(event)
-            if acts.deserted:
+            if not act_between_ticks(world, acts, events):
                 return DESERTED
-            _run_tick(world, fleet, sink, events)
+            end_tick(world, fleet, begin_tick(world, fleet), sink, events)
         return COMPLETED
     finally:
         try:
@@ -110,16 +107,74 @@ def run_ticks(
             fleet.finish(world.tick)
 
 
-def _run_tick(world: World, fleet: Fleet, sink: Callable[[TickRecord], None], events: Callable[[Event], None]) -> None:
-    k = world.tick
+@dataclass(frozen=True, slots=True)
+class BegunTick:
+    """A tick up to the point at which its robots decide.
+
+    Attributes:
+        reports: What each living robot sensed, by number.
+        frames: What those that answered sent.
+        heard: The frames that reach each of them.
+    """
+
+    reports: Mapping[int, Sensed]
+    frames: Mapping[int, Sequence[bytes]]
+    heard: Mapping[int, list[bytes]]
+
+
+def act_between_ticks(world: World, acts: Acts, events: Callable[[Event], None]) -> bool:
+    """Do what is due before the next tick.
+
+    Args:
+        world: The world.
+        acts: Of its timeline.
+        events: Takes what happens.
+
+    Returns:
+        False if no robot is left for the next tick.
+    """
+    for event in acts.due():
+        events(event)
+    for event in world.close_and_open():
+        events(event)
+    return not acts.deserted
+
+
+def begin_tick(world: World, fleet: Fleet) -> BegunTick:
+    """Begin the world's next tick: robots sense, send and hear.
+
+    Args:
+        world: The world.
+        fleet: The robots.
+    """
     reports = world.begin_tick()
-    frames = fleet.phase_a(k, reports)
-    replies = fleet.phase_b(k, world.exchange(frames))
+    frames = fleet.phase_a(world.tick, reports)
+    return BegunTick(reports, frames, world.exchange(frames))
+
+
+def end_tick(
+    world: World,
+    fleet: Fleet,
+    begun: BegunTick,
+    sink: Callable[[TickRecord], None],
+    events: Callable[[Event], None],
+) -> None:
+    """End a tick: robots decide and move.
+
+    Args:
+        world: The world.
+        fleet: The robots.
+        begun: The tick.
+        sink: Takes its record.
+        events: Takes the robots that were lost.
+    """
+    k = world.tick
+    replies = fleet.phase_b(k, begun.heard)
     sink(world.end_tick(replies))
-    lost = {number: (status, reason) for number, status, reason in fleet.lost() if number in reports}
-    for number in reports:
-        if number not in frames or number not in replies:
-            phase = "A" if number not in frames else "B"
+    lost = {number: (status, reason) for number, status, reason in fleet.lost() if number in begun.reports}
+    for number in begun.reports:
+        if number not in begun.frames or number not in replies:
+            phase = "A" if number not in begun.frames else "B"
             lost.setdefault(number, (Status.LOST, f"no answer in phase {phase} of tick {k}"))
     for number, (status, reason) in sorted(lost.items()):
         events(world.stand_down(number, status, reason))

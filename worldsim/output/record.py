@@ -70,6 +70,11 @@ class Recorder:
         self._writer = writer
         self._trace = TraceHash(spares)
 
+    @property
+    def trace_hash(self) -> str:
+        """The trace hash of the ticks so far."""
+        return self._trace.hexdigest()
+
     def tick(self, record: TickRecord) -> None:
         """Write the record of a tick that is over."""
         self._trace.tick(record)

@@ -6,12 +6,11 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar
 
-import numpy as np
 from pydantic import Field
 
 from agent.policies.rivals.known import Known
 from agent.ports import Bearing, Intent, Place, Stay
-from patrol.graph.graph import Graph
+from patrol.graph.from_ground import on_reach
 from patrol.values.section import Section
 
 if TYPE_CHECKING:
@@ -61,7 +60,7 @@ class GraphPatrol:
         self.step = setup.step
         self.speed = setup.spec.speed
         self._beside = NEARER * self.speed * self.step if setup.spec.model == "car" else 0.0
-        graph = reachable(setup.graph(), setup)
+        graph = on_reach(setup.graph(), setup.terrain, setup.fields.reach)
         tolerance = options.tolerance or graph.visit_reach(setup.spec.speed, setup.step)
         self.known = Known(graph, tolerance, setup.step, setup.spec.number, setup.team)
         self._route: list[int] = []
@@ -103,24 +102,3 @@ class GraphPatrol:
         """Return True at the vertex, or where the robot comes no nearer: within the tolerance soon, else later."""
         stood_s = (view.tick - self._since) * self.step
         return self._least <= self._beside or stood_s > (NO_NEARER_AT_HAND_S if visits else NO_NEARER_S)
-
-
-def reachable(graph: Graph, setup: PolicySetup) -> Graph:
-    """Move the vertices that a body cannot stand on to the nearest place where it can.
-
-    Args:
-        graph: The graph.
-        setup: The policy's.
-    """
-    rows, cols = np.nonzero(setup.fields.reach)
-    x, y = setup.terrain.origin
-    point = setup.terrain.point
-    across, up = x + (cols + 0.5) * point, y + (rows + 0.5) * point
-    places = graph.places.copy()
-    for vertex, (there, high) in enumerate(graph.places.tolist()):
-        row, col = setup.terrain.point_at(there, high)
-        inside = 0 <= row < setup.terrain.height and 0 <= col < setup.terrain.width
-        if not inside or not setup.fields.reach[row, col]:
-            nearest = int(np.argmin((across - there) ** 2 + (up - high) ** 2))
-            places[vertex] = across[nearest], up[nearest]
-    return Graph(places, graph.edges, graph.pixel, graph.visit)

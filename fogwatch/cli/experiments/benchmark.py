@@ -45,6 +45,7 @@ from patrol.errors import BadInput, did_you_mean
 from patrol.matplotlib_check import check_matplotlib
 from patrol.pose import MODELS
 from patrol.scenario import BUILTINS, Scenario, parse_overrides
+from patrol.scenario.policies import LEARNED
 
 EXAMPLES = [
     "fogwatch benchmark --quick",
@@ -178,7 +179,7 @@ def benchmark(
     if policies is None:
         from agent.policies.found import POLICIES  # here: loads much
 
-        policies = ",".join(POLICIES.built_in)
+        policies = ",".join(name for name in POLICIES.built_in if name != LEARNED)  # which needs a network
     chosen = read_policies(policies)
     numbers = count_of_seeds(_default(seeds, QUICK_SEEDS if quick else SEEDS), "--seeds")
     if preset is not None:

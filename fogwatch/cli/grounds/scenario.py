@@ -23,7 +23,7 @@ from patrol.scenario import (
     scenario_hash,
     scenario_schema,
 )
-from patrol.scenario.policies import BUILT_IN
+from patrol.scenario.policies import BUILT_IN, LearnedPatrol
 from patrol.scenario.radio_spec import MODELS
 from patrol.scenario.sections import BUILT_IN_SENSORS
 
@@ -87,6 +87,8 @@ def check(what: What, settings: Settings = None) -> None:
         from agent.policies.found import policy_named
 
         check_without_running(policy_named(scenario))
+    if isinstance(scenario.patrol, LearnedPatrol):
+        scenario.patrol.options.read_weights()
     if scenario.radio.model not in MODELS:
         from worldsim.radio.models.found import model_named
 

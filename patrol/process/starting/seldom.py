@@ -15,14 +15,20 @@ if TYPE_CHECKING:
 
 def _follows_forces(scenario: Scenario) -> bool:
     """Return True if robots sum forces, or may: a policy of another kind can build on anything."""
-    from patrol.scenario.policies import COMMITTED  # here, as processes that compile need no scenario
+    from patrol.scenario.policies import COMMITTED, LEARNED  # here, as processes that compile need no scenario
 
-    return scenario.patrol.policy != COMMITTED
+    return scenario.patrol.policy not in (COMMITTED, LEARNED)
 
 
 def _dilates(scenario: Scenario) -> bool:
     """Return True if beliefs spread staleness (`agent.belief.believed.BelievedFog`); an open field has no posts."""
     return _follows_forces(scenario) or scenario.terrain.builtin == "open"
+
+
+def _is_learned(scenario: Scenario) -> bool:
+    from patrol.scenario.policies import LEARNED
+
+    return scenario.patrol.policy == LEARNED
 
 
 def _has_regions(scenario: Scenario) -> bool:
@@ -36,6 +42,7 @@ def _goes_straight(scenario: Scenario) -> bool:
 SELDOM: Mapping[str, Callable[[Scenario], bool]] = {
     "agent.belief.kernels.changes": _dilates,
     "agent.belief.kernels.dilate": _dilates,
+    "agent.policies.learned.kernels.surroundings": _is_learned,
     "agent.policies.potential_field.kernels.force": _follows_forces,
     "agent.routes.kernels.region_paths": _has_regions,
     "agent.routes.kernels.straight": _goes_straight,

@@ -15,6 +15,7 @@ from patrol.errors import BadInput
 from patrol.files.untrusted import IMAGE, read_untrusted
 from patrol.ground.maps.map_file import read_map_file
 from patrol.scenario import Scenario, dump_scenario
+from patrol.scenario.policies import LearnedPatrol, PatrolSpec
 from patrol.values.section import Section
 
 FILE = "scenario.yaml"
@@ -27,7 +28,7 @@ AnySection = TypeVar("AnySection", bound=Section)
 
 
 def keep_scenario(scenario: Scenario, folder: Path) -> Path:
-    """Write the resolved scenario into a folder, with copies of its map and its own classes' files.
+    """Write the resolved scenario into a folder, with copies of its map, own classes and network.
 
     Args:
         scenario: Resolved.
@@ -46,7 +47,7 @@ def keep_scenario(scenario: Scenario, folder: Path) -> Path:
 
 
 def with_copies(scenario: Scenario, folder: Path) -> Scenario:
-    """Copy a scenario's map and its own classes' files into a folder.
+    """Copy a scenario's map, its own classes' files and its trained network into a folder.
 
     Args:
         scenario: Resolved.
@@ -62,7 +63,7 @@ def with_copies(scenario: Scenario, folder: Path) -> Scenario:
     own = _with_own_map(scenario, folder / MAP)
     return own.model_copy(
         update={
-            "patrol": _with_own_class(own.patrol, "patrol.policy", folder / POLICY),
+            "patrol": _with_own_weights(_with_own_class(own.patrol, "patrol.policy", folder / POLICY), folder / POLICY),
             "sensor": _with_own_class(own.sensor, "sensor.kind", folder / SENSOR),
             "radio": _with_own_class(own.radio, "radio.model", folder / MODEL),
         }
@@ -81,6 +82,18 @@ def _with_own_class(section: AnySection, named: str, folder: Path) -> AnySection
     folder.mkdir()
     (folder / source.name).write_bytes(class_source(source, named))
     return section.model_copy(update={field: f"./{folder.name}/{source.name}:{text.rpartition(':')[2]}"})
+
+
+def _with_own_weights(section: PatrolSpec, folder: Path) -> PatrolSpec:
+    """Copy the file of the trained network that a section names into `folder`, likewise."""
+    if not isinstance(section, LearnedPatrol) or section.options.weights is None:
+        return section
+    source = Path(section.options.weights)
+    content = section.options.read_weights()
+    folder.mkdir()
+    (folder / source.name).write_bytes(content)
+    options = section.options.model_copy(update={"weights": f"./{folder.name}/{source.name}"})
+    return section.model_copy(update={"options": options})
 
 
 def _with_own_map(scenario: Scenario, folder: Path) -> Scenario:

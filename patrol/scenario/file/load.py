@@ -22,6 +22,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from patrol.classes.class_file import class_file, file_digest
+from patrol.classes.weights_file import weights_digest
 from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.files.half_characters import refuse_half_characters
 from patrol.files.untrusted import IMAGE, read_untrusted
@@ -35,7 +36,15 @@ from patrol.scenario.file.older import translate_field, translate_overrides, tra
 from patrol.scenario.lengths import FIELDS
 from patrol.scenario.model import Scenario
 from patrol.scenario.nemesis import written_out
-from patrol.scenario.policies import COMMITTED, OPTION_LENGTHS, CommittedPatrol, PaperPatrol, PatrolOptions
+from patrol.scenario.policies import (
+    COMMITTED,
+    LEARNED,
+    OPTION_LENGTHS,
+    CommittedPatrol,
+    LearnedPatrol,
+    PaperPatrol,
+    PatrolOptions,
+)
 from patrol.scenario.radio_spec import IDEAL
 from patrol.scenario.robots import RobotSpec
 from patrol.scenario.sections import BUILT_IN_SENSORS, GROUND, RobotEntry, RobotGroup
@@ -220,6 +229,10 @@ def scenario_hash(scenario: Scenario) -> str:
         meaning["terrain"]["map"] = map_digest(scenario.base / scenario.terrain.map)
     for section, field in _OWN_CLASSES:
         _forget_where_a_class_lies(meaning[section], field)
+    if isinstance(scenario.patrol, LearnedPatrol):
+        options = meaning["patrol"]["options"]
+        if (digest := options.pop("weights_sha256")) is not None:
+            options["weights"] = [digest, Path(options["weights"]).suffix]
     return _digest({"format": _HASH_FORMAT, **meaning})
 
 
@@ -240,6 +253,10 @@ def same_but_for_files(one: Scenario, other: Scenario) -> bool:
             if field in meaning[section]:
                 meaning[section][field] = meaning[section][field].rpartition(":")[2]
                 del meaning[section][f"{field}_sha256"]
+        if meaning["patrol"]["policy"] == LEARNED:
+            options = meaning["patrol"]["options"]
+            options["weights"] = options["weights"] is not None
+            del options["weights_sha256"]
     return meanings[0] == meanings[1]
 
 
@@ -327,6 +344,8 @@ def _resolve(
         patrol.pop("policy_sha256", None)  # it is of the policy that is replaced, and so are its settings
         if overrides["patrol.policy"] != patrol.get("policy", COMMITTED):
             patrol.pop("options", None)
+    if "patrol.options.weights" in overrides and isinstance(patrol, dict) and isinstance(patrol.get("options"), dict):
+        patrol["options"].pop("weights_sha256", None)
     if "sensor.kind" in overrides and isinstance(raw.get("sensor"), dict):
         for field in ("kind_sha256", "options"):
             raw["sensor"].pop(field, None)
@@ -420,13 +439,19 @@ def _set(node: Any, parts: list[str], value: object, field: str) -> None:
 
 
 def _with_digests(scenario: Scenario) -> Scenario:
-    """Add the SHA-256 of the files of classes of one's own, where the scenario does not have them yet."""
+    """Add the SHA-256 of the files of own classes and trained networks, where the scenario does not have them yet."""
     digests: dict[str, Any] = {}
     for name, field in _OWN_CLASSES:
         section = getattr(scenario, name)
         path = class_file(getattr(section, field))
         if path is not None and getattr(section, f"{field}_sha256") is None and path.is_file():
             digests[name] = section.model_copy(update={f"{field}_sha256": file_digest(path, f"{name}.{field}")})
+    patrol = scenario.patrol
+    if isinstance(patrol, LearnedPatrol) and patrol.options.weights is not None:
+        weights = Path(patrol.options.weights)
+        if patrol.options.weights_sha256 is None and weights.is_file():
+            options = patrol.options.model_copy(update={"weights_sha256": weights_digest(weights)})
+            digests["patrol"] = patrol.model_copy(update={"options": options})
     return scenario.model_copy(update=digests) if digests else scenario
 
 

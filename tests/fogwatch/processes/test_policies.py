@@ -12,7 +12,10 @@ from typing import Any
 import pytest
 
 import fogwatch
+from agent.policies.learned.network import read_network
+from fogwatch.learn import action_of, flattened, parallel_env
 from patrol.journal import Status, read_journal
+from tests.agent.policies.learned.test_network import as_onnx, layers
 from tests.fleets import one_and_many
 
 HERE = Path(__file__).parent
@@ -149,3 +152,50 @@ def test_whoever_looks_at_a_run_never_imports_its_policy(
         assert fogwatch(*command) == 0, capsys.readouterr().err
     assert fogwatch("run", str(out / "scenario.yaml"), "--in-process", "--out", str(tmp_path / "again")) == 2
     assert "is not the file that this scenario was resolved with" in capsys.readouterr().err
+
+
+LEARNED: dict[str, Any] = {
+    "terrain": {"builtin": "yards"},
+    "point": 1.0,
+    "duration": 40,
+    "seed": 3,
+    "robots": {"count": 3, "model": "holonomic"},
+    "faults": [{"kind": "loss", "rate": 0.4}, {"kind": "kill", "at": 6, "who": "r2"}],
+}
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize("suffix", [".npz", ".onnx"])
+def test_a_trained_policy_decides_in_processes_as_in_its_environment(suffix: str, tmp_path: Path) -> None:
+    env = parallel_env(LEARNED, inputs=["sectors"])
+    network, path = layers(40, 8, 9), tmp_path / f"trained{suffix}"
+    if suffix == ".npz":
+        network.save(path)
+    else:
+        path.write_bytes(as_onnx(network))
+    loaded = read_network(path.read_bytes(), path, 40, 9)
+    observations, _ = env.reset()
+    while env.agents:
+        observations, *_ = env.step(
+            {agent: action_of(loaded(flattened(parts)), parts["action_mask"]) for agent, parts in observations.items()}
+        )
+    assert env.episode is not None
+    options = {"weights": str(path), "inputs": ["sectors"]}
+    _, many = one_and_many({**LEARNED, "patrol": {"policy": "learned", "options": options}}, tmp_path)
+    assert many.trace_hash == env.episode.trace_hash
+    assert (tmp_path / "many" / "policy" / path.name).read_bytes() == path.read_bytes()
+
+
+@pytest.mark.processes
+def test_a_network_for_other_inputs_ends_the_run_before_it_begins(
+    fogwatch: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    layers(3, 9).save(tmp_path / "trained.npz")
+    settings = ["patrol.policy=learned", f"patrol.options.weights={tmp_path / 'trained.npz'}", "duration=5", "point=1"]
+    sets = [word for setting in settings for word in ("--set", setting)]
+    code = fogwatch("run", "open", "--robots", "1", "--no-page", "--out", str(tmp_path / "run"), *sets)
+    shown = capsys.readouterr()
+    assert code == 2
+    assert "takes 3 values and gives 9, and this scenario has" in shown.err.splitlines()[-1]
+    assert "Traceback" not in shown.err
+    assert not (tmp_path / "run").exists()

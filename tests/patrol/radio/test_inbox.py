@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from patrol.pose import Pose
 from patrol.radio.inbox import Inboxes, Intake, Rules
 from patrol.radio.message import Position, RejectReason, encode
-from patrol.radio.peers import SPAN, places_of
+from patrol.radio.peers import SPAN, places_of, ticks_of
 
 SPEED = 4.0
 STEP = 0.5
@@ -452,6 +452,7 @@ def test_peers_are_those_heard_since_a_tick_with_their_places(since: int, expect
     peers = box.inboxes.peers(1, since)
     assert list(peers) == expected
     assert places_of(peers).tolist() == [[peer.pose.x, peer.pose.y] for peer in peers.values()]
+    assert ticks_of(peers).tolist() == ticks_of(dict(peers)).tolist() == [peer.tick for peer in peers.values()]
     assert [robot in peers for robot in (2, 3, 4, 9)] == [robot in expected for robot in (2, 3, 4, 9)]
     assert list(box.inboxes.peers(1).silent(1)) == [3]
     assert box.inboxes.peers(1).oldest(7) == 0

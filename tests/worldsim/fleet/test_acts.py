@@ -10,7 +10,8 @@ from patrol.errors import BadInput
 from patrol.exchange import FIRST_INCARNATION
 from patrol.journal import Status, TickRecord
 from patrol.journal.records import Event
-from worldsim.fleet.loop import run_ticks
+from worldsim.fleet.acts import Acts
+from worldsim.fleet.loop import act_between_ticks, begin_tick, end_tick, run_ticks
 from worldsim.run_record import COMPLETED, DESERTED, MemoryJournal
 from worldsim.verdict.judge import judge
 
@@ -201,3 +202,24 @@ def test_process_faults_need_hands(lab: Lab) -> None:
 def test_incarnations_count_a_robots_minds(lab: Lab) -> None:
     world = lab.world([DISC] * 3, STARTS, faults=[fault("join", "r3", 2)])
     assert [body.incarnation for body in world.bodies.values()] == [FIRST_INCARNATION, FIRST_INCARNATION, 0]
+
+
+def test_a_robot_will_be_alive_if_an_act_to_come_makes_it_so(lab: Lab) -> None:
+    faults = [
+        fault("kill", "r1", 2),
+        fault("kill", "r2", 2),
+        fault("restart", "r2", 6),
+        fault("pause", "r3", 2, **{"for": 1.0}),
+        fault("leave", "r3", 8),
+    ]
+    world = lab.world([DISC] * 3, STARTS, duration=6.0, faults=faults)
+    fleet = lab.fleet(world)
+    acts = Acts(world, fleet)
+    expected = {0: [1, 2, 3], 2: [2, 3], 5: [2, 3], 6: [2, 3], 8: [2]}
+    found = {}
+    while world.tick < world.ticks:
+        assert act_between_ticks(world, acts, lambda _: None)
+        if world.tick in expected:
+            found[world.tick] = [number for number in (1, 2, 3) if acts.will_be_alive(number)]
+        end_tick(world, fleet, begin_tick(world, fleet), lambda _: None, lambda _: None)
+    assert found == expected

@@ -15,7 +15,7 @@ from patrol.pose import Pose
 from patrol.radio.peers import Peer
 from patrol.scenario import load_scenario
 
-RIVALS = sorted(set(POLICIES.built_in) - {"committed", "potential-field"})
+RIVALS = sorted(set(POLICIES.built_in) - {"committed", "learned", "potential-field"})
 
 
 def scenario(policy: str, model: str = "holonomic", **more: Any) -> Any:

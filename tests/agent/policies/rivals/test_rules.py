@@ -319,7 +319,7 @@ def test_partitions_are_stretches_of_the_common_tour() -> None:
     assert cells == [[1, 2], [0, 3]]
 
 
-@pytest.mark.parametrize("name", sorted(set(POLICIES.built_in) - {"committed", "potential-field"}))
+@pytest.mark.parametrize("name", sorted(set(POLICIES.built_in) - {"committed", "learned", "potential-field"}))
 def test_only_vertices_that_a_way_leads_to_are_chosen(name: str) -> None:
     """Vertex 2 is cut off, and another robot is there."""
     at = known(Other(PLACES[2], 200, 2))

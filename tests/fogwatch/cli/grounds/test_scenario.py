@@ -127,3 +127,14 @@ def test_check_does_not_run_the_policy(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [guard]
     with pytest.raises(BadInput, match="has no Gard; did you mean Guard"):
         output("check", "open", "--set", "point=2", "--set", f"patrol.policy={guard}:Gard")
+
+
+def test_check_refuses_a_trained_policy_without_its_file(tmp_path: Path) -> None:
+    path = tmp_path / "trained.npz"
+    settings = ("--set", "patrol.policy=learned", "--set", "point=1")
+    with pytest.raises(BadInput, match="weights: is missing"):
+        output("check", "open", *settings)
+    with pytest.raises(BadInput, match="cannot be read"):
+        output("check", "open", *settings, "--set", f"patrol.options.weights={path}")
+    path.write_bytes(b"")
+    assert "policy learned" in output("check", "open", *settings, "--set", f"patrol.options.weights={path}")

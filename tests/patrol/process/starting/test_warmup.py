@@ -110,6 +110,7 @@ def test_every_module_that_is_needed_seldom_exists() -> None:
             {"agent.routes.kernels.region_paths", "patrol.regions.kernels.cuts"},
         ),
         ({"patrol.policy": "potential-field", "patrol.options.paths": "straight"}, {"agent.routes.kernels.straight"}),
+        ({"patrol.policy": "learned"}, {"agent.policies.learned.kernels.surroundings"}),
     ],
 )
 def test_a_scenario_says_which_seldom_kernels_it_needs(settings: dict[str, object], expected: set[str]) -> None:

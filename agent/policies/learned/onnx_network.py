@@ -1,0 +1,58 @@
+"""Trained networks in ONNX files, evaluated by onnxruntime (extra ``onnx``)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.classes.weights_file import FIELD
+from patrol.errors import BadInput
+
+_TYPES = {"tensor(float)": np.float32, "tensor(double)": np.float64}
+
+
+def onnx_network(
+    content: bytes, path: Path
+) -> tuple[Callable[[NDArray[np.float64]], NDArray[np.float64]], tuple[int, int]]:
+    """Load a network with one input and one output, each (1, n).
+
+    Args:
+        content: Of the file.
+        path: The file, for errors.
+
+    Returns:
+        The network, and how many values it takes and gives.
+
+    Raises:
+        BadInput: onnxruntime is not installed, or does not take the file.
+    """
+    try:
+        import onnxruntime
+    except ImportError:
+        raise BadInput(
+            f"{FIELD} = {path}: needs onnxruntime; install fogwatch[onnx], or give the network as .npz"
+        ) from None
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1  # so that a run repeats on one machine
+    options.log_severity_level = 4
+    wrong = f"{FIELD} = {path}: is no network that this policy can use"
+    try:
+        session: Any = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # noqa: BLE001 - its exceptions have no common type
+        raise BadInput(f"{wrong} ({str(error).splitlines()[0][:200]})") from None
+    inputs, outputs = session.get_inputs(), session.get_outputs()
+    sides = [side.shape for side in (*inputs, *outputs)]
+    is_row = all(len(shape) == 2 and shape[0] in (1, "N", "batch", None) for shape in sides)
+    if len(inputs) != 1 or len(outputs) != 1 or not is_row or inputs[0].type not in _TYPES:
+        raise BadInput(f"{wrong}; give one input and one output of floating-point numbers, each of shape (1, n)")
+    name, dtype = inputs[0].name, _TYPES[inputs[0].type]
+
+    def evaluate(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        rows = session.run(None, {name: values[None, :].astype(dtype)})[0]
+        return np.asarray(rows[0], dtype=np.float64)
+
+    return evaluate, (sides[0][1], sides[1][1])

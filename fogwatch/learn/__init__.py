@@ -1,0 +1,32 @@
+"""Learning environments over the world in one process, and what becomes of a trained network.
+
+    from fogwatch.learn import parallel_env
+
+    env = parallel_env("yards", {"robots.count": 5, "point": 1}, actions="bearing")
+    observations, infos = env.reset(seed=7)
+
+`parallel_env` makes a PettingZoo environment, `one_env` a Gymnasium environment of one robot. Importing this package
+registers them as ``fogwatch/patrol-v0`` and ``fogwatch/patrol-one-v0``. It needs the extra ``learn``. A network that
+was trained in them runs as the policy ``learned`` (`Layers.save`). See docs/environments.md.
+"""
+
+from __future__ import annotations
+
+from agent.policies.learned.network import Layers, action_of, flattened
+from fogwatch.learn.episode import Episode
+from fogwatch.learn.one import OneRobotEnv, one_env
+from fogwatch.learn.parallel import PatrolEnv, parallel_env
+from fogwatch.learn.registered import PARALLEL_ID, SINGLE_ID
+
+__all__ = [
+    "PARALLEL_ID",
+    "SINGLE_ID",
+    "Episode",
+    "Layers",
+    "OneRobotEnv",
+    "PatrolEnv",
+    "action_of",
+    "flattened",
+    "one_env",
+    "parallel_env",
+]

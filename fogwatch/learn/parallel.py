@@ -1,0 +1,258 @@
+"""The PettingZoo environment of a fleet."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+from pettingzoo.utils.env import ParallelEnv
+
+from agent.policies.learned.decisions import MASK, STAY
+from agent.policies.learned.observation import Observer
+from experiments.inprocess import check_in_process
+from fogwatch.learn.episode import Episode
+from fogwatch.learn.rewards import Reward, reward_of
+from fogwatch.notebook.scenario import scenario_of
+from patrol.journal import TickRecord
+from patrol.prepare import Prepared, prepare
+from patrol.scenario import Scenario
+from patrol.scenario.policies import LEARNED, LearnedInput, LearnedOptions
+
+Parts = dict[str, NDArray[Any]]
+
+
+class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZoo is untyped
+    """A fleet on patrol, of which each robot is an agent, named as in the scenario.
+
+    A step is one tick of all robots; with ``decide="arrival"`` it is as many ticks as pass until a robot needs a
+    decision. An agent that is paused, or that comes or comes back later, is silent meanwhile: its observation is zero,
+    it is not active, and its actions have no effect. One that is gone for good is terminated. At the end of the
+    scenario's duration all are truncated.
+
+    Attributes:
+        prepared: The scenario of the present episode, with its terrain and fields.
+        options: What robots see and decide.
+        episode: The present one; None before the first `reset`.
+    """
+
+    metadata: dict[str, Any] = {"name": "fogwatch_patrol_v0", "render_modes": []}  # noqa: RUF012 - PettingZoo's protocol
+    render_mode: str | None = None
+
+    def __init__(
+        self,
+        scenario: Scenario | str | Path | Mapping[str, Any],
+        overrides: Mapping[str, object],
+        reward: str | Reward = "mean",
+        *,
+        keep: bool = False,
+    ) -> None:
+        """Load and prepare the scenario; `parallel_env` is the usual way to make an environment.
+
+        Args:
+            scenario: As of `parallel_env`.
+            overrides: Likewise, with the settings of the policy `learned`.
+            reward: Likewise.
+            keep: Likewise.
+
+        Raises:
+            BadInput: Likewise.
+        """
+        self._source, self._overrides, self._keep = scenario, dict(overrides), keep
+        self._reward = reward_of(reward)
+        self.prepared = self._prepare(None)
+        options = self.prepared.scenario.patrol.options
+        assert isinstance(options, LearnedOptions)
+        self.options = options
+        self.episode: Episode | None = None
+        self._numbers = {spec.name: spec.number for spec in self.scenario.roster}
+        self.possible_agents = list(self._numbers)
+        self.agents: list[str] = []
+        self._due: set[int] = set()
+        self._last: TickRecord | None = None
+        observer = Observer(self.prepared.terrain, options, self.scenario.step)
+        self._silent: Parts = {name: np.zeros(shape, np.float32) for name, shape in observer.shapes.items()}
+        choices = {"bearing": STAY + 1, "node": self.prepared.graph.size if options.actions == "node" else 0}
+        self._choices = choices.get(options.actions)
+        if self._choices is not None:
+            self._silent[MASK] = np.ones(self._choices, np.int8)
+        # A space for each agent, as each has its own random numbers.
+        self._observation_spaces = {agent: self._make_observation_space() for agent in self.possible_agents}
+        self._action_spaces = {agent: self._make_action_space() for agent in self.possible_agents}
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario of the present episode."""
+        return self.prepared.scenario
+
+    def observation_space(self, agent: str) -> spaces.Space[Any]:
+        """Return an agent's observations (`agent.policies.learned.observation`), with a mask of discrete actions.
+
+        Args:
+            agent: Its name.
+        """
+        return self._observation_spaces[agent]
+
+    def action_space(self, agent: str) -> spaces.Space[Any]:
+        """Return an agent's actions (`agent.policies.learned.decisions`).
+
+        Args:
+            agent: Its name.
+        """
+        return self._action_spaces[agent]
+
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Parts], dict[str, dict[str, Any]]]:
+        """Begin an episode.
+
+        Args:
+            seed: The scenario's seed. Without one the first episode has the scenario's own, and each further episode
+                the seed after that of the one before.
+            options: Not used.
+
+        Returns:
+            Observations and infos by agent, as of `step`.
+
+        Raises:
+            BadInput: The scenario cannot be run with this seed.
+        """
+        del options
+        if seed is None:
+            seed = self.scenario.seed + (self.episode is not None)
+        if seed != self.scenario.seed:
+            self.prepared = self._prepare(seed)
+        self._last = None
+        self.episode = Episode(self.prepared, self.options, keep=self._keep)
+        self.agents = [name for name, number in self._numbers.items() if self.episode.will_be_alive(number)]
+        self._due = self._find_due(self.episode)
+        return self._observe(self.episode), self._infos(0)
+
+    def step(
+        self, actions: Mapping[str, Any]
+    ) -> tuple[dict[str, Parts], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
+        """Let all agents act.
+
+        Args:
+            actions: By agent. Those of agents that are not active have no effect; an active one without an action goes
+                on as before.
+
+        Returns:
+            By agent: observation; reward (`fogwatch.learn.rewards`), the same for all; whether the agent is gone for
+            good; whether the scenario's duration is over; and info: whether the agent is ``active`` and so decides
+            next, the number of ``ticks`` of this step, and the true ``mfow_s`` and ``mean_age_s`` after it.
+        """
+        episode = self.episode
+        if episode is None or not self.agents:
+            return {}, {}, {}, {}, {}
+        for name, action in actions.items():
+            if self._numbers[name] in self._due:
+                episode.take(self._numbers[name], action)
+        reward, ticks = 0.0, 0
+        waits = self.options.decide == "arrival"
+        while not ticks or (waits and not self._due and not episode.over):
+            record = episode.advance()
+            reward += self._reward(self._last, record, self.scenario.step)
+            self._last, ticks = record, ticks + 1
+            self._due = self._find_due(episode)
+        observations, infos = self._observe(episode), self._infos(ticks)
+        gone = {name: not episode.will_be_alive(self._numbers[name]) for name in self.agents}
+        ended = {name: episode.over and not gone[name] for name in self.agents}
+        rewards = dict.fromkeys(self.agents, reward)
+        self.agents = [name for name in self.agents if not gone[name] and not ended[name]]
+        return observations, rewards, gone, ended, infos
+
+    def close(self) -> None:
+        """Drop the episode."""
+        self.episode, self.agents = None, []
+
+    def _prepare(self, seed: int | None) -> Prepared:
+        overrides = self._overrides if seed is None else {**self._overrides, "seed": seed}
+        scenario = scenario_of(self._source, overrides)
+        check_in_process(scenario)
+        terrain = None if seed is None else self.prepared.terrain
+        return prepare(scenario, terrain)
+
+    def _find_due(self, episode: Episode) -> set[int]:
+        return {number for number, view in episode.views.items() if episode.decisions(number).is_due(view)}
+
+    def _observe(self, episode: Episode) -> dict[str, Parts]:
+        observations: dict[str, Parts] = {}
+        for name in self.agents:
+            number = self._numbers[name]
+            view = episode.views.get(number)
+            if view is None:
+                observations[name] = {part: values.copy() for part, values in self._silent.items()}
+                continue
+            decisions = episode.decisions(number)
+            parts: Parts = dict(decisions.observe(view))
+            if (mask := decisions.mask(view)) is not None:
+                parts[MASK] = mask
+            observations[name] = parts
+        return observations
+
+    def _infos(self, ticks: int) -> dict[str, dict[str, Any]]:
+        step, last = self.scenario.step, self._last
+        mfow_s, mean_age_s = (0.0, 0.0) if last is None else (last.mfow * step, last.fog_mean * step)
+        return {
+            name: {
+                "active": self._numbers[name] in self._due,
+                "ticks": ticks,
+                "mfow_s": mfow_s,
+                "mean_age_s": mean_age_s,
+            }
+            for name in self.agents
+        }
+
+    def _make_observation_space(self) -> spaces.Dict:
+        boxes = [  # of a mapping Gymnasium would sort the parts
+            (name, spaces.Box(0 if name == MASK else -1, 1, values.shape, values.dtype.type))
+            for name, values in self._silent.items()
+        ]
+        return spaces.Dict(boxes)
+
+    def _make_action_space(self) -> spaces.Space[Any]:
+        return spaces.Box(-1.0, 1.0, (2,), np.float32) if self._choices is None else spaces.Discrete(self._choices)
+
+
+def parallel_env(
+    scenario: Scenario | str | Path | Mapping[str, Any] = "yards",
+    overrides: Mapping[str, object] | None = None,
+    *,
+    actions: Literal["bearing", "place", "node"] | None = None,
+    decide: Literal["tick", "arrival"] | None = None,
+    inputs: Sequence[LearnedInput] | None = None,
+    window: int | None = None,
+    heard: int | None = None,
+    reward: str | Reward = "mean",
+    keep: bool = False,
+) -> PatrolEnv:
+    """Make an environment of a whole fleet.
+
+    Args:
+        scenario: A scenario file, a map's YAML file, the name of a built-in terrain, a mapping shaped like a scenario
+            file, or a loaded scenario. Its policy is replaced by `learned`.
+        overrides: Values by dotted field, such as ``{"robots.count": 5, "point": 1}``.
+        actions: ``bearing``, ``place`` or ``node``.
+        decide: ``tick`` or ``arrival``.
+        inputs: What agents see.
+        window: Points, side of the window.
+        heard: Positions of other robots in an observation.
+        reward: ``mean``, ``mfow`` or ``change``, or a function like those of `fogwatch.learn.rewards`.
+        keep: Whether episodes keep the records of all ticks, so that they can be judged.
+
+    Returns:
+        The environment. What is not given here is as `patrol.options` of the scenario say, if its policy is `learned`,
+        or as their defaults.
+
+    Raises:
+        BadInput: One line that says what is wrong, and how to mend it.
+    """
+    given = {"actions": actions, "decide": decide, "inputs": inputs, "window": window, "heard": heard}
+    settings = {f"patrol.options.{name}": value for name, value in given.items() if value is not None}
+    if inputs is not None:
+        settings["patrol.options.inputs"] = list(inputs)
+    return PatrolEnv(scenario, {**(overrides or {}), "patrol.policy": LEARNED, **settings}, reward, keep=keep)

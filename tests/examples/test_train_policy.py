@@ -1,0 +1,38 @@
+"""The example that trains a policy: its network is the weighted sum that it speaks of, and its scores repeat."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "train_policy.py"
+
+
+@pytest.fixture(name="example", scope="module")
+def load_example() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("train_policy", EXAMPLE)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["train_policy"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_network_weighs_each_direction_alike_and_never_stays(example: ModuleType) -> None:
+    numbers = np.array([1.0, -2.0, 0.5, 3.0, 0.25])
+    features = np.random.default_rng(1).random((8, 5))
+    outputs = example.network_of(numbers)(features.ravel())
+    np.testing.assert_allclose(outputs[:8], features @ numbers)
+    assert outputs[8] < outputs[:8].min()
+
+
+def test_a_score_repeats(example: ModuleType) -> None:
+    numbers = np.array(example.START)
+    first = example.score(numbers, [3], 10.0)
+    assert first == example.score(numbers, [3], 10.0) < 0.0

@@ -1,0 +1,32 @@
+"""The environment of one robot: Gymnasium's rules."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+from fogwatch.learn import SINGLE_ID, one_env
+from patrol.errors import BadInput
+
+ALONE: dict[str, Any] = {"point": 1.0, "duration": 30.0}
+
+
+@pytest.mark.parametrize(("actions", "decide"), [("bearing", "tick"), ("place", "arrival"), ("node", "arrival")])
+def test_it_keeps_the_rules_of_gymnasium(actions: str, decide: str) -> None:
+    env = gymnasium.make(SINGLE_ID, overrides=ALONE, actions=actions, decide=decide)
+    check_env(env.unwrapped)
+
+
+def test_its_episode_ends_with_the_scenario() -> None:
+    env = one_env("yards", ALONE)
+    env.reset(seed=4)
+    ends = [env.step(env.action_space.sample())[2:4] for _ in range(60)]
+    assert ends == [(False, False)] * 59 + [(False, True)]
+
+
+def test_several_robots_are_refused() -> None:
+    with pytest.raises(BadInput, match=r"robots: there are 3, and this environment is for one; set robots\.count to 1"):
+        one_env("yards", {**ALONE, "robots.count": 3})
