@@ -1,0 +1,58 @@
+"""The documentation's site: Sphinx's settings, for ``make docs``.
+
+The source folder is the whole repository, so that links between documents mean the same on the site as elsewhere. Pages
+load nothing from another host: no fonts, badges, formula scripts or inventories of other projects.
+"""
+
+from __future__ import annotations
+
+import sys
+import tomllib
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from docs.site.generated import with_generated  # noqa: E402
+
+project = "fogwatch"
+author = "the fogwatch authors"
+release = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+language = "en_GB"
+
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_copybutton"]
+root_doc = "docs/index"
+include_patterns = ["docs/**", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md", "deploy/**"]
+exclude_patterns = ["docs/results/faults/**"]
+suppress_warnings = ["toc.empty_glob"]
+
+myst_heading_anchors = 4
+myst_links_external_new_tab = False
+nb_execution_mode = "cache"
+nb_execution_raise_on_error = True
+nb_execution_timeout = 300
+nb_execution_cache_path = str(ROOT / "build" / "notebooks")
+
+autodoc_member_order = "bysource"
+autodoc_typehints_format = "short"
+python_use_unqualified_type_names = True
+
+html_theme = "furo"
+html_title = f"fogwatch {release}"
+html_static_path = ["site/static"]
+html_css_files = ["site.css"]
+html_additional_pages = {"index": "redirect.html"}
+templates_path = ["site/templates"]
+html_copy_source = False
+# A summary of each result would be fetched, which browsers refuse to pages opened from a disk.
+html_show_search_summary = False
+copybutton_exclude = ".linenos, .gp, .go"
+
+
+def setup(app: Sphinx) -> None:
+    """Have Sphinx fill the places of the reference that are generated."""
+    app.connect("source-read", lambda _, __, source: source.__setitem__(0, with_generated(source[0])))
