@@ -27,8 +27,6 @@ language = "en_GB"
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_copybutton"]
 root_doc = "docs/index"
 include_patterns = ["docs/**", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md", "deploy/**"]
-exclude_patterns = ["docs/results/faults/**"]
-suppress_warnings = ["toc.empty_glob"]
 
 myst_heading_anchors = 4
 myst_links_external_new_tab = False
