@@ -27,6 +27,7 @@ language = "en_GB"
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_copybutton"]
 root_doc = "docs/index"
 include_patterns = ["docs/**", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md", "deploy/**"]
+exclude_patterns = [".git", ".venv", "build", "dist", "runs"]
 
 myst_heading_anchors = 4
 myst_links_external_new_tab = False

@@ -1,4 +1,4 @@
-"""Makes the pictures of the page that README and site show, `make pictures`: of a run that it does itself, or one given.
+"""Makes the pictures of the page that README and site show, `make pictures`: of a run of its own, or one given.
 
 A real browser opens the page as anybody would, in light and in dark. An animation shows the map from the run's begin.
 """
