@@ -1,7 +1,7 @@
 """Makes the pictures of the paper's rules that docs/student.md shows, `make pictures`: of the decisions of one run.
 
-Three robots patrol `yards` by the paper's policy. At one tick the first robot's view is drawn, with the code that robots
-use themselves.
+Three robots patrol `yards` by the paper's policy. At one tick the first robot's view is drawn, with the code that
+robots use themselves.
 """
 
 from __future__ import annotations
