@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
+from docs.site.docstrings import with_examples  # noqa: E402
 from docs.site.generated import with_generated  # noqa: E402
 
 project = "fogwatch"
@@ -37,6 +38,7 @@ nb_execution_raise_on_error = True
 nb_execution_timeout = 300
 nb_execution_cache_path = str(ROOT / "build" / "notebooks")
 
+napoleon_use_ivar = True
 autodoc_member_order = "bysource"
 autodoc_typehints_format = "short"
 python_use_unqualified_type_names = True
@@ -54,5 +56,14 @@ copybutton_exclude = ".linenos, .gp, .go"
 
 
 def setup(app: Sphinx) -> None:
-    """Have Sphinx fill the places of the reference that are generated."""
-    app.connect("source-read", lambda _, __, source: source.__setitem__(0, with_generated(source[0])))
+    """Have Sphinx fill in what is generated, and read docstrings as this project writes them."""
+    app.connect("source-read", _generate)
+    app.connect("autodoc-process-docstring", _mark_examples, priority=400)  # before napoleon
+
+
+def _generate(_app: Sphinx, _name: str, source: list[str]) -> None:
+    source[0] = with_generated(source[0])
+
+
+def _mark_examples(_app: Sphinx, _what: str, _name: str, _object: object, _options: object, lines: list[str]) -> None:
+    lines[:] = with_examples(lines)

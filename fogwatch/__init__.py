@@ -1,7 +1,7 @@
 """The command `fogwatch` and its Python interface.
 
 The package also holds the launcher, which runs a fleet as separate processes, the router between them, the run folder
-and the pictures. From Python::
+and the pictures. From Python:
 
     result = fogwatch.run("yards", overrides={"duration": 600})
 """
