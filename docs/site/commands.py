@@ -55,7 +55,7 @@ def _section(name: str, command: Any, level: int) -> str:
 
 def _words(argument: Any) -> str:
     """Return how an argument stands in the usage."""
-    return argument.metavar or argument.name.upper()
+    return str(argument.metavar or argument.name.upper())
 
 
 def _names(option: Any) -> str:

@@ -78,10 +78,11 @@ def _kinds(field: Schema) -> Iterator[str]:
     elif "enum" in field:
         yield from (f"`{value}`" for value in field["enum"])
     elif field.get("type") == "array":
-        inner = [kind for part in (field.get("items"), *field.get("prefixItems", ())) if part for kind in _kinds(part)]
+        parts = [*([field["items"]] if field.get("items") else []), *field.get("prefixItems", ())]
+        inner = [kind for part in parts for kind in _kinds(part)]
         yield f"list of {' or '.join(dict.fromkeys(inner))}" if inner else "list"
     elif kind := field.get("type"):
-        yield " ".join([WORDS.get(kind, kind), " and ".join(_bounds(field))]).rstrip()
+        yield " ".join([WORDS.get(kind, str(kind)), " and ".join(_bounds(field))]).rstrip()
 
 
 def _bounds(field: Schema) -> Iterator[str]:

@@ -29,9 +29,9 @@ def command_lines(path: Path) -> list[str]:
     """The lines of code that begin with a command of ours, as a shell would join and expand them."""
     text = path.read_text(encoding="utf-8").replace("\\\n    ", "")
     variables = dict(re.findall(r"^ {4,}(?:export )?([A-Z]+)=[\"']?([^\"'\n]*)[\"']?$", text, flags=re.MULTILINE))
-    lines = re.findall(r"^ {4,}((?:fogwatch|python -m [\w.]+) [^ #\n][^#\n]*)", text, flags=re.MULTILINE)
+    lines = re.findall(r"^ {4,}((?:fogwatch|python -m [\w.]+) [^ \n].*)", text, flags=re.MULTILINE)
     expanded = (re.sub(r"\$([A-Z]+)", lambda match: variables[match[1]], line) for line in lines)
-    return sorted({" ".join(line.split()) for line in expanded})
+    return sorted({" ".join(re.sub(r"\s#.*", "", line).split()) for line in expanded})
 
 
 def check(line: str) -> None:
@@ -43,14 +43,12 @@ def check(line: str) -> None:
         if words[1] in MODULES:
             MODULES[words[1]]().parse_args(words[2:])
         return
-    if words[-1] == "--help":
-        words.pop()
-        helped = True
-    else:
-        helped = False
+    helped = words[-1] == "--help"
+    words = words[: len(words) - helped]
     if words and words[0] in {"agent", "robot-sim"}:
         made = sim_parser() if words[0] == "robot-sim" else ros2_parser() if "ros2" in words else simulated_parser()
-        assert helped or made.parse_args(words[1:])
+        if not helped:
+            made.parse_args(words[1:])
         return
     command = COMMANDS
     while words and hasattr(command, "commands"):

@@ -34,10 +34,10 @@ pytestmark = [pytest.mark.site]
 class LoadedFiles(HTMLParser):
     """The files that a page has a browser load, as it names them."""
 
-    def __init__(self, page: Path) -> None:
+    def __init__(self, html: str) -> None:
         super().__init__()
         self.named: list[str] = []
-        self.feed(page.read_text(encoding="utf-8"))
+        self.feed(html)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self.named.extend(value or "" for name, value in attrs if (tag, name) in LOADED)
@@ -59,11 +59,16 @@ def test_there_is_a_page_for_each_document() -> None:
     assert documents <= {page.relative_to(SITE) for page in html_pages()}
 
 
+def test_what_a_page_loads_is_what_its_elements_name() -> None:
+    html = '<img src="https://a.example/b.png"><a href="https://a.example">c</a><script src="d.js"></script>'
+    assert LoadedFiles(html).named == ["https://a.example/b.png", "d.js"]
+
+
 def test_no_page_loads_anything_from_another_host() -> None:
     foreign = {
         f"{page.relative_to(SITE)}: {name}"
         for page in html_pages()
-        for name in LoadedFiles(page).named
+        for name in LoadedFiles(page.read_text(encoding="utf-8")).named
         if re.match(r"(?:\w+:)?//", name)
     }
     assert not foreign
@@ -81,7 +86,7 @@ def test_whatever_a_page_loads_is_there() -> None:
     missing = {
         f"{page.relative_to(SITE)}: {name}"
         for page in html_pages()
-        for name in LoadedFiles(page).named
+        for name in LoadedFiles(page.read_text(encoding="utf-8")).named
         if not name.startswith("data:") and not (page.parent / re.split("[?#]", name)[0]).exists()
     }
     assert not missing
