@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from agent.ports import Telemetry
-from patrol.errors import BadInput
+from patrol.errors import BadInput, NotPrepared
 from patrol.process.context import ProcessContext, run_with
 from patrol.radio.message import MAX_TIME_MS
 from patrol.radio.units import ms_to_s
@@ -105,13 +105,15 @@ def drive(
     Returns:
         Exit code: 1 when the robot's policy has failed, 2 for bad input, 130 when interrupted.
     """
-    from patrol.scenario import load_scenario
+    from patrol.scenario import load_scenario, naming
 
     proof = None if credentials is None else Path(credentials)
     options = Namespace(credentials=proof, router=router, fleet=fleet, radio=radio, wait=wait_s)
 
     def work(process: ProcessContext) -> int:
-        return patrol_with(process, make, load_scenario(Path(scenario)), robot, Ticks(epoch_s, wait_s))
+        loaded = load_scenario(Path(scenario))
+        with naming(scenario):
+            return patrol_with(process, make, loaded, robot, Ticks(epoch_s, wait_s))
 
     return run_with(options, robot, work)
 
@@ -152,6 +154,7 @@ def patrol_with(
 
     Raises:
         BadInput: One line says what is wrong and what to do instead.
+        NotPrepared: The same, where the scenario's file must be named.
         AskedToLeave: Before the patrol could begin.
     """
     from patrol.net.keys import callers_of, check_radio
@@ -160,9 +163,7 @@ def patrol_with(
     from patrol.process.options import robot_named
 
     if scenario.radio.via != "direct":
-        raise BadInput(
-            f"scenario {scenario.name}: radio.via = ether, which only a world carries; set radio: {{via: direct}}"
-        )
+        raise NotPrepared("radio.via = ether: only a world carries frames so; set radio: {via: direct}")
     spec = spec_of(scenario, name)
     meeting = process.meet(Kind.ROBOT)
     robot_named(name, meeting.credentials)
@@ -196,7 +197,8 @@ def mind_of(process: ProcessContext, scenario: Scenario, spec: RobotSpec, incarn
         The prepared scenario and the mind.
 
     Raises:
-        BadInput: The scenario cannot be patrolled, or its policy cannot be made.
+        NotPrepared: The scenario cannot be patrolled.
+        BadInput: Its policy cannot be made.
         AskedToLeave: Before there was a mind.
     """
     process.warm(("patrol", "agent"), scenario)

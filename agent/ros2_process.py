@@ -7,12 +7,13 @@ import os
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from agent.robots.ros2.options import SCENARIO_START, domain_of, drive_settings, options_of
-from patrol.errors import BadInput
+from patrol.errors import BadInput, NotPrepared
 from patrol.process.context import AskedToLeave, ProcessContext, run_with
 from patrol.process.lifeline import rest_before_pause
 from patrol.process.reporting.logs import Log
@@ -90,25 +91,40 @@ def _name(options: argparse.Namespace) -> str:
     return options.namespace.strip("/").rpartition("/")[2] or "robot"
 
 
-def _refuse_zones_for_nav2(file: str | None, scenario: Scenario) -> None:
-    """Refuse zones that Nav2 would drive through as if they were not there."""
+def _check_scenario(scenario: Scenario, drive: str) -> None:
+    """Refuse what a ROS 2 robot does not sense, and zones that Nav2 would drive through as if they were not there."""
+    if scenario.closures:
+        raise NotPrepared("closures: a ROS 2 robot reports nothing blocked here; drop them")
+    if any(spec.battery is not None for spec in scenario.roster):
+        raise NotPrepared("robots.battery: a ROS 2 robot reports no charge here; drop it and docks")
+    if drive != "nav2":
+        return
     for number, zone in enumerate(scenario.zones):
         if zone.speed is not None:
             why = "Nav2 drives to goals at its own speed; give it the mask for its speed filter, and drop it here"
-            raise BadInput(f"{file}: zones.{number}.speed = {zone.speed:g}: {why}")
+            raise NotPrepared(f"zones.{number}.speed = {zone.speed:g}: {why}")
         if zone.one_way is not None:
             why = (
                 "Nav2 drives to goals on ways of its own, which may lead against it; drop it, or choose another --drive"
             )
-            raise BadInput(f"{file}: zones.{number}.one_way = {zone.one_way}: {why}")
+            raise NotPrepared(f"zones.{number}.one_way = {zone.one_way}: {why}")
 
 
 def _run(process: ProcessContext) -> int:
     """Find the robot, and patrol with it; return the exit code."""
+    from patrol.scenario import naming, parse_overrides
+
+    options = process.options
+    overrides = parse_overrides(options.set)
+    with nullcontext() if options.scenario is None else naming(options.scenario, overrides):
+        return _find_and_patrol(process, overrides)
+
+
+def _find_and_patrol(process: ProcessContext, overrides: dict[str, object]) -> int:
     from agent.robots.ros2.hardware import Hardware
     from agent.robots.ros2.stops.files import StopFiles, state_folder
     from patrol.net.security.roles import robot_role
-    from patrol.scenario import load_scenario, parse_overrides
+    from patrol.scenario import load_scenario
 
     options = process.options
     name = _name(options)
@@ -116,14 +132,9 @@ def _run(process: ProcessContext) -> int:
     say = process.log.info
     settings = drive_settings(options)
     stop_files = StopFiles(state_folder(options.state, os.environ), robot_role(name).robot)
-    overrides = parse_overrides(options.set)
     scenario = None if options.scenario is None else load_scenario(options.scenario, overrides)
-    if scenario is not None and scenario.closures:
-        raise BadInput(f"{options.scenario}: closures: a ROS 2 robot reports nothing blocked here; drop them")
-    if scenario is not None and any(spec.battery is not None for spec in scenario.roster):
-        raise BadInput(f"{options.scenario}: robots.battery: a ROS 2 robot reports no charge here; drop it and docks")
-    if scenario is not None and settings.drive == "nav2":
-        _refuse_zones_for_nav2(options.scenario, scenario)
+    if scenario is not None:
+        _check_scenario(scenario, settings.drive)
     terrain = _check_map(options, name, scenario, overrides)
     for spec in () if scenario is None else scenario.roster:
         if spec.name == name:
@@ -199,7 +210,7 @@ def _check_map(
     options: argparse.Namespace, name: str, scenario: Scenario | None, overrides: dict[str, object]
 ) -> Terrain | None:
     """Say what is wrong with the map, if it is given, before anything waits for the robot; return the map."""
-    from patrol.ground.maps import load_terrain
+    from patrol.ground.maps.load import load_terrain
     from patrol.pose import Pose
 
     if scenario is None and options.map is not None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from patrol.ground.builtins import builtin_terrain
+from patrol.ground.maps.builtins import builtin_terrain
 from patrol.ground.terrain import BoolGrid
 from patrol.prepare import prepare
 from patrol.random import draw

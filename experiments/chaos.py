@@ -20,7 +20,7 @@ import numpy as np
 
 from experiments.inprocess import Outcome, run_in_process
 from patrol.errors import BadInput
-from patrol.ground.builtins import builtin_terrain
+from patrol.ground.maps.builtins import builtin_terrain
 from patrol.random import Draws, Purpose
 from patrol.scenario import Scenario, as_mapping, dump_scenario, load_scenario
 from patrol.scenario.faults.kinds import nothing

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from patrol.errors import BadInput
 from patrol.ground.fields import grown
-from patrol.ground.map_cells import marked_cells, touched_points
-from patrol.ground.map_file import read_map_file
+from patrol.ground.maps.cells import marked_cells, touched_points
+from patrol.ground.maps.map_file import read_map_file
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import Pose
 from patrol.ros2.frames import composed, inverted

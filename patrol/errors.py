@@ -2,7 +2,7 @@
 
 Unusable                what a user, a file or a wire gave
     BadInput            a user's file or argument; the command line prints it and ends with exit code 2
-        NotPrepared     a scenario that cannot run on its ground
+        NotPrepared     a scenario that cannot run on its ground, or with these robots
     Malformed           bytes that are not the message or the record that belongs there
     Rejected            a frame that must not be used (`patrol.radio.message`)
     RequestRefused      a request that does not control the run (`patrol.net.security.control_auth`)
@@ -42,7 +42,7 @@ class BadInput(Unusable):
 
 
 class NotPrepared(BadInput):
-    """A scenario whose values are right, and that cannot run on its ground.
+    """A scenario whose values are right, and that cannot run on its ground, or with robots that no world simulates.
 
     The line names the field, or another file, such as the map. `patrol.scenario.file.explain.naming` adds the file that
     the scenario came from.

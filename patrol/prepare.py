@@ -18,7 +18,7 @@ import numpy as np
 from patrol.closures import closure_points
 from patrol.errors import BadInput, NotPrepared
 from patrol.ground.closed import ChangingFootprint
-from patrol.ground.fields import StaticFields, compute_fields, load_grid
+from patrol.ground.fields import StaticFields, compute_fields, grown, load_grid, parts_of
 from patrol.ground.footprint import REMEMBERED, Footprint
 from patrol.ground.one_way import unit
 from patrol.ground.terrain import BoolGrid, Terrain, frozen_grid
@@ -41,7 +41,7 @@ TICKS_APART = 4
 """Most ticks between two robots of a fleet where the world waits for none of them."""
 
 LEAST_LONG = 2.0
-"""Length of a one-way zone at least, in diameters of a robot and a step together, besides a point's diagonal."""
+"""Length of a one-way zone at least where a robot gets, in its diameters and steps, besides a point's diagonal."""
 
 FACTS = "prepared.json"
 GROUND = ("passable", "keep_out", "free", "blocked")
@@ -62,7 +62,8 @@ class Prepared:
         fields: By robot number.
         regions: By robot number, or None where paths do not lead through regions.
         rounds: By robot number, once somebody has asked for one (`patrol.measures.best_tour.round_of`).
-        zoned: The ground by the zones in force and their weights, likewise (`patrol.measures.zoned.zoned_ground`).
+        zoned: The ground by the zones in force and their weights, likewise (`patrol.measures.zoned.zoned_ground`); a
+            bounded number of them.
     """
 
     scenario: Scenario
@@ -198,8 +199,7 @@ def prepare(scenario: Scenario, terrain: Terrain | None = None) -> Prepared:
 
 
 def _prepared(scenario: Scenario, terrain: Terrain | None) -> Prepared:
-    from patrol.ground.maps import load_terrain  # here: loading a prepared scenario needs neither
-    from patrol.starts import place_starts
+    from patrol.ground.maps.load import load_terrain  # here: loading a prepared scenario does not need it
 
     if terrain is None:
         terrain = load_terrain(scenario.terrain, scenario.point, scenario.base, zones=scenario.zones)
@@ -207,8 +207,7 @@ def _prepared(scenario: Scenario, terrain: Terrain | None) -> Prepared:
         check_intruder(intruder, terrain, f"intruders.{number}.place")
     _check_critical_areas(scenario, terrain)
     _check_graph(scenario, terrain)
-    all_closed = _with_closed(terrain, scenario.closures) if scenario.closures else None
-    starts = tuple(place_starts(terrain, scenario.roster, scenario.seed, all_closed))
+    starts = _starts(scenario, terrain)
     by_radius: dict[float, StaticFields] = {}
     for radius in sorted({spec.radius for spec in scenario.roster}):
         own = [start for spec, start in zip(scenario.roster, starts, strict=True) if spec.radius == radius]
@@ -225,6 +224,30 @@ def _prepared(scenario: Scenario, terrain: Terrain | None) -> Prepared:
         splits = _split(scenario, terrain, by_radius)
         regions = {spec.number: splits[spec.radius] for spec in scenario.roster}
     return Prepared(scenario, terrain, starts, fields, regions)
+
+
+def _starts(scenario: Scenario, terrain: Terrain) -> tuple[Pose, ...]:
+    """Place the robots, clear of all closures. Raises BadInput, which names the closures where they take the room."""
+    from patrol.starts import place_starts  # here: loading a prepared scenario does not need it
+
+    roster, seed, closures = scenario.roster, scenario.seed, scenario.closures
+    if not closures:
+        return tuple(place_starts(terrain, roster, seed))
+    try:
+        return tuple(place_starts(terrain, roster, seed, _with_closed(terrain, closures)))
+    except BadInput:
+        place_starts(terrain, roster, seed)  # raises the same where closures are not to blame
+    number, largest = max(enumerate(closures), key=lambda each: closure_points(each[1], terrain).size)
+    robots = sum(not spec.spare for spec in roster)
+    fleet = f"{robots} {'robot' if robots == 1 else 'robots'}"
+    room = f"no room on {terrain.name} for the starts of {fleet}, which are clear of closures"
+    try:
+        place_starts(terrain, roster, seed, _with_closed(terrain, [largest]))
+    except BadInput:
+        why = f"closures.{number}.polygon: {largest.name} leaves {room}; make it smaller, or start fewer robots"
+    else:
+        why = f"closures: together they leave {room}; make some smaller, or start fewer robots"
+    raise BadInput(why)
 
 
 def sensor_footprint(scenario: Scenario, terrain: Terrain) -> Footprint:
@@ -357,18 +380,34 @@ def _check_one_way(
     terrain: Terrain,
     by_radius: Mapping[float, StaticFields],
 ) -> None:
-    """Refuse a zone that bodies cross in a few steps, or none gets to: the verdict could not tell its direction."""
-    if not any((fields.reach & points).any() for fields in by_radius.values()):
+    """Refuse a zone that bodies cross in a few steps, or none gets to: the verdict could not tell its direction.
+
+    Only its points that bodies reach count, and of several parts of these, as on both sides of a wall, the longest.
+    """
+    bodies = [(radius, fields.reach) for radius, fields in by_radius.items() if (fields.reach & points).any()]
+    if not bodies:
         raise BadInput(f"{where}: no robot gets there, so it directs none; correct or drop it")
-    rows, cols = np.nonzero(points)
+    for radius, reach in bodies:
+        longest_m = max(2.0 * radius + spec.speed * scenario.step for spec in scenario.roster if spec.radius == radius)
+        least_m = LEAST_LONG * longest_m + math.sqrt(2.0) * terrain.point
+        length_m = _longest_part_m(degrees, points, reach, terrain)
+        if length_m < least_m:
+            long = f"is {length_m:.2f} m long in its direction where robots of radius {radius:g} m get"
+            remedy = "make it longer there"
+            raise BadInput(f"{where}: {long}, and they take at least {least_m:.2f} m to show theirs; {remedy}")
+
+
+def _longest_part_m(degrees: int, points: BoolGrid, reach: BoolGrid, terrain: Terrain) -> float:
+    """Return the length, in a direction, of the longest part of a zone in which a body can go on; m."""
+    # With the points around, a thin zone that goes up by corners stays in one part, as for the ways of bodies.
+    labels, count = parts_of(reach & grown(points))
+    rows, cols = np.nonzero(reach & points)
     across, up = unit(degrees)
     along = (cols * across + rows * up) * terrain.point
-    length_m = float(along.max() - along.min()) + terrain.point
-    longest_m = max(2.0 * spec.radius + spec.speed * scenario.step for spec in scenario.roster)
-    least_m = LEAST_LONG * longest_m + math.sqrt(2.0) * terrain.point
-    if length_m < least_m:
-        long = f"is {length_m:.2f} m long in its direction, and robots take at least {least_m:.2f} m to show theirs"
-        raise BadInput(f"{where}: {long}; make it longer")
+    first, last = np.full(count + 1, np.inf), np.full(count + 1, -np.inf)
+    np.minimum.at(first, labels[rows, cols], along)
+    np.maximum.at(last, labels[rows, cols], along)
+    return float((last - first).max()) + terrain.point
 
 
 def _check_closures(scenario: Scenario, terrain: Terrain, starts: Sequence[Pose]) -> None:

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from patrol.ground.terrain import Terrain
 from patrol.ground.zones import with_zones
@@ -41,9 +42,14 @@ def ring(*zones: dict[str, Any]) -> Terrain:
 
 def write_ring(folder: Path) -> Path:
     """Write the ring as a map; return its YAML file."""
-    passable = ring().passable
-    image = np.where(passable[::-1], 254, 0).astype(np.uint8)
-    (folder / "ring.pgm").write_bytes(b"P5 %d %d 255\n" % passable.shape[::-1] + image.tobytes())
-    says = f"image: ring.pgm\nresolution: {POINT}\norigin: [0, 0, 0]\n"
-    (folder / "ring.yaml").write_text(f"{says}negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\n", encoding="utf-8")
-    return folder / "ring.yaml"
+    return write_cells(folder, "ring", ~ring().passable)
+
+
+def write_cells(folder: Path, name: str, occupied: NDArray[np.bool_]) -> Path:
+    """Write cells of the ring's size as a map or a mask; return its YAML file."""
+    image = np.where(occupied[::-1], 0, 254).astype(np.uint8)
+    (folder / f"{name}.pgm").write_bytes(b"P5 %d %d 255\n" % occupied.shape[::-1] + image.tobytes())
+    says = f"image: {name}.pgm\nresolution: {POINT}\norigin: [0, 0, 0]\n"
+    says += "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\n"
+    (folder / f"{name}.yaml").write_text(says, encoding="utf-8")
+    return folder / f"{name}.yaml"

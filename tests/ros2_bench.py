@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from patrol.ground.maps import load_terrain
+from patrol.ground.maps.load import load_terrain
 from patrol.ground.sensors import footprint_of
 from patrol.pose import Pose
 from patrol.ros2.formats import format_named

@@ -9,8 +9,10 @@ Robots tell each other where they are and nothing else, so all is inferred from 
 
 - *Taken*: a dock is taken while another robot has stood at it for some seconds, or while something has closed it.
 - *Claimed*: of two robots that want one dock, the one with the shorter way goes, at equal lengths the lower number. A
-  robot seems to want a dock while its way there gets shorter at half of its speed or more.
-- *Waiting*: a robot for which no dock is free stands a few lengths away from one, clear of those that leave.
+  robot seems to want a dock while its way there gets shorter at half of its speed or more; where slow zones hold it up,
+  at half of what they allow.
+- *Waiting*: a robot for which no dock is free stands a few lengths away from one, clear of those that leave, and where
+  others get past it: in front of no door.
 - *Charge of others*: a robot reckons it from where they drive and stand, as if all had a battery like its own.
 - *Number on patrol*: as many robots patrol as the others can recharge meanwhile. One that has charged waits beside its
   dock while there are so many. While there are more, the one with the least charge goes to a dock early.
@@ -28,7 +30,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Mapping, Set
+from collections.abc import Mapping, Set
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -39,12 +41,14 @@ from agent.ports import Place, State, Stay
 from agent.routes.ground import Ground
 from agent.routes.routes import Routes
 from agent.routes.slow_ways import SlowWays
+from agent.routes.waiting import Waiting
 
 if TYPE_CHECKING:
     from agent.ports import Intent, Policy, PolicySetup
     from agent.routes.ground import Spot
     from agent.view import View
     from patrol.ground.speed_limits import SpeedLimits
+    from patrol.ground.terrain import Terrain
     from patrol.radio.peers import Peer
 
 DETOUR = 1.3
@@ -121,6 +125,7 @@ class _Dock:
         ways: float32 (h, w), lengths of the ways to it, m; infinity where none leads.
         slow_ways: What slow zones cost on these.
         point: Row and column of its place.
+        clear: bool (h, w), the points beside it that are clear of all docks.
         exit: Where a robot goes that leaves it without another aim, x and y in m.
         used_since: Tick since which something has been at it; None while nothing is.
     """
@@ -130,6 +135,7 @@ class _Dock:
     ways: NDArray[np.float32]
     slow_ways: SlowWays
     point: tuple[int, int]
+    clear: NDArray[np.bool_]
     exit: Spot
     used_since: int | None = None
 
@@ -191,9 +197,12 @@ class Charging:
             if np.isfinite(ways).any():
                 point = terrain.point_at(*given.place)
                 slow_ways = SlowWays(ways, terrain.point, spec.speed, speed_limits)
-                self._docks.append(_Dock(given.place, given.radius, ways, slow_ways, point, given.place))
+                clear = np.isfinite(ways)
+                self._docks.append(_Dock(given.place, given.radius, ways, slow_ways, point, clear, given.place))
+        self._waiting = Waiting(terrain, setup.fields.reach, spec.radius)
+        self._waits_at: Spot | None = None
         for dock in self._docks:
-            dock.exit = self._exit_of(dock, terrain.centre)
+            self._clear_docks(dock, terrain)
         self._others: dict[int, _Heard] = {}
         self._charged = setup.charged
         self._ready = False
@@ -210,7 +219,7 @@ class Charging:
         if self._battery is not None and view.charge is not None and self._docks:
             charge = view.charge
             if self.goes and self._is_done(view, charge):
-                self.goes, self._ready, self._dock = False, False, None
+                self.goes, self._ready, self._dock, self._waits_at = False, False, None, None
             elif not self.goes and self._is_due(view, charge):
                 self.goes = True
             if self.goes:
@@ -412,11 +421,28 @@ class Charging:
     def _beside_dock(self, view: View, index: int) -> Intent:
         """Return the way to where a robot waits beside a dock: near it, and clear of all docks."""
         dock, pose = self._docks[index], (view.pose.x, view.pose.y)
-        if self._way(view, index) > 1.5 * (dock.radius + self._clear_m):
+        if self._way(view, index) > self._beside_m(dock):
+            self._waits_at = None
             return self._place(view, view.place_of(dock.point), State.DOCKING)
-        if any(self._open_length(other, pose, view) <= self._clear_of(other) for other in range(len(self._docks))):
-            return self._place(view, dock.exit, State.DOCKING)
-        return Stay(State.DOCKING)
+        near = self._near(pose, view)
+        waits_at = self._waits_at
+        if waits_at is not None and any(math.dist(waits_at, other) <= 2.0 * view.spec.radius for other in near):
+            waits_at = None
+        if waits_at is None or math.dist(waits_at, pose) > view.stride:
+            # It need not go on to where it wanted to wait if others can pass where it is.
+            if dock.clear[view.point_of(pose)] and self._waiting.lets_others_pass(pose, near):
+                waits_at = pose
+            elif waits_at is None:
+                waits_at = self._waiting.nearest(dock.ways, dock.clear, near) or dock.exit
+        self._waits_at = waits_at
+        if math.dist(waits_at, pose) <= view.stride:
+            return Stay(State.DOCKING)
+        return self._place(view, waits_at, State.DOCKING)
+
+    def _near(self, pose: Spot, view: View) -> list[Spot]:
+        """Return where the others stand that wait near some place."""
+        spots = (self._others[number].course[-1].spot for number in sorted(self._off_patrol(view.tick)))
+        return [spot for spot in spots if math.dist(spot, pose) <= 4.0 * self._clear_m]
 
     def _place(self, view: View, spot: Spot, state: str) -> Intent:
         way = view.way(spot)
@@ -443,9 +469,12 @@ class Charging:
         """Return the energy for a way of some m to a dock, and for the time that slow zones in force cost on it, J."""
         needed_j = way_m * self._use_per_m
         if self._battery is not None and self._battery.idle:
-            here = view.point_of((view.pose.x, view.pose.y))
-            needed_j += DETOUR * self._docks[index].slow_ways.delay_s(here, view.zones) * self._battery.idle
+            needed_j += DETOUR * self._delay_s(index, (view.pose.x, view.pose.y), view) * self._battery.idle
         return needed_j
+
+    def _delay_s(self, index: int, spot: Spot, view: View) -> float:
+        """Return the time that slow zones in force cost on the way from x and y in m to a dock, s."""
+        return self._docks[index].slow_ways.delay_s(view.point_of(spot), view.zones)
 
     def _is_taken(self, index: int, tick: int) -> bool:
         return self._lasts(self._docks[index].used_since, tick, STOOD_S)
@@ -483,18 +512,28 @@ class Charging:
         way_m = self._length(index, last.spot, view)
         if (way_m, number) > (own_m, self._number):
             return False
-        return self._length(index, first.spot, view) - way_m >= TOWARDS * self._speed * passed_s
+        nearer_m = self._length(index, first.spot, view) - way_m
+        held_up_s = self._delay_s(index, first.spot, view) - self._delay_s(index, last.spot, view)
+        return nearer_m + self._speed * held_up_s >= TOWARDS * self._speed * passed_s
+
+    def _beside_m(self, dock: _Dock) -> float:
+        """Return the length of the way to a dock up to which a robot is beside it, m."""
+        return 1.5 * (dock.radius + self._clear_m)
 
     def _clear_of(self, index: int) -> float:
         """Return the length of the way to a dock from which on a robot is clear of it, m."""
         return self._docks[index].radius + 0.5 * self._clear_m
 
-    def _exit_of(self, dock: _Dock, centre: Callable[[int, int], Spot]) -> Spot:
-        """Return the nearest place that is clear of all docks, x and y in m; the dock's own where there is none."""
-        clear = np.isfinite(dock.ways)
+    def _clear_docks(self, dock: _Dock, terrain: Terrain) -> None:
+        """Find the points beside a dock that are clear of all docks, and the nearest of them from which others pass.
+
+        Where there is none, a robot leaves to the nearest clear point, and where all is near docks, not at all.
+        """
         for index, other in enumerate(self._docks):
-            clear &= other.ways > self._clear_of(index)
-        if not clear.any():
-            return dock.place
-        row, col = np.unravel_index(int(np.where(clear, dock.ways, np.inf).argmin()), dock.ways.shape)
-        return centre(int(row), int(col))
+            dock.clear &= other.ways > self._clear_of(index)
+        if not dock.clear.any():
+            return
+        row, col = np.unravel_index(int(np.where(dock.clear, dock.ways, np.inf).argmin()), dock.ways.shape)
+        nearest = terrain.centre(int(row), int(col))
+        dock.clear &= dock.ways <= self._beside_m(dock)
+        dock.exit = self._waiting.nearest(dock.ways, dock.clear, ()) or nearest

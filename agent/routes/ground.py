@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from agent.routes.kernels.wave import BLOCKED, HEMMED, OPEN
 from patrol.ground.fields import anchor
-from patrol.ground.terrain import Terrain
+from patrol.ground.terrain import ALL_WAYS, Terrain
 
 Spot = tuple[float, float]
 """x and y in m."""
@@ -23,9 +23,6 @@ _REMEMBERED = 65536
 """Places off the open points whose elements a ground remembers, at most."""
 
 _UNKNOWN = (-1, -1)
-
-ALL_WAYS: NDArray[np.uint8] = np.zeros((0, 0), dtype=np.uint8)
-"""`Ground.against` where ways may lead in all directions."""
 
 
 class Area:
@@ -56,8 +53,8 @@ class Ground:
     own routes and the body alike. Elements are numbered like those of `state`.
 
     Attributes:
-        against: uint8 (h, w), the steps that lead against one-way zones (`patrol.ground.terrain.Terrain.against`); of
-            size 0 where ways may lead in all directions.
+        against: uint8 (h, w), the steps that lead against one-way zones (`patrol.ground.terrain.Terrain.against`);
+            `ALL_WAYS` where ways may lead in all directions.
         behind: bool (h, w), the points of one-way zones that lie behind the robot, on which manoeuvres keep off; None
             for none.
     """

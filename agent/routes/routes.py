@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from agent.routes.ground import Ground, Spot
 from agent.routes.path_window import DIAGONAL, FAR, Place
 from agent.routes.wave import LONGEST, BoxPaths, box_between, paths_in
-from patrol.ground.one_way import first_bend
+from patrol.ground.ways import first_bend
 
 STRAIGHT_OVER = 2**16
 """Points between two places among which a closed one is looked for before a wave."""

@@ -20,11 +20,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from agent.routes.ground import ALL_WAYS
 from agent.routes.path_window import FAR
 from agent.routes.wave import LONGEST, paths_in
 from patrol.ground.one_way import unit
 from patrol.ground.swept_path import advance
+from patrol.ground.terrain import ALL_WAYS
 from patrol.ground.zones import points_of
 
 if TYPE_CHECKING:

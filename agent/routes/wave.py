@@ -13,7 +13,7 @@ from agent.routes.kernels.lengths import read, spread
 from agent.routes.kernels.wave import settle
 from agent.routes.path_window import FAR, Lengths, PathWindow, Place
 from patrol.ground.kernels.footprint import cast
-from patrol.ground.one_way import lengths_along
+from patrol.ground.ways import lengths_along
 
 LONGEST = 2**26
 """Longest path that fits an entry, in hundredths of a point."""

@@ -20,7 +20,7 @@ import numpy as np
 from experiments.inprocess import run_in_process
 from experiments.plan.division import Divider, Territory, longest_m
 from patrol.errors import BadInput, NotPrepared
-from patrol.ground.maps import load_terrain
+from patrol.ground.maps.load import load_terrain
 from patrol.measures.best_tour import MOST_ROBOTS, BestTour, best_tour
 from patrol.prepare import Prepared, prepare
 from patrol.scenario import RobotGroup, as_mapping, load_scenario

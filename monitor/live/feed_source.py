@@ -39,7 +39,7 @@ from patrol.pose import Pose
 from patrol.prepare import prepare, sensor_footprint
 from patrol.scenario.control_words import worded
 from patrol.scenario.controls import CONTROLS, OPERATOR, amended, control_in, in_force, intruders_there, read_control
-from patrol.scenario.zones import labels_at
+from patrol.scenario.zones import zones_at
 
 if TYPE_CHECKING:
     from monitor.live.feed_client import FeedClient
@@ -392,7 +392,7 @@ class FeedSource:
             intruders=intruders_there(self._scenario, k),
             closed=tuple(sorted(self._closings.now.names)),
             waiting=tuple(sorted(self._closings.now.waiting)),
-            zones=labels_at(self._scenario.zones, coming * self._step),
+            zones=zones_at(self._scenario.zones, coming * self._step),
             faults=in_force(self._scenario, coming, self._planned),
             note=self._note(),
             gone=self._ended is None and not self._client.present,

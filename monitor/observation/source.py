@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from patrol.journal.records import Event, Status
     from patrol.pose import Pose
+    from patrol.scenario.zones import ZoneNow
 
 Layer = Literal["truth", "heard"] | int
 """A fog: the true one, the one that follows from every position sent, or the one that a robot (by number) believes."""
@@ -170,7 +171,7 @@ class State:
         intruders: (x, y, name) of the intruders that are present, m; a control ends them by their names.
         closed: Names of the closures that are closed.
         waiting: Names of the closures that are to close and wait until bodies are clear of them.
-        zones: The labels of the zones that are in force, by name.
+        zones: All zones, by name.
         faults: The faults in force that operators have requested, as entries of a scenario's faults.
         note: What is wrong now, such as that nothing has been heard for some time.
         gone: Whether the world has disappeared without reporting an end.
@@ -189,7 +190,7 @@ class State:
     intruders: tuple[tuple[float, float, str], ...] = ()
     closed: tuple[str, ...] = ()
     waiting: tuple[str, ...] = ()
-    zones: Mapping[str, str] = field(default_factory=dict)
+    zones: Mapping[str, ZoneNow] = field(default_factory=dict)
     faults: tuple[Mapping[str, Any], ...] = ()
     note: str = ""
     gone: bool = False

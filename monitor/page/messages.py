@@ -212,7 +212,7 @@ def _zones(static: Static) -> list[dict[str, Any]]:
         points = points_of(zone, terrain)
         edges = [[_short(value) for value in edge] for edge in outline(points, terrain).tolist()]
         at = [_short(value) for value in middle(points, terrain)]
-        says_what = {"name": zone.name, "label": zone.label, "weight": zone.weight, "kind": zone.kind}
+        says_what = {"name": zone.name, "label": zone.label, "weighs": zone.weight is not None, "kind": zone.kind}
         shown.append({**says_what, "at": at, "edges": edges})
     return shown
 

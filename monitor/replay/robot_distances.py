@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor.replay.run import Run
-from patrol.ground.kernels.tour import FAR, forget, wave
+from patrol.ground.kernels.ways import FAR
+from patrol.ground.terrain import ALL_WAYS
+from patrol.ground.ways import lengths_along
 from patrol.journal.records import Status
 
 Features = NDArray[np.float32]
@@ -30,22 +32,15 @@ def nearness_and_approach(run: Run, places: Sequence[tuple[int, int]], pixel: fl
         place over the last second / distance, 1 / s.
     """
     terrain = run.prepared.terrain
-    free = np.pad(terrain.free, 1).view(np.uint8)
     cells = np.floor((run.poses[:, :, :2] - terrain.origin) / terrain.point)
     cells = np.clip(np.nan_to_num(cells), -1, [terrain.width, terrain.height]).astype(np.int64) + 1
-    robots = cells[:, :, 1] * free.shape[1] + cells[:, :, 0]
     alive = run.status == Status.ALIVE
     stride = max(round(1.0 / run.step), 1)
-    length = np.full(free.size, FAR, dtype=np.int32)
-    straight, diagonal = (np.empty(2 * free.size + 2, dtype=np.int32) for _ in range(2))
-    used = np.empty(2, dtype=np.int64)
     nearness, approach = (np.zeros((run.ticks, len(places)), dtype=np.float32) for _ in range(2))
     for place, (row, col) in enumerate(places):
         if not (terrain.inside(row, col) and terrain.free[row, col]):
             continue
-        wave(free, (row + 1) * free.shape[1] + col + 1, -1, FAR // 2, length, straight, diagonal, used)
-        ways = length[robots]
-        forget(length, straight, diagonal, used)
+        ways = lengths_along(terrain.free, ALL_WAYS, [(row, col)], FAR // 2)[cells[:, :, 1], cells[:, :, 0]]
         known = alive & (ways < FAR)
         pixels = np.maximum(ways * (terrain.point / 100.0 / pixel), 1.0)
         nearness[:, place] = (known / pixels).sum(axis=1)

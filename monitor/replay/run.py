@@ -18,7 +18,7 @@ from monitor.replay.run_files import SCENARIO, SUMMARY, journal_in
 from monitor.replay.summary_file import read_summary
 from patrol.closures import Closings
 from patrol.errors import BadInput
-from patrol.ground.maps import load_terrain
+from patrol.ground.maps.load import load_terrain
 from patrol.journal import Journal, TraceHash
 from patrol.journal.records import FORGED, Event, RobotFacts, Status, TickRecord, sent_at
 from patrol.pose import Pose

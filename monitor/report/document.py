@@ -336,12 +336,13 @@ def _intruders(analysis: Analysis) -> str:
 def _zones(run: Run) -> str:
     """Describe each zone: what it says and when, and, from the summary, how old its ground got meanwhile."""
     figures = run.stated.zones
-    rows = [(zone.label, zone.when, *_ages(figures.get(zone.name))) for zone in run.prepared.scenario.zones]
+    rows = [(zone.labels, zone.when, *_ages(figures.get(zone.name))) for zone in run.prepared.scenario.zones]
     if not rows:
         return ""
     if (rest := figures.get(ELSEWHERE)) is not None:
         rows.append((f"{ELSEWHERE} x{rest.weight:g}", "always", *_ages(rest)))
-    heads = ("zone", "in force", "mean age (s)", "oldest, mean (s)", "oldest, most (s)", "wish kept (%)")
+    ages = ("mean age while in force (s)", "of its stalest point, mean (s)", "of its stalest point, most (s)")
+    heads = ("zone", "in force", *ages, "wanted age kept (% of that time)")
     return html.table(heads, rows, numbers=range(2, 6))
 
 

@@ -16,7 +16,7 @@ from patrol.graph.graph import Graph, graph_of
 from patrol.ground.fields import StaticFields
 from patrol.ground.footprint import Footprint
 from patrol.ground.kernels.components import label_parts
-from patrol.ground.kernels.tour import FAR, lengths_between
+from patrol.ground.kernels.ways import FAR, lengths_between
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.ground.tour.cover import Looks, Views, choose, complete, lattice, needed
 
@@ -70,8 +70,6 @@ def _lengths(part: BoolGrid, rows: Flat, cols: Flat, near: float) -> NDArray[np.
     places that have another one in between are no neighbours.
     """
     framed = np.pad(part, 1).view(np.uint8)
-    length = np.full(framed.size, FAR, dtype=np.int32)
-    straight, diagonal = (np.empty(2 * framed.size + 2, dtype=np.int32) for _ in range(2))
     lengths = np.empty((rows.size, rows.size), dtype=np.int32)
     places = (rows + 1) * framed.shape[1] + cols + 1
     labels = np.empty(framed.shape, dtype=np.int32)
@@ -79,6 +77,6 @@ def _lengths(part: BoolGrid, rows: Flat, cols: Flat, near: float) -> NDArray[np.
     of_part = np.bincount(labels.reshape(-1)[places])
     apart = rows.size**2 - int((of_part**2).sum())
     limit = min(round(100.0 * near), FAR // 2)
-    while lengths_between(framed, places, lengths, length, straight, diagonal, limit) > apart:
+    while lengths_between(framed, places, limit, lengths) > apart:
         limit = min(4 * limit, FAR // 2)
     return lengths

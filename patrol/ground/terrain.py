@@ -16,7 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 BoolGrid = NDArray[np.bool_]
+Steps = NDArray[np.uint8]
+"""For each point the steps that lead against one-way zones: bit w of step w (`patrol.ground.one_way`)."""
 
+ALL_WAYS: Steps = np.zeros((0, 0), dtype=np.uint8)
+"""In place of such steps, where ways may lead in all directions."""
 
 MAX_POINTS = 50_000_000
 """The largest terrain: 700 x 700 m of 0.1 m points. Flat indices are int32 and every robot keeps several grids."""
@@ -59,7 +63,9 @@ class Terrain:
             when omitted.
         source: The YAML file of the map that it was read from, for errors; None for any other terrain.
         against: uint8 (height, width), the steps from each point that lead against a one-way zone
-            (`patrol.ground.one_way`); of size 0 on ground without one.
+            (`patrol.ground.one_way`); `ALL_WAYS` on ground without one.
+        with_ways_back: By the radius of a body and the first point of a part of its C-space, the points of that part
+            from which ways lead back, once they were needed (`patrol.ground.one_way.ground_with_ways_back`).
     """
 
     name: str
@@ -68,7 +74,8 @@ class Terrain:
     origin: tuple[float, float] = (0.0, 0.0)
     keep_out: BoolGrid = field(default_factory=lambda: np.zeros((0, 0), dtype=np.bool_))
     source: Path | None = None
-    against: NDArray[np.uint8] = field(default_factory=lambda: np.zeros((0, 0), dtype=np.uint8))
+    against: Steps = field(default_factory=lambda: ALL_WAYS)
+    with_ways_back: dict[tuple[float, int], BoolGrid] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         passable = frozen_grid(self.passable)

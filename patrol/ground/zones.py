@@ -8,11 +8,11 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.errors import BadInput
-from patrol.ground.map_cells import touched_points
+from patrol.errors import NotPrepared
+from patrol.ground.maps.cells import touched_points
 from patrol.ground.one_way import with_direction
 from patrol.ground.shapes import Polygon, cover
-from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.ground.terrain import ALL_WAYS, BoolGrid, Steps, Terrain
 
 
 class Mask(Protocol):
@@ -121,14 +121,14 @@ def middle(points: BoolGrid, terrain: Terrain) -> tuple[float, float]:
     return terrain.centre(int(rows[nearest]), int(cols[nearest]))
 
 
-def steps_against(zones: Iterable[Zone], terrain: Terrain) -> NDArray[np.uint8]:
+def steps_against(zones: Iterable[Zone], terrain: Terrain) -> Steps:
     """Return the steps that lead against one-way zones: `Terrain.against`.
 
     Args:
         zones: All zones of the scenario.
         terrain: The ground.
     """
-    against = np.zeros((0, 0), dtype=np.uint8)
+    against = ALL_WAYS
     for zone in zones:
         if zone.one_way is not None:
             against = with_direction(against, points_of(zone, terrain), zone.one_way)
@@ -143,7 +143,7 @@ def with_zones(terrain: Terrain, zones: Iterable[Zone]) -> Terrain:
         zones: All zones of the scenario.
 
     Raises:
-        BadInput: A zone lies outside of the terrain, or no free space is left.
+        NotPrepared: A zone lies outside of the terrain, or no free space is left.
     """
     zones = list(zones)
     keep_out, kept_out = terrain.keep_out.copy(), []
@@ -152,7 +152,8 @@ def with_zones(terrain: Terrain, zones: Iterable[Zone]) -> Terrain:
         if not points.any():
             xmin, ymin, xmax, ymax = terrain.bounds
             span = f"spans x {xmin:g} to {xmax:g} m and y {ymin:g} to {ymax:g} m"
-            raise BadInput(f"zones.{number}: {zone.name} lies outside of {terrain.name}, which {span}; move or drop it")
+            outside = f"{zone.name} lies outside of {terrain.name}"
+            raise NotPrepared(f"zones.{number}: {outside}, which {span}; move or drop it")
         if zone.keep_out:
             keep_out |= points
             kept_out.append(zone.name)
@@ -162,5 +163,6 @@ def with_zones(terrain: Terrain, zones: Iterable[Zone]) -> Terrain:
     kept = Terrain(terrain.name, terrain.passable, terrain.point, terrain.origin, keep_out, terrain.source, against)
     if not kept.free.any():
         names = ", ".join(kept_out)
-        raise BadInput(f"zones: {names} keep robots out of all free space of {terrain.name}; leave some for the robots")
+        taken = f"{names} keep robots out of all free space of {terrain.name}"
+        raise NotPrepared(f"zones: {taken}; leave some for the robots")
     return kept

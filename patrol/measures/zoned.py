@@ -40,9 +40,13 @@ MOST_COMBINED = 3
 MOST_PREPARED = 32
 """Sets of zones that are prepared for, at most; the others are when they come into force."""
 
+MOST_LATER = 8
+"""Sets of zones whose ground is kept besides as many as may be prepared: those that came into force last. One that is
+dropped and comes into force again is found again, with the same result."""
+
 
 def zoned_ground(prepared: Prepared, weighing: Weighing | None = None) -> ZonedGround | None:
-    """Weigh the ground by a scenario's zones, and find the rounds over it; `Prepared.zoned` keeps the result.
+    """Weigh the ground by a scenario's zones, and find the rounds over it; `Prepared.zoned` keeps the results.
 
     Args:
         prepared: The scenario, its terrain and the bodies' static fields.
@@ -58,9 +62,13 @@ def zoned_ground(prepared: Prepared, weighing: Weighing | None = None) -> ZonedG
     if not every:
         return None
     weighing = every if weighing is None else weighing
-    if weighing not in prepared.zoned:
-        prepared.zoned[weighing] = _zoned_ground(prepared, weighing)
-    return prepared.zoned[weighing]
+    kept = prepared.zoned
+    ground = kept.get(weighing)
+    if ground is None:
+        ground = kept[weighing] = _zoned_ground(prepared, weighing)
+        for oldest in list(kept)[MOST_PREPARED:-MOST_LATER]:  # copied, as minds may ask in several threads
+            kept.pop(oldest, None)
+    return ground
 
 
 def prepare_zones(prepared: Prepared) -> None:
@@ -167,7 +175,7 @@ def _zoned_ground(prepared: Prepared, weighing: Weighing) -> ZonedGround:
 def _known_rounds(prepared: Prepared, grid: NDArray[np.float64], classes: tuple[float, ...]) -> Mapping[Classes, Round]:
     """Return the rounds of ground whose points have other weights in the same order; none where there is no such."""
     order = np.searchsorted(classes, grid[prepared.patrolled])
-    for known in prepared.zoned.values():
+    for known in list(prepared.zoned.values()):
         if np.array_equal(np.searchsorted(known.classes, known.weights[prepared.patrolled]), order):
             return known.rounds
     return {}

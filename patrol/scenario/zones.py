@@ -21,7 +21,7 @@ import zlib
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator, model_validator
@@ -29,7 +29,7 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 from patrol.errors import BadInput
 from patrol.exchange import LEAST_WEIGHT, MOST_WEIGHT, MOST_ZONES
 from patrol.files.yaml_text import parse_yaml, read_text
-from patrol.ground.map_file import read_map_file
+from patrol.ground.maps.map_file import read_map_file
 from patrol.ground.one_way import ARROWS, TURN
 from patrol.ground.terrain import BoolGrid
 from patrol.values.section import Section, absolute, wrong
@@ -60,7 +60,7 @@ Weights = Annotated[
 ]
 
 MOST_NAMED = 4
-"""Times of a zone that are named to people, at most."""
+"""Times of a zone that are named to people, at most, and its later weights."""
 
 Span = tuple[NotNegative, NotNegative]
 """From and to, s."""
@@ -102,7 +102,7 @@ class MaskSpec(Section):
         Raises:
             BadInput: It cannot be read, or is too large.
         """
-        from patrol.ground.map_cells import marked_cells  # here: loads the image library
+        from patrol.ground.maps.cells import marked_cells  # here: loads the image library
 
         says = read_map_file(file)
         marked = marked_cells(says)
@@ -231,6 +231,15 @@ class ZoneSpec(Section):
         return self.label if weight is None else f"{self.name} x{weight:g}"
 
     @property
+    def labels(self) -> str:
+        """The label, and the later weights, for people: ``vault x10, x5 from 60 s``."""
+        later = self.weights or ()
+        more = f", and {len(later) - MOST_NAMED} more" if len(later) > MOST_NAMED else ""
+        return (
+            ", ".join([self.label, *(f"x{weight:g} from {start:g} s" for start, weight in later[:MOST_NAMED])]) + more
+        )
+
+    @property
     def when(self) -> str:
         """The times at which it is in force, for people: ``20 to 60 s, 80 to 90 s``."""
         if not self.times:
@@ -267,14 +276,28 @@ def weighing_at(zones: Iterable[ZoneSpec], time_s: float) -> Weighing:
     return frozenset((zone.name, zone.weight_at(time_s)) for zone in zones if zone.weighs and zone.holds(time_s))
 
 
-def labels_at(zones: Iterable[ZoneSpec], time_s: float) -> dict[str, str]:
-    """Return the labels of the zones that are in force at a time, by name.
+class ZoneNow(NamedTuple):
+    """A zone at a time, as pages show it.
+
+    Attributes:
+        label: Its name, and what holds there, or would hold were it in force.
+        holds: It is in force.
+        weight: Likewise; None for a zone that has none.
+    """
+
+    label: str
+    holds: bool
+    weight: float | None
+
+
+def zones_at(zones: Iterable[ZoneSpec], time_s: float) -> dict[str, ZoneNow]:
+    """Return all zones as they are at a time, by name.
 
     Args:
         zones: The scenario's.
         time_s: Since tick 0, s.
     """
-    return {zone.name: zone.label_at(time_s) for zone in zones if zone.holds(time_s)}
+    return {zone.name: ZoneNow(zone.label_at(time_s), zone.holds(time_s), zone.weight_at(time_s)) for zone in zones}
 
 
 def is_in_one_of(spans: Sequence[Span], time_s: float) -> bool:

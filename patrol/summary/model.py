@@ -296,7 +296,7 @@ class ClosureFigures(_Part):
 class ZoneFigures(_Part):
     """The metrics of a weighted zone over the ticks in which it was in force, or of the ground in none of them."""
 
-    weight: Annotated[float, Metric("how many times an age counts, at the end")] = 1.0
+    weight: Annotated[float, Metric("how many times an age counted when the zone was last in force")] = 1.0
     area_m2: Annotated[float, Metric("its patrolled ground")] = 0.0
     fog_mean_s: Annotated[float, Metric("mean age of a point, over points and ticks", better="lower")] = 0.0
     mfow_mean_s: Annotated[float, Metric("mean age of its stalest point, over these ticks", better="lower")] = 0.0
@@ -304,7 +304,7 @@ class ZoneFigures(_Part):
     mfow_max_s: Annotated[float, Metric("greatest age", better="lower")] = 0.0
     wanted_s: Annotated[float | None, Metric("the wanted age; null without one")] = None
     kept_share: Annotated[
-        float | None, Metric("share of the time in which no point was older than that", better="higher")
+        float | None, Metric("share of these ticks in which no point was older than that", better="higher")
     ] = None
 
 

@@ -10,7 +10,7 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from patrol.ground.fields import cspace_of
-from patrol.ground.maps import load_terrain
+from patrol.ground.maps.load import load_terrain
 from patrol.scenario import load_scenario
 from patrol.starts import starting_part
 from tests.building_patrols import patrol, random_scenario

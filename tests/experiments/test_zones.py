@@ -52,6 +52,32 @@ def test_nobody_enters_a_keep_out_and_nobody_is_trapped_under_faults(faults: tup
     assert not [line for line in outcome.verdict.warnings if "trapped" in line]
 
 
+def test_few_grounds_are_kept_and_the_trace_is_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The vault's weight comes back after others, and one robot is paused meanwhile."""
+    turns = [[5.0 * n, weight] for n, weight in enumerate((2, 3, 4, 5, 2, 6, 7), start=1)]
+    robots = {"count": 4, "model": "holonomic", "radius": 0.4, "speed": 4.0}
+    given = {
+        "terrain": {"builtin": "open"},
+        "point": 2.0,
+        "duration": 60,
+        "robots": robots,
+        "zones": [VAULT | {"weight": 0.5, "weights": turns}],
+        "faults": [{"kind": "pause", "who": "r2", "at": 7, "for": 19}],
+    }
+    hashes, kept = [], []
+    for most in (32, 1):
+        monkeypatch.setattr("patrol.measures.zoned.MOST_PREPARED", most)
+        monkeypatch.setattr("patrol.measures.zoned.MOST_LATER", most)
+        prepared = prepare(load_scenario(given))
+        outcome = run_in_process(prepared)
+        assert outcome.verdict.valid, outcome.verdict.failed
+        assert outcome.journal.end is not None
+        hashes.append(outcome.journal.end.trace_hash)
+        kept.append(len(prepared.zoned))
+    assert kept == [7, 2]
+    assert hashes[0] == hashes[1]
+
+
 def test_spare_robots_change_nothing_until_they_join() -> None:
     battery = {"capacity": 6.0, "idle": 10.0, "drive": 30.0, "charge": 130.0}
     robot = {"model": "holonomic", "radius": 0.4, "speed": 2.0, "battery": battery}

@@ -9,7 +9,7 @@ import pytest
 
 from fogwatch.map_align import Alignment, agreement, align_maps, fit_landmarks, only_alignment, spelled, wall_map
 from patrol.errors import BadInput
-from patrol.ground.builtins import builtin_terrain
+from patrol.ground.maps.builtins import builtin_terrain
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from patrol.ros2.frames import composed, inverted

@@ -5,13 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 from typer.testing import CliRunner
 
 from fogwatch.cli.grounds.map_commands import app
 from patrol.errors import BadInput
-from tests.ring import LOWER, UPPER, write_ring, zone
+from tests.ring import LOWER, UPPER, write_cells, write_ring, zone
 
 WALL = {"name": "tape", "polygon": [[0, 43], [100, 43], [100, 45], [0, 45]], "keep_out": True}
 VAULT: dict[str, Any] = {"name": "vault", "polygon": [[0, 0], [40, 0], [40, 30], [0, 30]]}
@@ -80,7 +81,11 @@ def test_a_one_way_zone_and_its_direction(tmp_path: Path) -> None:
         ),
         (
             (zone("aisle", [[6, 1], [7, 1], [7, 3], [6, 3]], 0),),
-            r"zones\.0: aisle: is 1\.00 m long in its direction, and",
+            r"zones\.0: aisle: is 1\.00 m long in its direction where robots of radius 0\.3 m get, and they take",
+        ),
+        (  # 10 m long in its direction, of which robots reach one row of each corridor
+            (zone("aisle", [[8, 0], [12, 0], [12, 10], [8, 10]], 90),),
+            r"zones\.0: aisle: is 0\.50 m long in its direction where robots of radius 0\.3 m get",
         ),
         (
             (zone("aisle", [[6, 4], [14, 4], [14, 6], [6, 6]], 0),),
@@ -91,3 +96,12 @@ def test_a_one_way_zone_and_its_direction(tmp_path: Path) -> None:
 def test_one_way_zones_that_are_refused(tmp_path: Path, zones: tuple[dict[str, Any], ...], problem: str) -> None:
     with pytest.raises(BadInput, match=problem):
         check_ring(tmp_path, *zones)
+
+
+def test_a_one_way_zone_that_goes_up_by_corners_is_as_long_as_it_looks(tmp_path: Path) -> None:
+    marked = np.zeros((20, 40), dtype=np.bool_)
+    for step in range(8):
+        marked[4 + step, 31 + step] = True  # up through the east room
+    write_cells(tmp_path, "stairs", marked)
+    told = check_ring(tmp_path, {"name": "stairs", "mask": "stairs.yaml", "one_way": 45})
+    assert "  stairs ↗: one way at 45 degrees" in told

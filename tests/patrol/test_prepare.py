@@ -163,6 +163,30 @@ def test_docks_and_batteries_that_cannot_serve_are_refused(change: dict[str, Any
         prepare(load_scenario(given | change))
 
 
+def box(x0: float, x1: float) -> list[list[float]]:
+    return [[x0, -1], [x1, -1], [x1, 101], [x0, 101]]
+
+
+@pytest.mark.parametrize(
+    ("boxes", "count", "message"),
+    [
+        (
+            [box(10, 11), box(-1, 101)],
+            2,
+            r"^closures\.1\.polygon: c1 leaves no room on open for the starts of 2 robots, ",
+        ),
+        ([box(-1, 51), box(49, 101)], 1, r"^closures: together they leave no room on open for the starts of 1 robot, "),
+        ([box(10, 11)], 2000, r"^robots: 2000 robots do not fit on open"),
+    ],
+)
+def test_closures_that_leave_no_room_are_named(boxes: list[list[list[float]]], count: int, message: str) -> None:
+    closures = [{"name": f"c{n}", "polygon": corners, "closed": [[10, 20]]} for n, corners in enumerate(boxes)]
+    robots = {"count": count, "model": "holonomic", "radius": 0.4 if count < 10 else 4.0}
+    given = {"terrain": {"builtin": "open"}, "point": 1.0, "robots": robots, "closures": closures}
+    with pytest.raises(BadInput, match=message):
+        prepare(load_scenario(given))
+
+
 def test_vertices_without_a_graph_are_refused() -> None:
     with pytest.raises(BadInput, match=r"terrain\.patrolled: vertices: there is no graph; set terrain\.graph"):
         load_scenario({"terrain": {"builtin": "open", "patrolled": "vertices"}})

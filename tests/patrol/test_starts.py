@@ -11,9 +11,9 @@ import pytest
 from PIL import Image
 
 from patrol.errors import BadInput
-from patrol.ground.builtins import builtin_terrain
 from patrol.ground.fields import cspace_of
-from patrol.ground.maps import read_terrain
+from patrol.ground.maps.builtins import builtin_terrain
+from patrol.ground.maps.load import read_terrain
 from patrol.ground.swept_path import free_fraction
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import Pose

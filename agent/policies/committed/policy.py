@@ -121,7 +121,7 @@ class Committed:
         self.periods: Periods | None = None
         self.division: Division | None = None
         self._setup = setup
-        self._zoned: ZonedGround | None = None
+        self._weighing = setup.weighing
         self._round: Round | None = None
         if setup.zoned is None and options.unpredictability < 1.0 and (laid_out := setup.round()) is not None:
             followers = setup.followers()
@@ -160,7 +160,7 @@ class Committed:
 
     def _take_zones(self, zoned: ZonedGround) -> None:
         """Go by the zones that are in force now: divide the robots between their rounds."""
-        self._zoned, self._round, setup = zoned, None, self._setup
+        self._round, setup = None, self._setup
         if not zoned.rounds or setup.options.unpredictability == 1.0:
             self.division = self.ahead = self.spacing = self.periods = None
         elif self.division is None:
@@ -189,11 +189,10 @@ class Committed:
         if self._may_be_away and not goes_on:
             self._forget()
         self._decided_at = view.tick
-        if self._setup.zoned is not None:
-            zoned = self._setup.zoned(view.weighing)
-            if zoned is not self._zoned:
-                self._take_zones(zoned)
-                self._rounds_since = view.tick if goes_on else 0
+        if self._setup.zoned is not None and view.weighing != self._weighing:
+            self._weighing = view.weighing
+            self._take_zones(self._setup.zoned(view.weighing))
+            self._rounds_since = view.tick if goes_on else 0
         self._separation.keep_apart(view)
         self._on_round = self._is_on_round(view)
         start, wander = view.start, None if self._on_round else self._random_steps.draw(view)

@@ -35,7 +35,7 @@ from fogwatch.launch.terminal.live_table import duration_text
 from fogwatch.pictures.paper_tables import table_picture, terrain_picture
 from fogwatch.progress import command_line, print_failures
 from patrol.errors import BadInput
-from patrol.ground.builtins import builtin_terrain
+from patrol.ground.maps.builtins import builtin_terrain
 from patrol.scenario import parse_overrides
 from patrol.scenario.letter import FIELD as LETTER
 

@@ -10,7 +10,7 @@ import typer
 
 from fogwatch.cli.grounds.named_terrain import named_terrain
 from patrol.errors import BadInput
-from patrol.ground.builtins import LAYOUTS
+from patrol.ground.maps.builtins import LAYOUTS
 from patrol.printable import printable
 from patrol.process.starting.seldom import SELDOM
 from patrol.process.starting.warmup import warm
@@ -123,7 +123,7 @@ def _check_places(pairs: list[tuple[Place, Place]], terrains: tuple[Terrain, Ter
 
 def _check_picture(picture: Path, terrains: tuple[Terrain, Terrain]) -> None:
     """Refuse to draw over a map's own files."""
-    from patrol.ground.map_file import read_map_file
+    from patrol.ground.maps.map_file import read_map_file
 
     for terrain in terrains:
         if terrain.source is not None:

@@ -15,7 +15,7 @@ from fogwatch.cli.command_help import command
 from fogwatch.cli.grounds import map_align, map_regions
 from fogwatch.cli.grounds.named_terrain import named_terrain
 from patrol.errors import BadInput
-from patrol.ground.builtins import LAYOUTS
+from patrol.ground.maps.builtins import LAYOUTS
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from patrol.printable import printable
@@ -278,7 +278,7 @@ def _suspicious(terrain: Terrain) -> str:
     """Describe what the map's settings make of its cells, where they seem wrong."""
     if terrain.source is None:
         return ""
-    from patrol.ground.maps import suspicious_reading
+    from patrol.ground.maps.load import suspicious_reading
 
     return suspicious_reading(terrain)
 

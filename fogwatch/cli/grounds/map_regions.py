@@ -12,12 +12,12 @@ import numpy as np
 import typer
 
 from patrol.errors import BadInput
-from patrol.ground.builtins import LAYOUTS
+from patrol.ground.maps.builtins import LAYOUTS
 from patrol.ground.terrain import Terrain
 from patrol.printable import printable
 from patrol.process.starting.seldom import SELDOM
 from patrol.process.starting.warmup import warm
-from patrol.scenario import open_scenario
+from patrol.scenario import naming, open_scenario
 
 if TYPE_CHECKING:
     from patrol.regions.split import RegionSplit
@@ -61,10 +61,11 @@ def regions(
     widest = max(spec.radius for spec in scenario.roster)
     warm(("patrol",), lambda line: typer.echo(line, err=True), SELDOM)
     from patrol.ground.fields import cspace_of  # here: these import kernels, which are compiled first
-    from patrol.ground.maps import load_terrain
+    from patrol.ground.maps.load import load_terrain
     from patrol.regions.split import regions_by_hand, split_regions
 
-    terrain = load_terrain(scenario.terrain, scenario.point, scenario.base, zones=scenario.zones)
+    with naming(what, overrides):
+        terrain = load_terrain(scenario.terrain, scenario.point, scenario.base, zones=scenario.zones)
     body = cspace_of(terrain, widest)
     given = scenario.patrol.regions
     begun = time.perf_counter()

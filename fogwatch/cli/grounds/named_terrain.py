@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from patrol.errors import BadInput, did_you_mean
-from patrol.ground.builtins import LAYOUTS, builtin_terrain
+from patrol.ground.maps.builtins import LAYOUTS, builtin_terrain
 from patrol.ground.terrain import Terrain
 
 
@@ -27,6 +27,6 @@ def named_terrain(what: str, point: float) -> Terrain:
         is_there = False
     if not is_there:
         raise BadInput(f"{what}: no such map file, and no built-in terrain; {did_you_mean(what, tuple(LAYOUTS))}")
-    from patrol.ground.maps import read_terrain
+    from patrol.ground.maps.load import read_terrain
 
     return read_terrain(Path(what), point)

@@ -28,7 +28,7 @@ from pathlib import Path
 
 from patrol.errors import BadInput
 from patrol.files.whole_file import write_whole
-from patrol.ground.maps import load_terrain
+from patrol.ground.maps.load import load_terrain
 from patrol.net.security.access import FILE as ACCESS
 from patrol.scenario import Scenario, load_scenario
 from patrol.scenario.file.copying import FILE as SCENARIO

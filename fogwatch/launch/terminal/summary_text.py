@@ -13,6 +13,7 @@ from fogwatch.launch.terminal.live_table import STATUS_STYLES, duration_text
 from patrol.journal import Status
 from patrol.measures.best_tour import NO_BOUND
 from patrol.printable import printable
+from patrol.scenario.zones import ELSEWHERE
 from patrol.summary.metric import metrics_of
 from patrol.summary.model import IntruderFacts, RobotFigures, Summary, VerdictFacts, unsettled
 
@@ -183,8 +184,9 @@ def _zones(summary: Summary) -> list[str]:
         wish = ""
         if zone.wanted_s is not None and zone.kept_share is not None:
             wish = f"; wanted {zone.wanted_s:g} s, kept {100.0 * zone.kept_share:.1f} % of the time"
-        ages = f"oldest {zone.mfow_mean_s:.1f} s in the mean, {zone.mfow_max_s:.1f} s at most"
-        lines.append(f"            {name} (weight {zone.weight:g}): mean {zone.fog_mean_s:.1f} s, {ages}{wish}")
+        weight = f"{'' if name == ELSEWHERE else 'last '}weight {zone.weight:g}"
+        ages = f"stalest point {zone.mfow_mean_s:.1f} s in the mean, {zone.mfow_max_s:.1f} s at most"
+        lines.append(f"            {name} ({weight}): mean age {zone.fog_mean_s:.1f} s, {ages}{wish}")
     return lines
 
 

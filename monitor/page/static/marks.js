@@ -31,9 +31,9 @@ const ZONES = { keepout: "#c1121f", oneway: "#0b5cad", slow: "#00796b", weight: 
 export function drawZones(map) {
   const c = map.context, r = map.ratio;
   c.lineCap = "butt";
-  const held = map.store.state?.zones ?? {};
+  const now = map.store.state?.zones ?? {};
   for (const zone of map.store.facts.zones) {
-    const on = Object.hasOwn(held, zone.name);
+    const [label, on] = now[zone.name] ?? [zone.label, false];
     c.setLineDash(on ? [] : [5 * r, 5 * r]);
     for (const [colour, wide] of [["rgb(255 255 255 / 85%)", on ? 4 : 2.5], [ZONES[zone.kind], on ? 2 : 1]]) {
       c.strokeStyle = colour;
@@ -45,7 +45,7 @@ export function drawZones(map) {
       }
       c.stroke();
     }
-    if (on) labelMark(map, held[zone.name], ...map.toScreen(...zone.at), 0, false);
+    if (on) labelMark(map, label, ...map.toScreen(...zone.at), 0, false);
   }
   c.setLineDash([]);
 }

@@ -22,7 +22,7 @@ export class ZonesPanel {
     const can = facts.controls.includes("zone");
     $("zonelist").classList.toggle("switches", can);
     $("zonelist").replaceChildren(...facts.zones.map((zone) => this.#item(zone, can)));
-    $("zonenote").textContent = can ? "A zone that is switched stays so to the end of the run, whatever its times say. A weight is from 0.001 to 1000." : "";
+    $("zonenote").textContent = can ? "A zone that is switched stays so to the end of the run, whatever its times say. A weight is from 0.001 to 1000; Enter gives it to the zone." : "";
     write($("zonesanswer"), "");
   }
 
@@ -30,19 +30,23 @@ export class ZonesPanel {
     const { state } = this.store;
     if (!state || $("zones").hidden) return;
     for (const item of $("zonelist").children) {
-      const { name, label } = item.dataset, on = Object.hasOwn(state.zones, name), button = item.querySelector("button");
+      const [label, on, weight] = state.zones[item.dataset.name];
+      const button = item.querySelector("button"), field = item.querySelector("input");
       item.classList.toggle("off", !on);
-      write(item.querySelector(".zone"), state.zones[name] ?? label);
+      write(item.querySelector(".zone"), label);
       write(item.querySelector(".held"), on ? "in force" : "not in force");
       if (!button) continue;
       write(button, on ? "switch off" : "switch on");
-      for (const control of item.querySelectorAll("button, input")) control.disabled = Boolean(state.ended);
+      button.disabled = Boolean(state.ended);
+      if (!field) continue;
+      field.disabled = Boolean(state.ended);
+      if (document.activeElement !== field) field.value = weight;
     }
   }
 
-  #item({ name, label, kind, weight }, can) {
+  #item({ name, label, kind, weighs }, can) {
     const item = document.createElement("li"), text = document.createElement("span"), held = document.createElement("span");
-    Object.assign(item.dataset, { name, label });
+    item.dataset.name = name;
     text.className = `zone ${kind}`;
     text.textContent = label;
     held.className = "held";
@@ -53,25 +57,26 @@ export class ZonesPanel {
       button.setAttribute("aria-label", `switch ${name}`);
       button.addEventListener("click", () => {
         if (!this.store.state) return;
-        const on = !Object.hasOwn(this.store.state.zones, name);
-        this.operate({ do: "zone", name, on }, "", "zonesanswer");
+        const [, on] = this.store.state.zones[name];
+        this.operate({ do: "zone", name, on: !on }, "", "zonesanswer");
       });
       item.append(button);
-      if (weight !== null) item.append(this.#weight(name));
+      if (weighs) item.append(this.#weight(name));
     }
     return item;
   }
 
-  /** The field for another weight; Enter, or leaving it, gives that to the zone. */
+  /** The field for another weight; Enter gives that to the zone, and whoever leaves the field drops it. */
   #weight(name) {
     const field = document.createElement("input");
-    Object.assign(field, { type: "number", min: 0.001, max: 1000, step: "any", placeholder: "another weight" });
+    Object.assign(field, { type: "number", min: 0.001, max: 1000, step: "any" });
     field.setAttribute("aria-label", `weight of ${name}`);
-    field.addEventListener("change", () => {
-      if (!this.store.state || !field.value) return;
-      this.operate({ do: "zone", name, weight: Number(field.value) }, "", "zonesanswer");
-      field.value = "";
+    field.addEventListener("keydown", (event) => {
+      if (event.key !== "Enter" || !this.store.state || !field.value) return;
+      const [, , holds] = this.store.state.zones[name], weight = Number(field.value);
+      if (weight !== holds) this.operate({ do: "zone", name, weight }, "", "zonesanswer");
     });
+    field.addEventListener("blur", () => this.update());
     return field;
   }
 }

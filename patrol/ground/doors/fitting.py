@@ -96,7 +96,7 @@ def _named(radius: float, default: bool) -> str:
 
 def _map_to_blame(terrain: Terrain, what: str) -> str:
     """Return the error where not the body but the settings of the terrain's map seem to be wrong; empty otherwise."""
-    from patrol.ground.maps import suspicious_reading  # here: it needs the image library
+    from patrol.ground.maps.load import suspicious_reading  # here: it needs the image library
 
     why = suspicious_reading(terrain)
     return f"{terrain.source}: leaves no room for {what}: {why}" if why else ""

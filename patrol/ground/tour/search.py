@@ -17,11 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.ground.footprint import Footprint
-from patrol.ground.kernels.tour import FAR, lengths_between, shorten, way_between
-from patrol.ground.one_way import Steps, way_along
-from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.ground.kernels.tour import shorten
+from patrol.ground.kernels.ways import FAR, lengths_between, way_between
+from patrol.ground.terrain import BoolGrid, Steps, Terrain
 from patrol.ground.tour.cover import Looks, Views, choose, complete, lattice, needed
 from patrol.ground.tour.tour import Tour
+from patrol.ground.ways import framed
 
 SPACING = 0.4
 """Distance of the candidate places, as a share of the sensor's range."""
@@ -30,7 +31,7 @@ MOST_CANDIDATES = 6000
 """Candidate places at most: on larger ground they lie farther apart."""
 
 MOST_POINTS = 20_000_000
-"""Points of the largest terrain with a tour: the search needs about 25 bytes for each."""
+"""Points of the largest terrain with a tour: the search needs about 30 bytes for each."""
 
 MOST_PLACES = 2000
 """Places of the largest tour: more take minutes."""
@@ -116,16 +117,13 @@ class _Ways:
             stride: Distance of the samples on a way, points.
             near: Length of the paths that are searched for first, points.
         """
-        self._part = part
-        self._against = against
-        self._framed = np.pad(part, 1).view(np.uint8)
+        self._framed, self._against = framed(part, against)
         self.width = int(part.shape[1])
         self.stride = stride
         self._near = near
-        size = self._framed.size
-        self._length = np.full(size, FAR, dtype=np.int32)
-        self._straight, self._diagonal = (np.empty(2 * size + 2, dtype=np.int32) for _ in range(2))
-        self._corners = np.empty(size, dtype=np.int32)
+        self._length = np.full(self._framed.shape, FAR, dtype=np.int32)
+        self._queues = np.empty((2, self._framed.size, 2), dtype=np.int32)
+        self._corners = np.empty(self._framed.size, dtype=np.int32)
         self._known: dict[tuple[int, int], tuple[float, tuple[int, ...]]] = {}
         self._bends: dict[tuple[int, int], tuple[int, ...]] = {}
 
@@ -145,15 +143,12 @@ class _Ways:
             Its length in points, and the samples on it, without its ends.
         """
         pair = self._pair(first, last)
-        if pair not in self._known and self._against.size:
-            ends = (divmod(place, self.width) for place in pair)
-            rows, cols = np.array(way_along(self._part, self._against, *ends)).T
-            self._known[pair] = self._sampled(rows, cols)
-            self._bends[pair] = tuple(int(place) for place in rows * self.width + cols)
-        elif pair not in self._known:
-            first, last = (self._flat(place) for place in pair)
-            scratch, straight, diagonal = self._length, self._straight, self._diagonal
-            count: int = way_between(self._framed, first, last, scratch, straight, diagonal, self._corners)
+        if pair not in self._known:
+            begin, end = (self._flat(place) for place in pair)
+            scratch = self._length, self._queues, self._corners
+            count: int = way_between(self._framed, self._against, begin, end, *scratch)
+            if not count:
+                raise ValueError(f"no way leads from {first} to {last}")
             rows, cols = np.divmod(self._corners[:count].astype(np.int64), self._framed.shape[1])
             self._known[pair] = self._sampled(rows - 1, cols - 1)
             self._bends[pair] = tuple(int(place) for place in (rows - 1) * self.width + cols - 1)
@@ -194,8 +189,7 @@ class _Ways:
         flat = np.array([self._flat(place) for place in places], dtype=np.int64)
         lengths = np.empty((len(places), len(places)), dtype=np.int32)
         limit = round(100.0 * self._near)
-        scratch, straight, diagonal = self._length, self._straight, self._diagonal
-        while lengths_between(self._framed, flat, lengths, scratch, straight, diagonal, limit):
+        while lengths_between(self._framed, flat, limit, lengths):
             if limit > 141 * self._framed.size:
                 raise ValueError("the places of a tour are not connected")
             limit *= 2

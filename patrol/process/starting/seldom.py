@@ -33,10 +33,6 @@ def _goes_straight(scenario: Scenario) -> bool:
     return scenario.patrol.paths == "straight"
 
 
-def _goes_one_way(scenario: Scenario) -> bool:
-    return any(zone.one_way is not None for zone in scenario.zones)
-
-
 SELDOM: Mapping[str, Callable[[Scenario], bool]] = {
     "agent.belief.kernels.changes": _dilates,
     "agent.belief.kernels.dilate": _dilates,
@@ -44,7 +40,6 @@ SELDOM: Mapping[str, Callable[[Scenario], bool]] = {
     "agent.routes.kernels.region_paths": _has_regions,
     "agent.routes.kernels.straight": _goes_straight,
     "patrol.ground.kernels.doors": lambda _: False,  # where a random start may be shut in
-    "patrol.ground.kernels.one_way": _goes_one_way,
     "patrol.regions.kernels.cuts": _has_regions,
     "patrol.regions.kernels.outline": _has_regions,
     "patrol.regions.kernels.pieces": _has_regions,

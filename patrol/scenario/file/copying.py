@@ -13,7 +13,7 @@ import yaml
 from patrol.classes.class_file import class_file, class_source, file_digest
 from patrol.errors import BadInput
 from patrol.files.untrusted import IMAGE, read_untrusted
-from patrol.ground.map_file import read_map_file
+from patrol.ground.maps.map_file import read_map_file
 from patrol.scenario import Scenario, dump_scenario
 from patrol.values.section import Section
 

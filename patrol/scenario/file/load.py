@@ -27,7 +27,7 @@ from patrol.files.half_characters import refuse_half_characters
 from patrol.files.untrusted import IMAGE, read_untrusted
 from patrol.files.yaml_text import line_of, parse_yaml, read_text
 from patrol.graph.graph import VISIT_M
-from patrol.ground.map_file import read_map_file
+from patrol.ground.maps.map_file import read_map_file
 from patrol.pose import TURNS_IN_ARCS
 from patrol.scenario.file.dump import dump_section, notes_on_lengths
 from patrol.scenario.file.explain import one_line

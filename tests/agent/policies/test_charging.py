@@ -100,6 +100,26 @@ def test_it_takes_the_nearest_dock_at_which_nobody_stands() -> None:
     assert fleet.goal == (90.5, 10.5)
 
 
+@pytest.mark.parametrize(
+    ("times", "step_m", "goal"),
+    [
+        ([[0, 600]], 0.1, 90.5),  # at 0.2 m/s, as fast as the zone allows
+        ([[0, 600]], 0.0, 10.5),
+        ([[600, 900]], 0.1, 10.5),  # at 0.2 m/s of 1.5 m/s
+        ([[600, 900]], 0.75, 90.5),
+    ],
+)
+def test_a_dock_is_claimed_by_a_robot_that_comes_as_fast_as_slow_zones_allow(
+    times: Any, step_m: float, goal: float
+) -> None:
+    ward = {"name": "ward", "polygon": [[12, 0], [30, 0], [30, 100], [12, 100]], "speed": 0.2, "times": times}
+    fleet = Fleet(scenario(count=2, zones=[ward]))
+    for k in range(11):
+        fleet.step(0.95, (45.5, 10.5), {2: (25.5 - step_m * k, 10.5)})
+    assert fleet.step(0.25, (45.5, 10.5), {2: (25.5 - step_m * 11, 10.5)}) == State.DOCKING
+    assert fleet.goal == (goal, 10.5)
+
+
 def test_it_goes_to_no_dock_that_the_charge_does_not_suffice_for() -> None:
     fleet = Fleet(scenario(count=2))
     for _ in range(6):

@@ -18,7 +18,7 @@ from monitor.recording.mcap_file import inspect_recording
 from monitor.replay.run import open_run
 from monitor.report.analysis import analyse
 from monitor.report.document import report_html
-from patrol.ground.maps import read_terrain
+from patrol.ground.maps.load import read_terrain
 from patrol.journal import unpack
 from patrol.net.security.access import read_access
 from patrol.radio.fleet_key import fleet_key

@@ -21,7 +21,7 @@ from experiments.sweeps.results import FILE, open_results
 from monitor.recording.mcap_file import inspect_recording
 from monitor.replay.run import open_run
 from patrol.errors import BadInput
-from patrol.ground.maps import load_terrain, read_terrain
+from patrol.ground.maps.load import load_terrain, read_terrain
 from patrol.net.security.access import read_access
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import load_scenario, open_scenario

@@ -90,6 +90,36 @@ def test_an_operator_changes_a_weight(chromium: Any, zoned: Seen, width: int) ->
     assert wire.asked == [{"do": "zone", "name": "vault", "weight": 0.5}]
 
 
+def test_a_weight_is_given_by_enter_alone_and_not_where_it_holds_already(chromium: Any, zoned: Seen) -> None:
+    wire, weight, field = FakeFeed(zoned), "[aria-label='weight of vault']", "document.querySelector('#zonelist input')"
+    with closing(ServedPage(wire.source())) as served, Look(chromium, served.address) as look:
+        look.until("document.body.dataset.frames > 0")
+        look.page.click("#tab-zones")
+        look.until(f"{field}?.value === '10'")
+        look.page.press(weight, "Enter")
+        look.page.press(weight, "ArrowUp")
+        assert look.evaluate(f"{field}.value") == "11"
+        look.page.press(weight, "Tab")
+        assert look.evaluate(f"{field}.value") == "10"
+        look.page.fill(weight, "7")
+        look.page.press(weight, "Tab")
+        look.page.fill(weight, "5")
+        look.page.press(weight, "Enter")
+        look.until("document.getElementById('zonesanswer').innerText === 'done'")
+    assert wire.asked == [{"do": "zone", "name": "vault", "weight": 5}]
+
+
+def test_a_zone_that_is_not_in_force_shows_the_weight_that_would_hold(chromium: Any, tmp_path: Path) -> None:
+    vault = ZONES[0] | {"times": [], "weights": [[2, 4]]}
+    asleep = run_of(tmp_path, {**QUIET, "name": "asleep", "zones": [vault]})
+    with closing(ServedPage(Player(asleep.open()))) as served, Look(chromium, served.address) as look:
+        look.until("document.body.dataset.frames > 0")
+        look.page.click("#tab-zones")
+        for k, label in ((1, "vault x10"), (9, "vault x4")):
+            look.seek(k)
+            look.until(f"{LISTED}[0] === '{label}|not in force'")
+
+
 def test_with_no_zone_in_force_each_can_be_switched_on(chromium: Any, tmp_path: Path) -> None:
     asleep = run_of(tmp_path, {**QUIET, "name": "asleep", "zones": [{**ZONES[1], "times": []}]})
     wire = FakeFeed(asleep)

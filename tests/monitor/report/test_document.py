@@ -274,7 +274,7 @@ def test_a_report_shows_intruders_with_their_numbers(tmp_path: Path) -> None:
 def test_a_report_lists_the_zones(tmp_path: Path) -> None:
     square = [[2, 2], [20, 2], [20, 20], [2, 20]]
     zones = [
-        {"name": "vault", "polygon": square, "weight": 10, "times": [[2, 4], [6, 8]]},
+        {"name": "vault", "polygon": square, "weight": 10, "weights": [[7, 3]], "times": [[2, 4], [6, 8]]},
         {"name": "ward", "polygon": square, "speed": 0.5, "times": []},
         {"name": "stairs", "polygon": [[80, 80], [84, 80], [84, 84], [80, 84]], "keep_out": True},
     ]
@@ -285,7 +285,7 @@ def test_a_report_lists_the_zones(tmp_path: Path) -> None:
     rows = [re.findall(r"<td[^>]*>(.*?)</td>", row) for row in re.findall(r"<tr>(.*?)</tr>", shown)][1:]
     vault = run.stated.zones["vault"]
     ages = [f"{value:.1f}" for value in (vault.fog_mean_s, vault.mfow_mean_s, vault.mfow_max_s)]
-    assert rows[0] == ["vault x10", "2 to 4 s, 6 to 8 s", *ages, "-"]
+    assert rows[0] == ["vault x10, x3 from 7 s", "2 to 4 s, 6 to 8 s", *ages, "-"]
     assert [row[:3] for row in rows[1:3]] == [["ward 0.5 m/s", "never", "-"], ["stairs: keep out", "always", "-"]]
     assert rows[3][:2] == ["elsewhere x1", "always"]
 

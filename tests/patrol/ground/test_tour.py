@@ -10,16 +10,12 @@ from hypothesis import strategies as st
 
 import patrol.ground.tour.search
 from patrol.ground.fields import StaticFields, compute_fields
-from patrol.ground.kernels.tour import FAR, clear_line, lengths_between, shorten, way_between
+from patrol.ground.kernels.tour import shorten
 from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.ground.tour.search import find_tour
 from patrol.ground.tour.tour import Tour
 from patrol.pose import Pose
-
-
-def grid(*rows: str) -> BoolGrid:
-    return np.array([[letter == "." for letter in row] for row in rows], dtype=np.bool_)
 
 
 def tour_of(terrain: Terrain, range_m: float, x: float, y: float) -> tuple[Tour, StaticFields]:
@@ -93,66 +89,6 @@ def test_open_ground_needs_no_more_than_strips_of_the_sensors_width() -> None:
     terrain = Terrain("field", np.ones((80, 120), dtype=np.bool_), 0.5)
     tour, _ = tour_of(terrain, 5.0, 2.0, 2.0)
     assert 0.8 * 60.0 * 40.0 / 10.0 <= tour.length_m <= 1.6 * 60.0 * 40.0 / 10.0
-
-
-# --- kernels ---------------------------------------------------------------------------------------------------------
-
-
-def lengths(
-    open_: BoolGrid, places: list[int], limit: int = 10**6
-) -> tuple[int, np.ndarray[tuple[int, int], np.dtype[np.int32]]]:
-    found = np.empty((len(places), len(places)), dtype=np.int32)
-    work = np.full(open_.size, FAR, dtype=np.int32)
-    queues = [np.empty(2 * open_.size + 2, dtype=np.int32) for _ in range(2)]
-    flat = np.array(places, dtype=np.int64)
-    missing = lengths_between(open_.view(np.uint8), flat, found, work, queues[0], queues[1], limit)
-    assert (work == FAR).all()
-    return missing, found
-
-
-ROOM = grid(
-    "#########",
-    "#...#...#",
-    "#.#.#.#.#",
-    "#.#...#.#",
-    "#########",
-)
-
-
-def test_lengths_lead_round_walls_and_cut_no_corner() -> None:
-    missing, found = lengths(ROOM, [10, 16, 28])
-    assert missing == 0
-    assert found.tolist() == [[0, 1000, 200], [1000, 0, 1200], [200, 1200, 0]]
-
-
-def test_lengths_beyond_the_limit_lead_through_other_places() -> None:
-    missing, found = lengths(ROOM, [10, 16, 30], 700)
-    assert missing == 0
-    assert found[0, 1] == found[0, 2] + found[2, 1] == 1000
-    assert lengths(ROOM, [10, 16], 700)[0] == 2
-
-
-def test_a_way_is_straight_where_it_can_be_and_else_turns_round_corners() -> None:
-    def way(first: int, last: int) -> list[int]:
-        work, corners = np.full(ROOM.size, FAR, dtype=np.int32), np.empty(ROOM.size, dtype=np.int32)
-        queues = [np.empty(2 * ROOM.size + 2, dtype=np.int32) for _ in range(2)]
-        count = way_between(ROOM.view(np.uint8), first, last, work, queues[0], queues[1], corners)
-        assert (work == FAR).all()
-        return [int(corner) for corner in corners[:count]]
-
-    assert way(10, 10) == [10]
-    assert way(10, 12) == [10, 12]
-    assert way(10, 28) == [10, 28]
-    assert way(10, 16) == [10, 12, 30, 32, 14, 16]
-
-
-def test_a_line_through_a_corner_needs_all_four_points() -> None:
-    open_ = np.ones((4, 4), dtype=np.bool_)
-    assert clear_line(open_.view(np.uint8), 0, 15)
-    open_[1, 2] = False
-    assert not clear_line(open_.view(np.uint8), 0, 15)
-    assert clear_line(open_.view(np.uint8), 0, 12)
-    assert not clear_line(open_.view(np.uint8), 0, 6)
 
 
 @given(st.integers(1, 7), st.integers(0, 10**6))

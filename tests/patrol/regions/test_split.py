@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from scipy.ndimage import distance_transform_edt
 
 from patrol.errors import BadInput
-from patrol.ground.builtins import builtin_terrain
 from patrol.ground.fields import cspace_of, parts_of
-from patrol.ground.maps import read_terrain
+from patrol.ground.maps.builtins import builtin_terrain
+from patrol.ground.maps.load import read_terrain
 from patrol.ground.shapes import cover
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.prepare import Prepared, prepare

@@ -162,6 +162,15 @@ def test_a_one_way_zone_shows_its_direction() -> None:
     assert {each.kind for each in loaded} == {"oneway"}
 
 
+def test_later_weights_are_said_and_a_few_named() -> None:
+    turns = [[60 * n, n] for n in range(1, 8)]
+    few, many = load_scenario(
+        YARDS | {"zones": [zone(weight=10, weights=turns[:2]), zone(name="cellar", weight=2, weights=turns[2:])]}
+    ).zones
+    assert few.labels == "vault x10, x1 from 60 s, x2 from 120 s"
+    assert many.labels == "cellar x2, x3 from 180 s, x4 from 240 s, x5 from 300 s, x6 from 360 s, and 1 more"
+
+
 def test_when_a_zone_is_in_force() -> None:
     zones = [zone(weight=2, times=[[1, 2.5], [4, 9]]), zone(name="ward", speed=0.5), zone(name="off", age=9, times=[])]
     loaded = load_scenario(YARDS | {"zones": zones}).zones

@@ -13,7 +13,7 @@ from worldsim.verdict.common.check import Check
 from worldsim.verdict.common.closed_ground import ClosedGround
 from worldsim.verdict.common.robots_there import RobotsThere
 from worldsim.verdict.robots.expected_statuses import ExpectedStatuses
-from worldsim.verdict.robots.keep_outs import is_inside
+from worldsim.verdict.robots.zone_checks import is_inside
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

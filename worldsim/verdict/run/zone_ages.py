@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from patrol.ground.zones import points_of
-from patrol.measures.zoned import best_weighted_s, zone_weights, zoned_ground
+from patrol.measures.zoned import MOST_LATER, best_weighted_s, zone_weights, zoned_ground
 from patrol.scenario.zones import ELSEWHERE, Weighing, weighing_at
 from patrol.summary.model import ZoneFigures
 from worldsim.verdict.common.check import JournalReading
@@ -68,7 +69,8 @@ class ZoneAges(JournalReading):
         prepared = run.prepared
         terrain, patrolled = prepared.terrain, prepared.patrolled
         self._weighing = [zone for zone in prepared.scenario.zones if zone.weighs]
-        self._in_force: dict[Weighing, list[tuple[float, NDArray[np.int64]]]] = {}
+        self._classes = lru_cache(maxsize=MOST_LATER)(self._find_classes)
+        self._bests: dict[Weighing, float | None] = {}
         self._ticks: Counter[Weighing] = Counter()
         self._fog = readings[TrueFog].fog
         self._weights = zone_weights(prepared)
@@ -94,6 +96,8 @@ class ZoneAges(JournalReading):
         weighing = weighing_at(self._weighing, record.k * self._run.step)
         names = dict(weighing)
         self._weights |= {name: weight for name, weight in weighing if weight is not None}
+        if weighing not in self._bests:
+            self._bests[weighing] = best_weighted_s(self._run.prepared, weighing)
         self._ticks[weighing] += 1
         ages = ((weight, record.k - max(int(last_seen[at].min()), 0)) for weight, at in self._classes(weighing))
         self._weighted.append(max(weight * age for weight, age in ages))
@@ -118,21 +122,16 @@ class ZoneAges(JournalReading):
             zones={name: self._figures(name, part, step) for name, part in self._parts.items() if part.stalest},
         )
 
-    def _classes(self, weighing: Weighing) -> list[tuple[float, NDArray[np.int64]]]:
+    def _find_classes(self, weighing: Weighing) -> list[tuple[float, NDArray[np.int64]]]:
         """Return the weights of the ground while some zones are in force, and the points of each."""
-        if weighing not in self._in_force:
-            prepared = self._run.prepared
-            zoned = zoned_ground(prepared, weighing)
-            assert zoned is not None
-            self._in_force[weighing] = [
-                (weight, _points(prepared.patrolled & (zoned.weights == weight))) for weight in zoned.classes
-            ]
-        return self._in_force[weighing]
+        prepared = self._run.prepared
+        zoned = zoned_ground(prepared, weighing)
+        assert zoned is not None
+        return [(weight, _points(prepared.patrolled & (zoned.weights == weight))) for weight in zoned.classes]
 
     def _best_weighted_s(self) -> float | None:
-        bests = {weighing: best_weighted_s(self._run.prepared, weighing) for weighing in self._ticks}
-        known = {weighing: best for weighing, best in bests.items() if best is not None}
-        if len(known) < len(bests):
+        known = {weighing: best for weighing, best in self._bests.items() if best is not None}
+        if len(known) < len(self._bests):
             return None
         if len(known) == 1:
             return next(iter(known.values()))

@@ -18,7 +18,7 @@ from agent.robots.ros2.shown import Shown, fog_cells, grid_of, show_map
 from patrol.errors import BadInput
 from patrol.exchange import Sensed
 from patrol.ground.fog import Fog
-from patrol.ground.maps import load_terrain
+from patrol.ground.maps.load import load_terrain
 from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose

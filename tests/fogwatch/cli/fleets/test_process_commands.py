@@ -87,6 +87,36 @@ def test_a_robot_that_is_driven_by_nav2_takes_no_slow_zones(
     assert said in capsys.readouterr().err
 
 
+OFF = "zones: [{name: ward, polygon: [[91, 1], [93, 1], [93, 3]], weight: 2}]"
+
+
+@pytest.mark.parametrize(
+    ("more", "words", "said"),
+    [
+        (OFF, [], "{site}: zones.0: ward lies outside of plan, which spans x 0 to 8 m and y 0 to 6 m; move or drop it"),
+        (OFF, ["--set", "zones=[]"], "is the robot's Zenoh router running?"),
+        ("", ["--set", OFF.replace(": ", "=", 1)], "robot: zones.0: ward lies outside of plan"),
+        (
+            "closures: [{name: door, polygon: [[1, 1], [2, 1], [2, 2]], closed: [[9, 20]]}]",
+            [],
+            "{site}: closures: a ROS 2 robot reports nothing blocked here; drop them",
+        ),
+    ],
+)
+def test_what_a_ros2_robot_cannot_patrol_is_said_of_the_scenarios_file(
+    more: str,
+    words: list[str],
+    said: str,
+    fogwatch: Callable[..., int],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    site = tmp_path / "site.yaml"
+    site.write_text(f"terrain: {{map: {write_plan(tmp_path)}}}\nrobots: [{{name: robot}}]\n{more}\n")
+    assert fogwatch("agent", "--robot", "ros2", "--scenario", str(site), *words, *CONNECT) == 2
+    assert said.format(site=site) in capsys.readouterr().err
+
+
 @pytest.mark.processes
 @pytest.mark.parametrize("words", [["--robot", "ros2", "--help"], ["--help"]])
 def test_the_help_of_an_agent_loads_no_heavy_library(words: list[str]) -> None:

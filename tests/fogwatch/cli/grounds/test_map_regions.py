@@ -78,3 +78,11 @@ def test_a_scenarios_gap_is_told(tmp_path: Path) -> None:
     )
     with pytest.raises(BadInput, match=r"patrol.options.regions: 800.00 m2 of free ground lie in no region"):
         output(str(tmp_path / "gap.yaml"))
+
+
+def test_a_zone_off_the_ground_is_said_of_the_scenarios_file(tmp_path: Path) -> None:
+    site = tmp_path / "site.yaml"
+    vault = "{name: vault, polygon: [[900, 1], [901, 1], [901, 2]], weight: 2}"
+    site.write_text(f"terrain: {{builtin: yards}}\nzones: [{vault}]\n")
+    with pytest.raises(BadInput, match=rf"^{site}: zones\.0: vault lies outside of yards"):
+        output(str(site), "--point", "0.5")

@@ -110,10 +110,6 @@ def test_every_module_that_is_needed_seldom_exists() -> None:
             {"agent.routes.kernels.region_paths", "patrol.regions.kernels.cuts"},
         ),
         ({"patrol.policy": "potential-field", "patrol.options.paths": "straight"}, {"agent.routes.kernels.straight"}),
-        (
-            {"zones": [{"name": "aisle", "polygon": [[2, 2], [9, 2], [9, 9]], "one_way": 90}]},
-            {"patrol.ground.kernels.one_way"},
-        ),
     ],
 )
 def test_a_scenario_says_which_seldom_kernels_it_needs(settings: dict[str, object], expected: set[str]) -> None:

@@ -31,7 +31,7 @@ class MapFile:
         negate: Whether dark pixels are free.
         occupied_thresh: Occupancy from which a cell is occupied, 0 to 1.
         free_thresh: Occupancy below which a cell is free, 0 to 1.
-        mode: How pixels are read; see `patrol.ground.map_cells.free_cells`.
+        mode: How pixels are read; see `patrol.ground.maps.cells.free_cells`.
     """
 
     path: Path

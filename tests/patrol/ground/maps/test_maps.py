@@ -18,9 +18,9 @@ from hypothesis.extra import numpy as hnp
 from PIL import Image
 
 from patrol.errors import BadInput
-from patrol.ground.map_cells import free_cells
-from patrol.ground.map_file import read_map_file
-from patrol.ground.maps import load_terrain, read_terrain, resample, suspicious_reading
+from patrol.ground.maps.cells import free_cells
+from patrol.ground.maps.load import load_terrain, read_terrain, resample, suspicious_reading
+from patrol.ground.maps.map_file import read_map_file
 from patrol.scenario import TerrainSpec
 
 SAYS: dict[str, Any] = {

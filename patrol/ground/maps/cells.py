@@ -16,7 +16,7 @@ from PIL.ImageFile import ImageFile
 
 from patrol.errors import BadInput
 from patrol.files.untrusted import IMAGE, open_untrusted
-from patrol.ground.map_file import MapFile
+from patrol.ground.maps.map_file import MapFile
 from patrol.ground.terrain import BoolGrid
 
 FORMATS = ("PPM", "PNG", "BMP", "JPEG")

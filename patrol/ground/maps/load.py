@@ -1,7 +1,7 @@
 """Terrains of maps in ROS map_server's format, read as nav2's map server reads them, without shrinking an obstacle.
 
-A map is a YAML file (`patrol.ground.map_file`) and the image that it names, whose pixels are the map's cells, the upper
-row at the highest y.
+A map is a YAML file (`patrol.ground.maps.map_file`) and the image that it names, whose pixels are the map's cells, the
+upper row at the highest y.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from typing import Protocol
 
 import numpy as np
 
-from patrol.errors import BadInput
-from patrol.ground.builtins import builtin_terrain
-from patrol.ground.map_cells import free_cells, image_size, suspicious, touched_points
-from patrol.ground.map_file import read_map_file
+from patrol.errors import BadInput, NotPrepared
+from patrol.ground.maps.builtins import builtin_terrain
+from patrol.ground.maps.cells import free_cells, image_size, suspicious, touched_points
+from patrol.ground.maps.map_file import read_map_file
 from patrol.ground.shapes import cover
 from patrol.ground.terrain import MAX_POINTS, BoolGrid, Terrain, whole_points
 from patrol.ground.zones import Zone, with_zones
@@ -54,7 +54,8 @@ def load_terrain(
         zones: The scenario's zones.
 
     Raises:
-        BadInput: When there is no such map, a zone lies outside of it, it cannot be used, or no free space is left.
+        BadInput: When there is no such map, or it cannot be used.
+        NotPrepared: When a zone lies outside of it, or no free space is left.
     """
     if spec.builtin is not None:
         terrain = builtin_terrain(spec.builtin, point)
@@ -67,7 +68,7 @@ def load_terrain(
         keep_out |= cover(polygon, terrain.shape, point, terrain.origin)
     kept = Terrain(terrain.name, terrain.passable, point, terrain.origin, keep_out, terrain.source)
     if not kept.free.any():
-        raise BadInput(f"terrain.keep_out: covers all free space of {terrain.name}; leave some for the robots")
+        raise NotPrepared(f"terrain.keep_out: covers all free space of {terrain.name}; leave some for the robots")
     return with_zones(kept, zones)
 
 

@@ -1,0 +1,264 @@
+"""Kernels of ways: their lengths, and their corners.
+
+A way is a row of steps to the eight neighbours. Step w leads in the direction of w times 45 degrees. It costs 100 where
+it is straight and 141 where it is diagonal, and a diagonal step needs both points beside it. No step leads against a
+one-way zone.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, types
+
+GRID = types.Array(types.uint8, 2, "C", readonly=True)
+PLACES = types.Array(types.int64, 1, "C", readonly=True)
+LENGTHS = types.Array(types.int32, 2, "C")
+KNOWN_LENGTHS = types.Array(types.int32, 2, "C", readonly=True)
+QUEUES = types.Array(types.int32, 3, "C")
+USED = types.UniTuple(types.int64, 2)  # type: ignore[no-untyped-call]
+WAY = types.Array(types.int32, 1, "C")
+int64 = types.int64
+index = types.uint64
+"""Unsigned, so that numba skips the negative-index check."""
+
+FAR = 2**31 - 1
+"""The length of what no way leads to."""
+
+
+@njit(USED(GRID, GRID, PLACES, types.boolean, int64, int64, LENGTHS, QUEUES), cache=True, nogil=True)
+def wave(is_open, against, starts, back, stop, limit, length, queues):
+    """Find the lengths of the shortest ways from the nearest of several points, or to it.
+
+    Two first-in first-out queues, one per step cost, each stay sorted by length (see the wave of the robots' planning).
+
+    Args:
+        is_open: uint8 (h, w), non-zero where a body's centre may be; its outermost points are 0.
+        against: uint8 (h, w), bit w is set where step w leads against a zone; of size 0 where there is none.
+        starts: int64 (n,), flat indices of open points, all different.
+        back: Find the ways to the starts instead of those from them.
+        stop: Flat index of a point whose length ends the search, or -1: points that are farther may have none then.
+        limit: The longest way, in hundredths of a point.
+        length: int32 (h, w), FAR everywhere; changed in place to the lengths in hundredths of a point.
+        queues: int32 (2, h * w, 2), overwritten: straight and diagonal steps, each the point that it leads to and the
+            length up to there.
+
+    Returns:
+        The number of steps in each queue, which `forget` needs.
+    """
+    ground, steps, lengths = is_open.ravel(), against.ravel(), length.ravel()
+    straight, diagonal = queues[0], queues[1]
+    stride = is_open.shape[1]
+    step = (1, stride + 1, stride, stride - 1, -1, -stride - 1, -stride, -stride + 1)
+    directed = steps.size > 0
+    straight_head, straight_tail, diagonal_head, diagonal_tail = 0, starts.size, 0, 0
+    for place in range(starts.size):
+        lengths[starts[place]] = 0
+        straight[place, 0], straight[place, 1] = starts[place], 0
+    # An entry is out of date when a shorter way has come since. Lengths come in ascending order, so a point is entered
+    # into each queue once at most.
+    while straight_head < straight_tail or diagonal_head < diagonal_tail:
+        by_diagonal = straight_head >= straight_tail
+        if not by_diagonal and diagonal_head < diagonal_tail:
+            by_diagonal = diagonal[diagonal_head, 1] <= straight[straight_head, 1]
+        if by_diagonal:
+            here, far = diagonal[diagonal_head, 0], diagonal[diagonal_head, 1]
+            diagonal_head += 1
+        else:
+            here, far = straight[straight_head, 0], straight[straight_head, 1]
+            straight_head += 1
+        if here == stop:
+            break
+        if far != lengths[here]:
+            continue
+        for way in range(8):
+            there = here + step[way]
+            away = far + (141 if way & 1 else 100)
+            if ground[index(there)] == 0 or away >= lengths[index(there)] or away > limit:
+                continue
+            if way & 1 and (ground[index(here + step[way - 1])] == 0 or ground[index(here + step[(way + 1) & 7])] == 0):
+                continue
+            if directed and (steps[there] >> ((way + 4) & 7) if back else steps[here] >> way) & 1:
+                continue
+            lengths[index(there)] = away
+            if way & 1:
+                diagonal[diagonal_tail, 0], diagonal[diagonal_tail, 1] = there, away
+                diagonal_tail += 1
+            else:
+                straight[straight_tail, 0], straight[straight_tail, 1] = there, away
+                straight_tail += 1
+    return straight_tail, diagonal_tail
+
+
+@njit(types.void(LENGTHS, QUEUES, USED), cache=True, nogil=True)
+def forget(length, queues, used):
+    """Set what a wave has reached back to FAR.
+
+    Args:
+        length: As for `wave`.
+        queues: As `wave` left them.
+        used: As `wave` returned it.
+    """
+    lengths = length.ravel()
+    for entry in range(used[0]):
+        lengths[queues[0, entry, 0]] = FAR
+    for entry in range(used[1]):
+        lengths[queues[1, entry, 0]] = FAR
+
+
+@njit(int64(GRID, PLACES, int64, LENGTHS), cache=True, nogil=True)
+def lengths_between(is_open, places, limit, lengths):
+    """Find the lengths of the ways between places, as if there were no one-way zones.
+
+    Ways up to the limit are exact. A longer one is the shortest that leads through other places (Floyd-Warshall).
+
+    Args:
+        is_open: As for `wave`.
+        places: int64 (n,), flat indices of open points, all different.
+        limit: Of the ways that are searched for, in hundredths of a point.
+        lengths: int32 (n, n), hundredths of a point; overwritten, FAR where no way was found.
+
+    Returns:
+        The number of ordered pairs of places without a way.
+    """
+    against = np.empty((0, 0), dtype=np.uint8)
+    length = np.full(is_open.shape, FAR, dtype=np.int32)
+    queues = np.empty((2, is_open.size, 2), dtype=np.int32)
+    for first in range(places.size):
+        used = wave(is_open, against, places[first : first + 1], False, -1, limit, length, queues)
+        for other in range(places.size):
+            lengths[first, other] = length.ravel()[places[other]]
+        forget(length, queues, used)
+    missing = 0
+    for by in range(places.size):
+        for first in range(places.size):
+            to = lengths[first, by]
+            if to == FAR:
+                continue
+            for last in range(places.size):
+                if lengths[by, last] != FAR and to + lengths[by, last] < lengths[first, last]:
+                    lengths[first, last] = to + lengths[by, last]
+    for first in range(places.size):
+        for last in range(places.size):
+            missing += lengths[first, last] == FAR
+    return missing
+
+
+@njit(types.boolean(GRID, GRID, int64, int64), cache=True, nogil=True)
+def is_clear(is_open, against, first, last):
+    """Return True if the straight line between two points' centres crosses open points only, and against no zone.
+
+    A line through the corner of four points needs all four of them. A line between the directions of two steps leads
+    against a zone where one of the two does.
+
+    Args:
+        is_open: uint8 (h, w), non-zero where a body's centre may be.
+        against: As for `wave`.
+        first: Flat index of a point.
+        last: Flat index of another one.
+    """
+    ground, steps = is_open.ravel(), against.ravel()
+    stride = is_open.shape[1]
+    row, col = first // stride, first % stride
+    up, across = last // stride - row, last % stride - col
+    step_row, step_col = (stride if up > 0 else -stride), (1 if across > 0 else -1)
+    taken = 0
+    if steps.size:
+        along_row, along_col = (2 if up > 0 else 6), (4 if across < 0 else 0 if up > 0 else 8)
+        if up != 0 and across != 0:
+            taken |= 1 << (along_row + along_col) // 2
+        if abs(across) > abs(up):
+            taken |= 1 << along_col % 8
+        if abs(up) > abs(across):
+            taken |= 1 << along_row
+    up, across = abs(up), abs(across)
+    here = first
+    # How far the line has come across borders of rows and of columns; both are over 2 * up * across.
+    next_row, next_col = across, up
+    while here != last:
+        if ground[index(here)] == 0 or (taken and steps[index(here)] & taken):
+            return False
+        if up == 0 or (across != 0 and next_col < next_row):
+            here += step_col
+            next_col += 2 * up
+        elif across == 0 or next_row < next_col:
+            here += step_row
+            next_row += 2 * across
+        else:
+            if ground[index(here + step_row)] == 0 or ground[index(here + step_col)] == 0:
+                return False
+            here += step_row + step_col
+            next_row += 2 * across
+            next_col += 2 * up
+    return ground[last] != 0
+
+
+@njit(int64(GRID, GRID, int64, int64, KNOWN_LENGTHS, WAY), cache=True, nogil=True)
+def corners(is_open, against, first, last, length, way):
+    """Follow a way down the lengths, pulled taut: a corner wherever the one before goes out of sight.
+
+    Args:
+        is_open: As for `wave`.
+        against: As for `wave`.
+        first: Flat index of a point from which a way leads to the last one.
+        last: Flat index of a point.
+        length: int32 (h, w), lengths of the ways to the last point, as `wave` finds them.
+        way: int32 (n,), overwritten with the flat indices of the way's corners, from the first point on, as many as
+            there is room for.
+
+    Returns:
+        The number of corners.
+    """
+    ground, steps, lengths = is_open.ravel(), against.ravel(), length.ravel()
+    stride = is_open.shape[1]
+    step = (1, stride + 1, stride, stride - 1, -1, -stride - 1, -stride, -stride + 1)
+    # The order decides between equally long ways, so traces depend on it.
+    order = (0, 1, 2, 3, 4, 5, 6, 7) if steps.size else (0, 2, 4, 6, 1, 3, 5, 7)
+    way[0] = first
+    count, here, before = 1, first, first
+    while here != last and count < way.size:
+        for turn in order:
+            there = here + step[turn]
+            cost = 141 if turn & 1 else 100
+            if ground[there] == 0 or lengths[there] == FAR or lengths[there] + cost != lengths[here]:
+                continue
+            if turn & 1 and (ground[here + step[turn - 1]] == 0 or ground[here + step[(turn + 1) & 7]] == 0):
+                continue
+            if steps.size and steps[here] >> turn & 1:
+                continue
+            before, here = here, there
+            break
+        if not is_clear(is_open, against, way[count - 1], here):
+            way[count] = before
+            count += 1
+    if count < way.size and first != last:
+        way[count] = last
+        count += 1
+    return count
+
+
+@njit(int64(GRID, GRID, int64, int64, LENGTHS, QUEUES, WAY), cache=True, nogil=True)
+def way_between(is_open, against, first, last, length, queues, way):
+    """Find a short way between two points: the straight line, else the shortest way pulled taut.
+
+    Args:
+        is_open: As for `wave`.
+        against: As for `wave`.
+        first: Flat index of an open point.
+        last: Flat index of an open point.
+        length: int32 (h, w), FAR everywhere, before and after.
+        queues: As for `wave`.
+        way: int32 (h * w,), overwritten with the flat indices of the way's corners, with both ends. Straight lines
+            between them are open and lead against no zone.
+
+    Returns:
+        The number of corners; 0 where no way leads from the first point to the last.
+    """
+    way[0], way[1] = first, last
+    if is_clear(is_open, against, first, last):
+        return 2
+    used = wave(is_open, against, np.array([last]), True, first, FAR, length, queues)
+    count = 0
+    if length.ravel()[first] != FAR:
+        count = corners(is_open, against, first, last, length, way)
+    forget(length, queues, used)
+    return count

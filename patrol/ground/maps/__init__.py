@@ -1,0 +1,1 @@
+"""Terrains read from map files, and the built-in ones."""

@@ -1,0 +1,188 @@
+"""Ways over the ground, with and without one-way zones: lengths, straight lines, corners and first bends."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from itertools import pairwise
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from patrol.ground.fields import compute_fields
+from patrol.ground.kernels.ways import FAR, is_clear, lengths_between, way_between
+from patrol.ground.one_way import STEPS, unit, with_direction
+from patrol.ground.terrain import ALL_WAYS, BoolGrid, Steps
+from patrol.ground.ways import first_bend, framed, lengths_along
+from patrol.pose import Pose
+from tests.ring import LOWER, ring, zone
+
+Place = tuple[int, int]
+
+seeds = st.integers(0, 2**32 - 1)
+
+ROOM: BoolGrid = np.array(
+    [
+        [letter == "." for letter in row]
+        for row in (
+            "#########",
+            "#...#...#",
+            "#.#.#.#.#",
+            "#.#...#.#",
+            "#########",
+        )
+    ]
+)
+
+
+def dijkstra(reach: BoolGrid, zones: list[tuple[BoolGrid, int]], start: tuple[int, int]) -> NDArray[np.float64]:
+    """Lengths of the ways from a point, in hundredths of a point, by the definition of a step against a zone."""
+    lengths = np.full(reach.shape, np.inf)
+    lengths[start] = 0
+    heap = [(0, *start)]
+    while heap:
+        length, row, col = heapq.heappop(heap)
+        for up, across in STEPS:
+            to = row + up, col + across
+            inside = 0 <= to[0] < reach.shape[0] and 0 <= to[1] < reach.shape[1]
+            if not inside or not (reach[to] and reach[row, to[1]] and reach[to[0], col]):
+                continue
+            directions = [unit(degrees) for points, degrees in zones if points[row, col] or points[to]]
+            if any(across * x + up * y < -1e-9 for x, y in directions):
+                continue
+            away = length + (141 if up and across else 100)
+            if away < lengths[to]:
+                lengths[to] = away
+                heapq.heappush(heap, (away, *to))
+    return lengths
+
+
+def drawn(seed: int) -> tuple[BoolGrid, list[tuple[BoolGrid, int]], Steps, tuple[int, int]]:
+    """A small random ground with up to two one-way zones, its steps against them, and an open point."""
+    rng = np.random.default_rng(seed)
+    reach = rng.random(tuple(rng.integers(2, 14, 2))) < rng.choice([0.6, 0.9, 1.0])
+    start = int(rng.integers(reach.shape[0])), int(rng.integers(reach.shape[1]))
+    reach[start] = True
+    zones, against = [], ALL_WAYS
+    for _ in range(int(rng.integers(3))):
+        points = np.zeros(reach.shape, dtype=np.bool_)
+        row, col = rng.integers(reach.shape[0]), rng.integers(reach.shape[1])
+        points[row : row + rng.integers(1, 6), col : col + rng.integers(1, 6)] = True
+        zones.append((points, int(rng.integers(8)) * 45))
+        against = with_direction(against, *zones[-1])
+    return reach, zones, against, start
+
+
+def way(reach: BoolGrid, against: Steps, first: Place, last: Place) -> list[Place]:
+    """Rows and columns of the corners of the way from one point to another; none where no way leads."""
+    is_open, steps = framed(reach, against)
+    length = np.full(is_open.shape, FAR, dtype=np.int32)
+    scratch = length, np.empty((2, is_open.size, 2), dtype=np.int32), np.empty(is_open.size, dtype=np.int32)
+    begin, end = ((row + 1) * is_open.shape[1] + col + 1 for row, col in (first, last))
+    count = way_between(is_open, steps, begin, end, *scratch)
+    assert (length == FAR).all()
+    rows, cols = np.divmod(scratch[2][:count], is_open.shape[1])
+    return list(zip((rows - 1).tolist(), (cols - 1).tolist(), strict=True))
+
+
+@given(seeds)
+@settings(max_examples=60)
+def test_lengths_are_those_of_dijkstra_and_back_they_are_turned_round(seed: int) -> None:
+    reach, zones, against, start = drawn(seed)
+    expected = dijkstra(reach, zones, start)
+    lengths = lengths_along(reach, against, [start], FAR)
+    assert np.array_equal(np.where(lengths < FAR, lengths, np.inf)[1:-1, 1:-1], expected)
+    back = lengths_along(reach, against, [start], FAR, back=True)[1:-1, 1:-1]
+    for row, col in np.argwhere(reach)[:: max(1, int(reach.sum()) // 8)].tolist():
+        there = dijkstra(reach, zones, (row, col))[start]
+        assert (math.inf if back[row, col] == FAR else back[row, col]) == there
+
+
+@given(seeds)
+@settings(max_examples=60)
+def test_from_the_nearest_of_several_points_and_up_to_a_limit(seed: int) -> None:
+    reach, zones, against, start = drawn(seed)
+    other = divmod(int(np.flatnonzero(reach)[-1]), reach.shape[1])
+    expected = np.minimum(dijkstra(reach, zones, start), dijkstra(reach, zones, other))
+    lengths = lengths_along(reach, against, [start, other], 450)[1:-1, 1:-1]
+    assert np.array_equal(np.where(lengths < FAR, lengths, np.inf), np.where(expected <= 450, expected, np.inf))
+
+
+@given(seeds)
+@settings(max_examples=60)
+def test_straight_from_corner_to_corner_a_way_leads_against_no_zone(seed: int) -> None:
+    reach, zones, against, start = drawn(seed)
+    lengths = dijkstra(reach, zones, start)
+    for row, col in np.argwhere(np.isfinite(lengths))[::3].tolist():
+        corners = way(reach, against, start, (row, col))
+        assert (corners[0], corners[-1]) == (start, (row, col))
+        for first, last in pairwise(corners):
+            up, across = last[0] - first[0], last[1] - first[1]
+            samples = np.linspace(0.0, 1.0, 40 * max(abs(up), abs(across)) + 1)[1:-1]
+            rows = np.rint(first[0] + samples * up).astype(int)
+            cols = np.rint(first[1] + samples * across).astype(int)
+            for points, degrees in zones:
+                x, y = unit(degrees)
+                crossed = points[rows, cols].sum() / max(len(samples), 1) * math.hypot(up, across)
+                # A line may touch a zone's edge with less than the half of a point.
+                assert across * x + up * y >= -1e-9 or crossed < 0.75
+        length = sum(math.dist(first, last) for first, last in pairwise(corners))
+        assert length <= lengths[row, col] / 141.0 * math.sqrt(2.0) + 1e-9
+
+
+def test_a_way_through_the_corridor_leads_back_through_the_other_one() -> None:
+    """By hand: 2 steps to the east room, 11 up in it, 23 along the upper corridor, 11 down and 2 to the corridor."""
+    terrain = ring(zone("aisle", LOWER, 0))
+    reach = compute_fields(terrain, 0.3, 4.0, True, [Pose(3.0, 5.0, 0.0)]).reach
+    west, east = (4, 10), (4, 29)
+    for start, end, expected in ((west, east, 1900), (east, west, 4900)):
+        assert lengths_along(reach, terrain.against, [start], FAR)[end[0] + 1, end[1] + 1] == expected
+        back = lengths_along(reach, terrain.against, [end], FAR, back=True)
+        assert back[start[0] + 1, start[1] + 1] == expected
+    assert way(reach, terrain.against, west, east) == [west, east]
+    assert way(reach, terrain.against, east, west) == [east, (4, 31), (15, 31), (15, 8), (4, 8), west]
+    to_west = lengths_along(reach, terrain.against, [west], FAR, back=True)
+    assert first_bend(reach, terrain.against, to_west, east, west) == (4, 31)
+
+
+def lengths(places: list[int], limit: int = 10**6) -> tuple[int, NDArray[np.int32]]:
+    found = np.empty((len(places), len(places)), dtype=np.int32)
+    return lengths_between(ROOM.view(np.uint8), np.array(places, dtype=np.int64), limit, found), found
+
+
+def test_lengths_lead_round_walls_and_cut_no_corner() -> None:
+    missing, found = lengths([10, 16, 28])
+    assert missing == 0
+    assert found.tolist() == [[0, 1000, 200], [1000, 0, 1200], [200, 1200, 0]]
+
+
+def test_lengths_beyond_the_limit_lead_through_other_places() -> None:
+    missing, found = lengths([10, 16, 30], 700)
+    assert missing == 0
+    assert found[0, 1] == found[0, 2] + found[2, 1] == 1000
+    assert lengths([10, 16], 700)[0] == 2
+
+
+def test_a_way_is_straight_where_it_can_be_and_else_turns_round_corners() -> None:
+    start = 1, 1
+    assert way(ROOM, ALL_WAYS, start, start) == [start, start]
+    assert way(ROOM, ALL_WAYS, start, (1, 3)) == [start, (1, 3)]
+    assert way(ROOM, ALL_WAYS, start, (3, 1)) == [start, (3, 1)]
+    assert way(ROOM, ALL_WAYS, start, (1, 7)) == [start, (1, 3), (3, 3), (3, 5), (1, 5), (1, 7)]
+
+
+def test_where_no_way_leads_there_are_no_corners() -> None:
+    apart = ROOM.copy()
+    apart[3, 4] = False
+    assert way(apart, ALL_WAYS, (1, 1), (1, 7)) == []
+
+
+def test_a_line_through_a_corner_needs_all_four_points() -> None:
+    open_ = np.ones((4, 4), dtype=np.bool_)
+    assert is_clear(open_.view(np.uint8), ALL_WAYS, 0, 15)
+    open_[1, 2] = False
+    assert not is_clear(open_.view(np.uint8), ALL_WAYS, 0, 15)
+    assert is_clear(open_.view(np.uint8), ALL_WAYS, 0, 12)
+    assert not is_clear(open_.view(np.uint8), ALL_WAYS, 0, 6)
