@@ -23,7 +23,7 @@ from docs.site.generated import with_generated  # noqa: E402
 project = "fogwatch"
 author = "the fogwatch authors"
 release = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
-language = "en_GB"
+language = "en"
 smartquotes = False
 
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_copybutton"]
