@@ -24,7 +24,7 @@ develop: $(VENV)/.developed ## add what the other targets need: tools for tests 
 
 .PHONY: demo
 demo: install ## run five cars, each a process, on the terrain `site` for ten simulated minutes
-	$(BIN)/fogwatch run site --robots 5 --model car --duration 600
+	$(BIN)/fogwatch demo
 
 .PHONY: browser
 browser: ## install Chromium, for the tests of the page (needs root and apt-get)

@@ -19,6 +19,7 @@ from fogwatch.cli.experiments import benchmark, chaos_command, experiment, paper
 from fogwatch.cli.fleets import control, doctor_command, fleet, key, process_commands
 from fogwatch.cli.grounds import map_commands, plan_command, scenario
 from fogwatch.cli.runs import intruder_command, judge_command, page, recording_commands, report_commands
+from fogwatch.presets import PRESETS, preset_settings
 from patrol.errors import BadInput
 from patrol.pose import MODELS
 from patrol.printable import printable
@@ -29,7 +30,6 @@ from patrol.scenario import BUILTINS, MAX_ROBOTS, RobotGroup, naming, open_scena
 app = typer.Typer(
     cls=OrderedGroup,
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     help="Decentralised patrolling: robots that exchange nothing but their positions, and go where nobody has looked "
     "for longest.",
@@ -85,6 +85,7 @@ OUTPUT = "Output"
         "fogwatch run yards --robots 5 --duration 600",
         "fogwatch run my-map.yaml --model differential --radius 0.3 --speed 1",
         "fogwatch run examples/yards-five.yaml --set patrol.options.dilatation=2 --seed 7",
+        "fogwatch run yards --preset paper --robots 5 --model holonomic",
     ],
     exit_codes="0 verdict valid, 1 verdict invalid, 2 bad input, 3 verdict unknown (the run could not be judged), 130 "
     "interrupted",
@@ -134,6 +135,15 @@ def run(
     ] = None,
     point: Annotated[
         float | None, typer.Option(metavar="M", help="Side of one grid point in m.", rich_help_panel=RUN)
+    ] = None,
+    preset: Annotated[
+        str | None,
+        typer.Option(
+            metavar="|".join(PRESETS),
+            help="; ".join(f"{name}: {meaning}" for name, meaning in PRESETS.items())
+            + ". Other options and --set hold over it.",
+            rich_help_panel=RUN,
+        ),
     ] = None,
     settings: Annotated[
         list[str] | None,
@@ -222,7 +232,7 @@ def run(
     if threads > 1 and not in_process:
         raise BadInput(f"--threads {threads}: each robot is a process of its own; leave it out, or give --in-process")
     ending = heed(None, patience=0)
-    overridden = {**options_given, **parse_overrides(settings or [])}
+    overridden = {**preset_settings(preset), **options_given, **parse_overrides(settings or [])}
     scenario = open_scenario(what, overridden)
     served = page and not quiet and not in_process
     if spare is not None:
@@ -275,6 +285,18 @@ def run(
         else:
             print_summary(Console(), Summary.model_validate(result.summary), result.folder)
     return INTERRUPTED if ending else result.verdict.exit_code
+
+
+@command(
+    app,
+    examples=["fogwatch demo"],
+    exit_codes="as for fogwatch run: 0 verdict valid, 1 invalid, 2 bad input, 3 unknown, 130 interrupted",
+    panel=START,
+)
+def demo() -> int:
+    """Watch a fleet: five cars, each a process, patrol the terrain `site` for ten simulated minutes."""
+    print("fogwatch run site --robots 5 --model car --duration 600")
+    return run("site", robots=5, model="car", duration=600)
 
 
 def _print_version(wanted: bool) -> None:
