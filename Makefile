@@ -48,6 +48,7 @@ pictures: develop ## make the pictures of README and site again (needs Chromium)
 tables: develop ## make the tables of docs/run-folder.md again, from the declarations of the metrics
 	PYTHONPATH=. $(BIN)/python docs/tables.py
 
+# Every page is read anew (-E): Sphinx drops the options of pages that it does not read from the search's index.
 .PHONY: docs
 docs: develop $(VENV)/.documented $(if $(CI),browser) ## build the documentation's site, and check its links, pages and search
 	$(BIN)/python -m sphinx -q -E -W --keep-going -b html -c docs -d build/doctrees . build/site
