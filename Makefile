@@ -45,7 +45,7 @@ pictures: develop ## make the pictures of README and site again (needs Chromium)
 	PYTHONPATH=. $(BIN)/python docs/pictures/rules.py
 
 .PHONY: tables
-tables: develop ## make the tables of docs/run-folder.md again, from the declarations of the metrics
+tables: develop ## make the tables of metrics and columns in docs again, from their declarations
 	PYTHONPATH=. $(BIN)/python docs/tables.py
 
 # Every page is read anew (-E): Sphinx drops the options of pages that it does not read from the search's index.

@@ -30,6 +30,7 @@ ORDER = (
     "record",
     "replay",
     "report",
+    "export",
     "compare",
     "intruder",
     "judge",
