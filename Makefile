@@ -40,12 +40,20 @@ layout: develop ## make the position frame's layout in C and its table in docs/r
 	$(BIN)/python deploy/c/layout.py
 
 .PHONY: pictures
-pictures: develop ## make the README's pictures of the page again (needs Chromium)
+pictures: develop ## make the pictures of README and site again (needs Chromium)
 	$(BIN)/python docs/pictures/make.py
+	PYTHONPATH=. $(BIN)/python docs/pictures/rules.py
 
 .PHONY: tables
 tables: develop ## make the tables of metrics and columns in docs again, from their declarations
 	PYTHONPATH=. $(BIN)/python docs/tables.py
+
+# Every page is read anew (-E): Sphinx drops the options of pages that it does not read from the search's index.
+.PHONY: docs
+docs: develop $(VENV)/.documented $(if $(CI),browser) ## build the documentation's site, and check its links, pages and search
+	$(BIN)/python -m sphinx -q -E -W --keep-going -b html -c docs -d build/doctrees . build/site
+	$(BIN)/python -m pytest -q -m site tests/docs
+	@echo "the site begins at $(CURDIR)/build/site/index.html"
 
 # Several processes share the tests: one more than there are processors (`tests/conftest.py`), up to four.
 # On a developer's machine nothing is installed unasked: without a Chromium pytest skips the tests of the page and says so.
@@ -68,7 +76,7 @@ times: develop ## measure the processor time of every test, which decides what i
 	$(PYTEST) --suite all --times $(CURDIR)/build/times.tsv
 	awk -F '\t' '$$1 >= 0.4 && $$2 !~ /^tests.test_house/' build/times.tsv | LC_ALL=C sort -t "$$(printf '\t')" -k 2 >tests/times.tsv
 
-test-all: test test-rest test-bounds-quick ## everything that is quick enough for CI: about twenty minutes
+test-all: test docs test-rest test-bounds-quick ## everything that is quick enough for CI: about twenty minutes
 
 # Each round in another order, beside busy loops and processes that are stopped for a moment: make test-hard N=5 SEED=1
 # TESTS="tests/worldsim -m processes" (arguments for pytest).
@@ -127,6 +135,11 @@ rivals: develop $(VENV)/.rivals ## install the libraries that benchmarks compare
 # scikit-fmm is published as source alone.
 $(VENV)/.rivals: requirements-bench.lock | $(VENV)/.developed
 	$(PIP) install --quiet --only-binary :all: --no-binary scikit-fmm --require-hashes --no-deps -r requirements-bench.lock
+	@touch $@
+
+$(VENV)/.documented: requirements-docs.lock | $(VENV)/.developed
+	@echo "adding what the documentation's site needs to $(VENV)"
+	$(LOCKED) -r requirements-docs.lock
 	@touch $@
 
 .PHONY: lint

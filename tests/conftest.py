@@ -26,7 +26,7 @@ settings.register_profile("local", deadline=None, print_blob=True)
 settings.register_profile("ci", settings.get_profile("local"), derandomize=True, database=None)
 settings.load_profile("ci" if os.environ.get("CI") else "local")
 
-ONLY_NAMED = ("accept", "network")
+ONLY_NAMED = ("accept", "network", "site")
 """Markers of tests that run only where ``-m`` names them."""
 
 SLOW = ("processes", "browser")

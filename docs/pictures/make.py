@@ -1,10 +1,11 @@
-"""Makes the pictures of the page that the README shows, `make pictures`: of a run that it does itself, or of one given.
+"""Makes the pictures of the page that README and site show, `make pictures`: of a run of its own, or one given.
 
-A real browser opens the page as anybody would, in light and in dark.
+A real browser opens the page as anybody would, in light and in dark. An animation shows the map from the run's begin.
 """
 
 from __future__ import annotations
 
+import io
 import queue
 import shutil
 import sys
@@ -13,6 +14,8 @@ import threading
 import time
 from pathlib import Path
 from typing import Any
+
+from PIL import Image
 
 import fogwatch
 from monitor.process import serve
@@ -38,6 +41,12 @@ AT = 0.97
 """How far into the run the moment is that is shown."""
 TRAIL = 120
 """Ticks that are played before, so that robots have trails."""
+
+MOVIE_TICKS = range(0, 480, 8)
+"""Ticks that the animation shows, a frame each."""
+FRAME_MS = 120
+MOVIE_SIZE = (640, 620)
+"""The window's size for the animation, pixels."""
 
 VIEWS = (("page-light", 1280, 720, "light"), ("page-dark", 1280, 720, "dark"))
 
@@ -65,6 +74,9 @@ def main(given: Path | None) -> None:
                 look(context.new_page(), address, round((player.static().ticks or 1) * AT))
                 context.pages[0].screenshot(path=Path(__file__).with_name(f"{name}.png"))
                 context.close()
+            context = browser.new_context(viewport=dict(zip(("width", "height"), MOVIE_SIZE, strict=True)))
+            animate(context.new_page(), address, Path(__file__).with_name("patrol.webp"))
+            context.close()
         finally:
             browser.close()
             ending.ask("the pictures are made")
@@ -75,14 +87,31 @@ def look(page: Any, address: str, moment: int) -> None:
     """Play up to the wanted tick, and wait until everything is drawn."""
     page.goto(address)
     for k in range(max(moment - TRAIL, 0), moment + 1, 2):
-        page.evaluate(
-            "(k) => { const s = document.getElementById('seek'); s.value = k; s.dispatchEvent(new Event('input')); }", k
-        )
-        while page.evaluate("document.getElementById('clock').title") != f"tick {k}":
-            time.sleep(0.02)
+        seek(page, k)
     while not page.evaluate("document.querySelectorAll('#chart .scatterlayer .trace').length"):
         time.sleep(0.1)
     time.sleep(1.5)
+
+
+def animate(page: Any, address: str, out: Path) -> None:
+    """Write an animation of the map."""
+    page.goto(address)
+    frames = []
+    for k in MOVIE_TICKS:
+        seek(page, k)
+        page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+        shot = page.locator("#map").screenshot()
+        frames.append(Image.open(io.BytesIO(shot)).convert("RGB"))
+    frames[0].save(out, save_all=True, append_images=frames[1:], duration=FRAME_MS, loop=0, quality=45, method=6)
+
+
+def seek(page: Any, k: int) -> None:
+    """Have the page show a tick."""
+    page.evaluate(
+        "(k) => { const s = document.getElementById('seek'); s.value = k; s.dispatchEvent(new Event('input')); }", k
+    )
+    while page.evaluate("document.getElementById('clock').title") != f"tick {k}":
+        time.sleep(0.02)
 
 
 if __name__ == "__main__":

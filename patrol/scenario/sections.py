@@ -251,8 +251,8 @@ BUILT_IN_SENSORS = (SECTOR, DISC)
 class SensorSpec(Section):
     """A robot's sensor.
 
-    sensor: {range: 8, angle: 90}                                       a sector
-    sensor: {kind: ./mine.py:Mine, range: 8, options: {across: 3}}      a sensor of one's own
+        sensor: {range: 8, angle: 90}                                       a sector
+        sensor: {kind: ./mine.py:Mine, range: 8, options: {across: 3}}      a sensor of one's own
 
     `range` and `line_of_sight` hold for every kind: they decide what the robots can ever see (`patrol.ground.fields`).
     """
