@@ -18,7 +18,7 @@ from fogwatch.cli.ending import complain, run_app
 from fogwatch.cli.experiments import benchmark, chaos_command, experiment, paper, sweep
 from fogwatch.cli.fleets import control, doctor_command, fleet, key, process_commands
 from fogwatch.cli.grounds import map_commands, plan_command, scenario
-from fogwatch.cli.runs import intruder_command, judge_command, page, recording_commands, report_commands
+from fogwatch.cli.runs import animate_command, intruder_command, judge_command, page, recording_commands, report_commands
 from patrol.errors import BadInput
 from patrol.pose import MODELS
 from patrol.printable import printable
@@ -58,6 +58,7 @@ command(
 )(recording_commands.record)
 command(app, examples=page.REPLAY_EXAMPLES, exit_codes=page.EXIT_CODES, panel=FINISHED)(page.replay)
 command(app, examples=report_commands.REPORT_EXAMPLES, panel=FINISHED)(report_commands.report)
+command(app, examples=animate_command.EXAMPLES, panel=FINISHED)(animate_command.animate)
 command(app, examples=judge_command.EXAMPLES, exit_codes=judge_command.EXIT_CODES, panel=FINISHED)(judge_command.judge)
 command(app, examples=report_commands.COMPARE_EXAMPLES, panel=FINISHED)(report_commands.compare)
 command(app, examples=intruder_command.EXAMPLES, panel=FINISHED)(intruder_command.intruder)

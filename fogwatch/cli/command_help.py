@@ -29,6 +29,7 @@ ORDER = (
     "record",
     "replay",
     "report",
+    "animate",
     "compare",
     "intruder",
     "judge",
