@@ -18,7 +18,14 @@ from fogwatch.cli.ending import complain, run_app
 from fogwatch.cli.experiments import benchmark, chaos_command, experiment, paper, sweep
 from fogwatch.cli.fleets import control, doctor_command, fleet, key, process_commands
 from fogwatch.cli.grounds import map_commands, plan_command, scenario
-from fogwatch.cli.runs import animate_command, intruder_command, judge_command, page, recording_commands, report_commands
+from fogwatch.cli.runs import (
+    animate_command,
+    intruder_command,
+    judge_command,
+    page,
+    recording_commands,
+    report_commands,
+)
 from patrol.errors import BadInput
 from patrol.pose import MODELS
 from patrol.printable import printable

@@ -30,7 +30,7 @@ from patrol.scenario.zones import zones_at
 Pixels = NDArray[np.uint8]
 Place = tuple[float, float]
 
-SHADES = 128
+SHADES = 64
 """Colours of ages; few enough that files stay small."""
 
 FINE = 3
@@ -136,8 +136,8 @@ class FilmFrames:
         firsts = [np.arange(n) * points // n for n, points in zip((len(self._rows), len(self._cols)), terrain.shape)]
         walls = np.maximum.reduceat(np.maximum.reduceat(~terrain.passable, firsts[0]), firsts[1], axis=1)[::-1]
         drawn = with_walls(np.zeros((*walls.shape, 3), dtype=np.uint8), walls, max(walls.shape), 1)
-        inside = np.full(walls.shape, self._index(UNCOUNTED), dtype=np.uint8)
         ground = self._sampled(patrolled).astype(np.bool_)
+        inside = np.where(ground, self._index(NEVER_SEEN), self._index(UNCOUNTED)).astype(np.uint8)
         for colour in (WALL, WALL_EDGE):
             mask = (drawn == rgb(colour)).all(axis=2)
             inside[mask] = self._index(colour)
@@ -149,21 +149,25 @@ class FilmFrames:
     def _with_legend(self, image: Pixels) -> Pixels:
         """Draw the scale of ages, and what its colours mean, below the map."""
         wide, high = self.size
-        bar = max(min(round(0.3 * wide), 300), 8)
-        left, top = 90, high - STRIP + 7
+        bar = min(round(0.2 * wide), 300)
+        left, top, centre = 78, high - STRIP + 7, high - STRIP / 2
         image[top : top + 12, left : left + bar] = (np.arange(bar) * SHADES // bar).astype(np.uint8)
         sheet, draw = self._sheet()
-        oldest = self._oldest * self._run.step
-        self._text(draw, (8, high - STRIP / 2), "last seen", "lm")
-        self._text(draw, (left - 6, high - STRIP / 2), "0", "rm")
-        end = left + bar + 6
-        text = f"{oldest:g} s ago"
-        self._text(draw, (end, high - STRIP / 2), text, "lm")
-        left = round(end + draw.textlength(text, self._font) / FINE) + 16
-        for colour, meaning in ((NEVER_SEEN, "never seen"), (UNCOUNTED, "does not count")):
-            draw.rectangle([FINE * x for x in (left, top, left + 12, top + 12)], fill=colour)
-            self._text(draw, (left + 18, high - STRIP / 2), meaning, "lm")
-            left += round(18 + draw.textlength(meaning, self._font) / FINE) + 14
+
+        def write(x: float, text: str) -> float:
+            """Write from x on; return where the text ends."""
+            self._text(draw, (x, centre), text, "lm")
+            return float(x + draw.textlength(text, self._font) / FINE)
+
+        write(8, "last seen")
+        self._text(draw, (left - 4, centre), "0", "rm")
+        end = write(left + bar + 4, f"{self._oldest * self._run.step:g} s ago")
+        meanings = {NEVER_SEEN: "never seen", UNCOUNTED: "does not count"}
+        if not (image[STRIP:-STRIP] == self._index(UNCOUNTED)).any():
+            del meanings[UNCOUNTED]
+        for colour, meaning in meanings.items():
+            draw.rectangle([FINE * x for x in (end + 14, top, end + 26, top + 12)], fill=colour)
+            end = write(end + 31, meaning)
         return self._blended(image, sheet)
 
     def _sheet(self) -> tuple[Image.Image, ImageDraw.ImageDraw]:
@@ -284,7 +288,5 @@ def _nearest(palette: Pixels) -> Pixels:
     """Return the index of the nearest colour for the first `_BITS` bits of red, green and blue, uint8 (n, n, n)."""
     parts = np.linspace(0.0, 255.0, 1 << _BITS)
     squares = [(parts[:, np.newaxis] - palette[:, part]) ** 2 for part in range(3)]
-    nearest = [
-        (red + squares[1][:, np.newaxis] + squares[2][np.newaxis]).argmin(axis=-1) for red in squares[0]
-    ]
+    nearest = [(red + squares[1][:, np.newaxis] + squares[2][np.newaxis]).argmin(axis=-1) for red in squares[0]]
     return np.array(nearest, dtype=np.uint8)

@@ -24,13 +24,13 @@ EXAMPLES = [
     "fogwatch animate RUN --out patrol.mp4 --from 300 --to 360 --speed 5 --width 1280",
 ]
 
-LENGTH_S = 20.0
+LENGTH_S = 15.0
 """Length of a film whose speed is not given, s: the whole run, or real time if that is shorter."""
 
 MOST_FPS = 50.0
 """Frames per second of the fastest GIF: browsers slow down faster ones."""
 
-LEAST_WIDTH, MOST_WIDTH = 320, 3840
+LEAST_WIDTH, MOST_WIDTH = 320, 1920
 
 
 def animate(
@@ -38,15 +38,19 @@ def animate(
     out: Annotated[Path, typer.Option(metavar="FILE", help="File to write: .gif, or .mp4, which needs ffmpeg.")],
     speed: Annotated[
         float | None,
-        typer.Option(metavar="X", help=f"Times real time (default: the whole run in {LENGTH_S:g} s).", show_default=False),
+        typer.Option(
+            metavar="X", help=f"Times real time (default: the whole run in {LENGTH_S:g} s).", show_default=False
+        ),
     ] = None,
     fps: Annotated[float, typer.Option(metavar="N", help="Frames per second.")] = 10.0,
     begin: Annotated[float, typer.Option("--from", metavar="S", help="Simulated time to begin at, in s.")] = 0.0,
     end: Annotated[
         float | None,
-        typer.Option("--to", metavar="S", help="Simulated time to end at, in s (default: the end).", show_default=False),
+        typer.Option(
+            "--to", metavar="S", help="Simulated time to end at, in s (default: the end).", show_default=False
+        ),
     ] = None,
-    width: Annotated[int, typer.Option(metavar="PIXELS", help="Width of the film in pixels.")] = 640,
+    width: Annotated[int, typer.Option(metavar="PIXELS", help="Width of the film in pixels.")] = 480,
 ) -> None:
     """Write a run as a film: an animated GIF or an MP4 with the true fog, the robots, closures and zones."""
     from monitor.replay.run_files import check_out
@@ -61,7 +65,7 @@ def animate(
     if speed is not None and not 0.0 < speed < math.inf:
         raise BadInput(f"--speed {speed:g}: expected a number above 0, such as --speed 20")
     if not LEAST_WIDTH <= width <= MOST_WIDTH:
-        raise BadInput(f"--width {width}: expected {LEAST_WIDTH} to {MOST_WIDTH} pixels, such as --width 640")
+        raise BadInput(f"--width {width}: expected {LEAST_WIDTH} to {MOST_WIDTH} pixels, such as --width 480")
     from fogwatch.pictures.film import check_length, find_ffmpeg, frame_ticks, write_gif, write_mp4
 
     ffmpeg = find_ffmpeg(out) if kind == ".mp4" else ""
