@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
 from shutil import which
 from tempfile import TemporaryFile
@@ -57,7 +58,7 @@ def write_gif(out: Path, frames: Iterable[Pixels], count: int, palette: Pixels, 
     """
     # GIF counts in hundredths of a second: the ends of frames are rounded, so that errors do not add up.
     ends = [round(100.0 * number / fps) for number in range(count + 1)]
-    durations = [10 * (end - begin) for begin, end in zip(ends, ends[1:], strict=False)]
+    durations = [10 * (end - begin) for begin, end in pairwise(ends)]
 
     def images() -> Iterator[Image.Image]:
         for pixels in frames:
@@ -66,8 +67,8 @@ def write_gif(out: Path, frames: Iterable[Pixels], count: int, palette: Pixels, 
             yield image
 
     rest = images()
-    with _written(out) as part:
-        next(rest).save(part, "GIF", save_all=True, append_images=rest, duration=durations, loop=0, optimize=False)
+    with _written(out) as part, part.open("wb") as file:
+        next(rest).save(file, "GIF", save_all=True, append_images=rest, duration=durations, loop=0, optimize=False)
 
 
 def find_ffmpeg(out: Path) -> str:

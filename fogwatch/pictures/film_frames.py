@@ -132,8 +132,9 @@ class FilmFrames:
     def _constant(self) -> tuple[Pixels, BoolGrid]:
         """Return a frame of walls, ground that does not count and the legend, and the pixels of the fog."""
         terrain, patrolled = self._run.prepared.terrain, self._run.prepared.patrolled
+        high, wide = len(self._rows), len(self._cols)
         # A pixel is a wall if any of its points is, so that thin walls do not disappear.
-        firsts = [np.arange(n) * points // n for n, points in zip((len(self._rows), len(self._cols)), terrain.shape)]
+        firsts = [np.arange(n) * points // n for n, points in zip((high, wide), terrain.shape, strict=True)]
         walls = np.maximum.reduceat(np.maximum.reduceat(~terrain.passable, firsts[0]), firsts[1], axis=1)[::-1]
         drawn = with_walls(np.zeros((*walls.shape, 3), dtype=np.uint8), walls, max(walls.shape), 1)
         ground = self._sampled(patrolled).astype(np.bool_)
