@@ -1,13 +1,13 @@
 """A run's page as a folder of files, which any browser opens without a server: it plays the messages that a hub sends.
 
-Browsers load no modules from files beside a page that is itself a file. So the page's modules are in index.html, as data
-that an import map names, and the messages are a script, `run.js`: gzip in base64 of
+Browsers load no modules for a page that is itself a file. So the page's modules are in index.html, as data that an
+import map names, and the messages are a script, `run.js`: gzip in base64 of
 
     uint32 n, little-endian | n bytes of JSON | packets of tiles, one after the other (`monitor/page/tiles.py`)
 
-The JSON has the messages that a page gets once, the trail of the whole run, and for each frame its state and the length of
-the packet with what has changed since the frame before. Each `KEY`-th frame also has a packet with the whole fog, and the
-links. `recorded.js` plays them.
+The JSON has the messages that a page gets once, the trail of the whole run, and for each frame its state and the
+length of the packet with what has changed since the frame before. Each `KEY`-th frame also has a packet with the whole
+fog, and the links. `recorded.js` plays them.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from itertools import count
 from pathlib import Path
 
 from monitor.observation.fault_bands import bands_of
+from monitor.page.hub import MOST_POINTS
 from monitor.page.messages import (
     bands_message,
     events_message,
@@ -36,7 +37,6 @@ from monitor.page.server import plotly_file
 from monitor.page.survey import survey_of
 from monitor.page.thinning import thinned
 from monitor.page.tiles import TRUTH, TiledMap, terrain_packet
-from monitor.page.hub import MOST_POINTS
 from monitor.replay.player import Player
 from monitor.replay.run import Run
 from patrol import palette
@@ -99,7 +99,9 @@ def _static(name: str) -> str:
 def _index() -> str:
     """Return index.html with the page's modules in an import map."""
     folder = files("monitor.page").joinpath("static")
-    modules = {entry.name: entry.read_text(encoding="utf-8") for entry in folder.iterdir() if entry.name.endswith(".js")}
+    modules = {
+        entry.name: entry.read_text(encoding="utf-8") for entry in folder.iterdir() if entry.name.endswith(".js")
+    }
     modules["palette.js"] = palette.script()
     imports = {}
     for name, text in sorted(modules.items()):

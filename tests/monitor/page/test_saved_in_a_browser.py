@@ -94,7 +94,9 @@ def test_only_every_nth_tick_of_a_long_run_is_kept(
     with Look(chromium, f"{(tmp_path / 'index.html').as_uri()}?t=0") as look:
         look.until("document.body.dataset.frames > 0")
         look.seek(79)
-        look.evaluate("() => { const s = document.getElementById('seek'); s.value = 31; s.dispatchEvent(new Event('input')); }")
+        look.evaluate(
+            "() => { const s = document.getElementById('seek'); s.value = 31; s.dispatchEvent(new Event('input')); }"
+        )
         look.until("document.getElementById('clock').title === 'tick 30'")
 
 
