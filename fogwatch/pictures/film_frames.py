@@ -8,6 +8,7 @@ nearest colour of the palette.
 from __future__ import annotations
 
 import math
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,7 @@ from patrol.scenario.zones import zones_at
 
 Pixels = NDArray[np.uint8]
 Place = tuple[float, float]
+_Scalar = TypeVar("_Scalar", bound=np.generic)
 
 SHADES = 64
 """Colours of ages; few enough that files stay small."""
@@ -122,7 +124,7 @@ class FilmFrames:
         inside[self._ground] = fog[self._ground]
         return self._blended(image, self._marks(moment))
 
-    def _sampled(self, grid: NDArray[np.generic]) -> NDArray[np.generic]:
+    def _sampled(self, grid: NDArray[_Scalar]) -> NDArray[_Scalar]:
         """Return the values of a grid at the middles of the map's pixels."""
         return grid[self._rows[:, np.newaxis], self._cols]
 
@@ -137,7 +139,7 @@ class FilmFrames:
         firsts = [np.arange(n) * points // n for n, points in zip((high, wide), terrain.shape, strict=True)]
         walls = np.maximum.reduceat(np.maximum.reduceat(~terrain.passable, firsts[0]), firsts[1], axis=1)[::-1]
         drawn = with_walls(np.zeros((*walls.shape, 3), dtype=np.uint8), walls, max(walls.shape), 1)
-        ground = self._sampled(patrolled).astype(np.bool_)
+        ground = self._sampled(patrolled)
         inside = np.where(ground, self._index(NEVER_SEEN), self._index(UNCOUNTED)).astype(np.uint8)
         for colour in (WALL, WALL_EDGE):
             mask = (drawn == rgb(colour)).all(axis=2)
@@ -215,7 +217,7 @@ class FilmFrames:
             self._text(draw, where, text, "mb", rim=2)
         # Nothing of the map reaches into the lines above and below it.
         for top in (0, self.size[1] - STRIP):
-            sheet.paste((0, 0, 0, 0), tuple(FINE * x for x in (0, top, self.size[0], top + STRIP)))
+            sheet.paste((0, 0, 0, 0), (0, FINE * top, FINE * self.size[0], FINE * (top + STRIP)))
         mfow, mean = moment.mfow * run.step, moment.fog_mean * run.step
         self._text(draw, (8, STRIP / 2), f"{moment.time_s:g} s   MFoW {mfow:g} s   mean {mean:.1f} s", "lm")
         return sheet

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageSequence
 
 import fogwatch
 from fogwatch.cli.runs import animate_command
@@ -42,9 +42,8 @@ def frames_of(file: Path) -> list[tuple[np.ndarray, int]]:
     """The frames of a GIF as uint8 (h, w, 3), each with its duration, ms."""
     found = []
     with Image.open(file) as image:
-        for number in range(image.n_frames):
-            image.seek(number)
-            found.append((np.asarray(image.convert("RGB")), image.info["duration"]))
+        for frame in ImageSequence.Iterator(image):
+            found.append((np.asarray(frame.convert("RGB")), frame.info["duration"]))
     return found
 
 
