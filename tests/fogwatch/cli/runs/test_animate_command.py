@@ -40,11 +40,8 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def frames_of(file: Path) -> list[tuple[np.ndarray, int]]:
     """The frames of a GIF as uint8 (h, w, 3), each with its duration, ms."""
-    found = []
     with Image.open(file) as image:
-        for frame in ImageSequence.Iterator(image):
-            found.append((np.asarray(frame.convert("RGB")), frame.info["duration"]))
-    return found
+        return [(np.asarray(frame.convert("RGB")), frame.info["duration"]) for frame in ImageSequence.Iterator(image)]
 
 
 def shown_ages(run: Run, k: int, pixels: np.ndarray, palette: np.ndarray, oldest: int) -> int:
