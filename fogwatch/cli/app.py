@@ -63,7 +63,7 @@ command(
     exit_codes="0 the recording is complete, 2 bad input, 130 interrupted before a fleet answered",
     panel=RUNNING,
 )(recording_commands.record)
-command(app, examples=page.REPLAY_EXAMPLES, exit_codes=page.EXIT_CODES, panel=FINISHED)(page.replay)
+command(app, examples=page.REPLAY_EXAMPLES, exit_codes=page.REPLAY_EXIT_CODES, panel=FINISHED)(page.replay)
 command(app, examples=report_commands.REPORT_EXAMPLES, panel=FINISHED)(report_commands.report)
 command(app, examples=animate_command.EXAMPLES, panel=FINISHED)(animate_command.animate)
 command(app, examples=judge_command.EXAMPLES, exit_codes=judge_command.EXIT_CODES, panel=FINISHED)(judge_command.judge)

@@ -118,7 +118,7 @@ def _index() -> str:
 
 def _recorded(run: Run, progress: Callable[[Iterable[int]], Iterable[int]]) -> tuple[int, bytes]:
     """Return the number of frames, and the messages of all of them."""
-    player = Player(run, count().__next__)
+    player = Player(run, count().__next__, autoplay=True)  # for the pace at which a run plays by itself
     player.read_all()
     static = replace(player.static(), layers=("truth",))
     every = -(-run.ticks // MOST_FRAMES)

@@ -37,6 +37,7 @@ MONITOR_EXAMPLES = [
 ]
 
 EXIT_CODES = "2 bad input, 130 ended by Ctrl-C"
+REPLAY_EXIT_CODES = f"0 written with --static, {EXIT_CODES}"
 
 HOST = typer.Option(metavar="HOST", help="Address to serve on; other than the loopback address it needs --token.")
 PORT = typer.Option("--page-port", metavar="N", help="TCP port of the page (default: a free one).", show_default=False)

@@ -1,11 +1,8 @@
 // A run that is part of the page: stands in for the WebSocket of a page's server, and plays as a replay there does
 // (monitor/replay/player.py). What run.js holds: monitor/page/saved.py.
 
-/** Ticks of a trail; hub.py has the same number. */
-const TRAIL = 240;
-const PACES = [1, 2, 5, 10, 20, 50, 100];
-/** A run is played at the slowest of these paces that shows it within this time. */
-const WHOLE_S = 90;
+import { TRAIL } from "./store.js";
+
 const FRAME_MS = 1000 / 30;
 
 export class RecordedSocket {
@@ -44,7 +41,7 @@ export class RecordedSocket {
     const [facts, ...rest] = this.run.once;
     this.step = facts.step;
     this.last = facts.ticks - 1;
-    const pace = PACES.find((one) => facts.ticks * facts.step <= one * WHOLE_S) ?? PACES.at(-1);
+    const { pace } = this.run.frames[0].state;
     Object.assign(this, { place: 0, running: true, pace, asked: performance.now() });
     this.readyState = WebSocket.OPEN;
     this.#post(facts);
