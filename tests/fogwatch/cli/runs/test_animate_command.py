@@ -92,6 +92,7 @@ def test_each_pixel_of_the_ground_shows_its_age(ran: Path) -> None:
     film = FilmFrames(run, 400, oldest := int(run.mfow.max()))
     sampled = 0
     for k in (3, 21, 39):
+        assert Replay(run).at(k).ages()[run.prepared.patrolled].max() == run.mfow[k]
         pixels = film.palette[film.frame(k)]
         seen = (Replay(run).at(k).last_seen != NEVER) & run.prepared.patrolled
         compared = shown_ages(run, k, pixels, film.palette, oldest)
