@@ -24,7 +24,7 @@ develop: $(VENV)/.developed ## add what the other targets need: tools for tests 
 
 .PHONY: demo
 demo: install ## run five cars, each a process, on the terrain `site` for ten simulated minutes
-	$(BIN)/fogwatch run site --robots 5 --model car --duration 600
+	$(BIN)/fogwatch demo
 
 .PHONY: browser
 browser: ## install Chromium, for the tests of the page (needs root and apt-get)
@@ -44,7 +44,7 @@ pictures: develop ## make the README's pictures of the page again (needs Chromiu
 	$(BIN)/python docs/pictures/make.py
 
 .PHONY: tables
-tables: develop ## make the tables of docs/run-folder.md again, from the declarations of the metrics
+tables: develop ## make the tables of metrics and columns in docs again, from their declarations
 	PYTHONPATH=. $(BIN)/python docs/tables.py
 
 # Several processes share the tests: one more than there are processors (`tests/conftest.py`), up to four.

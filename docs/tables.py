@@ -1,4 +1,7 @@
-"""Write the tables of docs/run-folder.md again, from the declarations of the metrics: ``make tables``."""
+"""Write generated tables of the documentation again: ``make tables``.
+
+Those of metrics in docs/run-folder.md, and those of columns in docs/python-api.md, from their declarations.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +10,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from monitor.tables.columns import TABLES, TableColumns
 from patrol.summary.metric import metrics_of
 from patrol.summary.model import Messages, NodeFigures, RobotFigures, Summary, ZoneFigures
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
-DOCUMENT = Path(__file__).parent / "run-folder.md"
+DOCUMENTS = tuple(Path(__file__).parent / name for name in ("run-folder.md", "python-api.md"))
 MODELS: Mapping[str, type[BaseModel]] = {
     "summary": Summary,
     "nodes": NodeFigures,
@@ -32,12 +36,23 @@ def table(model: type[BaseModel]) -> str:
     return "".join(("| field | is |\n", "|---|---|\n", *rows))
 
 
+def columns_table(declared: TableColumns) -> str:
+    """Return the table of a table's columns, as Markdown."""
+    kinds = {"integer": "integer", "number": "number", "text": "text", "flag": "true or false"}
+    rows = [f"| `{column.name}` | {kinds[column.kind]} | {column.meaning} |\n" for column in declared.columns]
+    return "".join(("| column | type | is |\n", "|---|---|---|\n", *rows))
+
+
 def with_tables(document: str) -> str:
-    """Return the document with the table of a model below each line ``<!-- metrics: NAME -->``."""
-    return re.sub(
-        r"(<!-- metrics: (\w+) -->\n\n)(?:\|.*\n)*\n?", lambda match: f"{match[1]}{table(MODELS[match[2]])}\n", document
-    )
+    """Return the document with a table below each line ``<!-- metrics: NAME -->`` and ``<!-- columns: NAME -->``."""
+
+    def made(match: re.Match[str]) -> str:
+        name = match[3]
+        return f"{match[1]}{table(MODELS[name]) if match[2] == 'metrics' else columns_table(TABLES[name])}\n"
+
+    return re.sub(r"(<!-- (metrics|columns): (\w+) -->\n\n)(?:\|.*\n)*\n?", made, document)
 
 
 if __name__ == "__main__":
-    DOCUMENT.write_text(with_tables(DOCUMENT.read_text(encoding="utf-8")), encoding="utf-8")
+    for document in DOCUMENTS:
+        document.write_text(with_tables(document.read_text(encoding="utf-8")), encoding="utf-8")

@@ -1,9 +1,10 @@
-"""The command `fogwatch` and its Python interface.
+"""The command `fogwatch` and its Python interface (docs/python-api.md).
 
 The package also holds the launcher, which runs a fleet as separate processes, the router between them, the run folder
 and the pictures. From Python:
 
-    result = fogwatch.run("yards", overrides={"duration": 600})
+    run = fogwatch.run("yards", overrides={"duration": 600})
+    run.ticks.to_pandas().plot("time_s", "mfow_s")
 """
 
 from __future__ import annotations
@@ -12,15 +13,40 @@ TYPE_CHECKING = False  # typing's, which takes longer to load than all else unti
 if TYPE_CHECKING:
     from typing import Any
 
-    from fogwatch.api import Result, run
+    from fogwatch.api import run
+    from fogwatch.notebook.plan import PlanResult, plan
+    from fogwatch.notebook.run import Run, load
+    from fogwatch.notebook.sweep import SweepResult, sweep
+    from patrol.errors import BadInput
 
-__all__ = ["Result", "run"]
+__all__ = ["BadInput", "PlanResult", "Run", "SweepResult", "load", "plan", "run", "sweep"]
+
+_HOMES = {
+    "BadInput": "patrol.errors",
+    "PlanResult": "fogwatch.notebook.plan",
+    "Run": "fogwatch.notebook.run",
+    "SweepResult": "fogwatch.notebook.sweep",
+    "load": "fogwatch.notebook.run",
+    "plan": "fogwatch.notebook.plan",
+    "run": "fogwatch.api",
+    "sweep": "fogwatch.notebook.sweep",
+}
+"""The modules of the public names, imported on first use, so that child processes and short commands start quickly."""
+
+_RENAMED = {"Result": "Run"}
+"""Names of version 0.3 that go with a later one."""
 
 
 def __getattr__(name: str) -> Any:
-    """Import what a run needs on first use, so that child processes and short commands start quickly."""
-    if name in __all__:
-        from fogwatch import api
+    """Import a public name on first use."""
+    if name in _RENAMED:
+        import warnings
 
-        return getattr(api, name)
+        new = _RENAMED[name]
+        warnings.warn(f"fogwatch.{name} is now fogwatch.{new}", DeprecationWarning, stacklevel=2)
+        name = new
+    if name in _HOMES:
+        from importlib import import_module
+
+        return getattr(import_module(_HOMES[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -12,13 +12,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from fogwatch.launch.children.clerk_messages import JUDGING
 from fogwatch.launch.folder.runfolder import PolicyNotMade, RunFolder, fill, make_folder
 from fogwatch.launch.limits import check_limits
 from fogwatch.launch.terminal.live_table import CallbackDisplay, RunDisplay, SilentDisplay
+from fogwatch.notebook.policy import policy_name
+from fogwatch.notebook.run import Run
+from fogwatch.notebook.scenario import scenario_of
 from patrol.errors import BadInput
 from patrol.measures.best_tour import round_of
 from patrol.measures.zoned import prepare_zones
@@ -28,7 +28,7 @@ from patrol.process.lifeline import InterruptedBySignal
 from patrol.process.starting.seldom import seldom_kernels
 from patrol.process.starting.warmup import warm
 from patrol.radio.fleet_key import fleet_key
-from patrol.scenario import Scenario, load_scenario, naming, open_scenario
+from patrol.scenario import Scenario, naming
 from patrol.scenario.policies import BUILT_IN
 from patrol.scenario.radio_spec import MODELS
 
@@ -46,37 +46,6 @@ if TYPE_CHECKING:
 EAGER = 16
 """Fleets of up to this many robots are started before the check that they fit, which saves time."""
 PACKAGES = ("patrol", "agent", "worldsim")
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Result:
-    """The result of a run.
-
-    Attributes:
-        summary: The summary, as in summary.json.
-        folder: The run folder.
-        mfow_s: MFoW after each tick, s; float64 (ticks,).
-        verdict: Whether the run kept all rules, check by check.
-        interrupted: Whether the run was stopped before its end.
-    """
-
-    summary: Mapping[str, Any]
-    folder: Path
-    mfow_s: NDArray[np.float64]
-    verdict: Verdict
-    interrupted: bool = False
-
-    @property
-    def trace_hash(self) -> str:
-        """The hash of all that happened, SHA-256 in hex; equal for equal runs, in one process or as many."""
-        return str(self.summary["trace_hash"])
-
-    def __repr__(self) -> str:
-        mean, bound = self.summary["mfow_mean_s"], self.summary["bound_s"]
-        mfow = "no ticks" if mean is None else f"MFoW mean {mean:.1f} s (bound {bound:.1f} s)"
-        simulated = f"{self.summary['simulated_s']:g} s simulated{', interrupted' if self.interrupted else ''}"
-        verdict = f"{self.verdict.outcome}{', with warnings' if self.verdict.warnings else ''}"
-        return f"<Result {self.summary['name']}: {mfow}, {simulated}, verdict {verdict}, in {self.folder}>"
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,11 +94,12 @@ def run(
     in_process: bool = True,
     progress: Callable[[Metrics], None] | None = None,
     overrides: Mapping[str, object] | None = None,
+    policy: type[Any] | None = None,
     picture: bool = True,
     recording: bool = False,
     report: bool = False,
     recovery: bool = False,
-) -> Result:
+) -> Run:
     """Run a scenario to its end.
 
     Args:
@@ -139,25 +109,24 @@ def run(
         in_process: Whether to run in this process, or as one process per robot over Zenoh. Both give the same trace.
         progress: Called with the measures so far, at most ten times a second.
         overrides: Values by dotted field, such as ``{"patrol.options.separation": "none"}``.
+        policy: A policy class (docs/policies.md), instead of a name in ``patrol.policy``; one that was defined in a
+            notebook or a script runs in this process only, and its code is no part of the scenario's hash.
         picture: Whether to draw fog.png, the final fog, which takes about a second.
         recording: Whether to write recording.mcap as well; `fogwatch record` writes it at any later time.
         report: Whether to write report.html as well; `fogwatch report` writes it at any later time.
         recovery: Whether to run a scenario with faults without them too, so that the verdict can judge the recovery.
 
     Returns:
-        The result.
+        The run, whose verdict, tables and figures can be asked for.
 
     Raises:
         BadInput: The input is wrong; the message is one line that says what, and how to mend it.
         fogwatch.launch.launcher.LaunchFailed: The processes could not be brought to run.
         KeyboardInterrupt: The run was interrupted before its first tick; its folder is gone again.
     """
-    if isinstance(scenario, Scenario):
-        loaded = load_scenario(scenario.model_dump(mode="json", exclude_none=True), overrides)
-    elif isinstance(scenario, Mapping):
-        loaded = load_scenario(scenario, overrides)
-    else:
-        loaded = open_scenario(str(scenario), overrides)
+    if policy is not None:
+        overrides = {**(overrides or {}), "patrol.policy": policy_name(policy, in_process=in_process)}
+    loaded = scenario_of(scenario, overrides)
     display = SilentDisplay() if progress is None else CallbackDisplay(progress)
     where = None if out is None else Path(out)
     options = RunOptions(
@@ -175,7 +144,7 @@ def run(
     return execute(loaded, options)
 
 
-def execute(scenario: Scenario, options: RunOptions) -> Result:
+def execute(scenario: Scenario, options: RunOptions) -> Run:
     """Run a loaded scenario.
 
     Args:
@@ -183,7 +152,7 @@ def execute(scenario: Scenario, options: RunOptions) -> Result:
         options: How to run it.
 
     Returns:
-        The result.
+        The run.
 
     Raises:
         BadInput: The scenario cannot be run, or the run folder cannot be used.
@@ -226,7 +195,7 @@ def _begin(options: RunOptions) -> None:
         raise KeyboardInterrupt
 
 
-def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions) -> Result:
+def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions) -> Run:
     from experiments.inprocess import run_in_process
     from patrol.prepare import prepare
     from worldsim.output.live_progress import LiveProgress
@@ -284,7 +253,7 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions)
     return _result(folder, prepared, outcome.journal, outcome.verdict, outcome.summary, options)
 
 
-def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) -> Result:
+def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) -> Run:
     from fogwatch.launch.children.clerk_child import ClerkChild
     from fogwatch.launch.folder.moved_folder import found_again
     from fogwatch.launch.launcher import WORLD, Launch, LaunchFailed
@@ -347,7 +316,7 @@ def _ended_as_processes(
     exit_codes: Mapping[str, int | None],
     options: RunOptions,
     clerk: ClerkChild,
-) -> Result:
+) -> Run:
     """Judge a run whose processes have ended, and write its files."""
     from fogwatch.launch.folder.derived import load
     from fogwatch.launch.launcher import LaunchFailed
@@ -444,7 +413,7 @@ def _result(
     summary: Summary,
     options: RunOptions,
     clerk: ClerkChild | None = None,
-) -> Result:
+) -> Run:
     """Write the summary and the files that are made from the journal, the report by the clerk where there is one."""
     from fogwatch.launch.folder.derived import Wanted, write_files
     from patrol.journal import Journal
@@ -459,5 +428,4 @@ def _result(
     files = Wanted(options.picture, options.recording, options.report)
     if summary.ticks:
         interrupted |= not write_files(folder, prepared, journal, summary, files, options.display, clerk)
-    mfow_s = np.array([record.mfow for record in journal.ticks], dtype=np.float64) * prepared.scenario.step
-    return Result(summary.document(), folder.path, mfow_s, verdict, interrupted)
+    return Run(folder.path, summary=summary, verdict=verdict, interrupted=interrupted)

@@ -60,7 +60,7 @@ class Processes:
             process.wait(self._patience_s)
 
 
-def one_and_many(scenario: Mapping[str, Any], folder: Path) -> tuple[fogwatch.Result, fogwatch.Result]:
+def one_and_many(scenario: Mapping[str, Any], folder: Path) -> tuple[fogwatch.Run, fogwatch.Run]:
     """Run a scenario in one process and as processes: both valid, with one trace. Folders: ``one`` and ``many``."""
     one = fogwatch.run(scenario, out=folder / "one", picture=False)
     many = fogwatch.run(scenario, out=folder / "many", in_process=False, picture=False)

@@ -166,7 +166,23 @@ def read_plan(path: Path, seeds: int | None = None) -> Plan:
     Raises:
         BadInput: The file cannot be read, or something in it is wrong.
     """
-    raw = parse_yaml(read_text(path, SWEEP), str(path))
+    return plan_of(parse_yaml(read_text(path, SWEEP), str(path)), path, seeds)
+
+
+def plan_of(raw: object, path: Path, seeds: int | None = None) -> Plan:
+    """Make a plan of what a sweep file holds.
+
+    Args:
+        raw: The content: keys and values.
+        path: The file, for errors and for paths relative to it; it need not exist.
+        seeds: As for `read_plan`.
+
+    Returns:
+        The plan.
+
+    Raises:
+        BadInput: Something in it is wrong.
+    """
     if not isinstance(raw, dict) or "base" not in raw:
         raise BadInput(f"{path}: is no sweep; give 'base:', a scenario or its file, and 'grid:', 'cases:' or 'seeds:'")
     for key in raw:

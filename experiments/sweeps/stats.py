@@ -50,6 +50,17 @@ class Estimate:
         return None if self.low is None or self.high is None else [self.low, self.high]
 
 
+def with_interval(found: Estimate | None) -> str:
+    """Return a mean and half the width of its 95 % interval, as in "12.3 ±0.4".
+
+    Args:
+        found: The mean; None gives "-".
+    """
+    if found is None:
+        return "-"
+    return f"{found.mean:.1f}" if found.half is None else f"{found.mean:.1f} ±{found.half:.1f}"
+
+
 def estimate(values: Sequence[float], confidence: float = 0.95) -> Estimate:
     """Return the mean of independent values with Student's interval.
 

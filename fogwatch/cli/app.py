@@ -20,12 +20,14 @@ from fogwatch.cli.fleets import control, doctor_command, fleet, key, process_com
 from fogwatch.cli.grounds import map_commands, plan_command, scenario
 from fogwatch.cli.runs import (
     animate_command,
+    export_command,
     intruder_command,
     judge_command,
     page,
     recording_commands,
     report_commands,
 )
+from fogwatch.presets import PRESETS, preset_settings
 from patrol.errors import BadInput
 from patrol.pose import MODELS
 from patrol.printable import printable
@@ -36,7 +38,6 @@ from patrol.scenario import BUILTINS, MAX_ROBOTS, RobotGroup, naming, open_scena
 app = typer.Typer(
     cls=OrderedGroup,
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     help="Decentralised patrolling: robots that exchange nothing but their positions, and go where nobody has looked "
     "for longest.",
@@ -66,6 +67,9 @@ command(
 command(app, examples=page.REPLAY_EXAMPLES, exit_codes=page.REPLAY_EXIT_CODES, panel=FINISHED)(page.replay)
 command(app, examples=report_commands.REPORT_EXAMPLES, panel=FINISHED)(report_commands.report)
 command(app, examples=animate_command.EXAMPLES, panel=FINISHED)(animate_command.animate)
+command(app, examples=export_command.EXAMPLES, exit_codes=export_command.EXIT_CODES, panel=FINISHED)(
+    export_command.export
+)
 command(app, examples=judge_command.EXAMPLES, exit_codes=judge_command.EXIT_CODES, panel=FINISHED)(judge_command.judge)
 command(app, examples=report_commands.COMPARE_EXAMPLES, panel=FINISHED)(report_commands.compare)
 command(app, examples=intruder_command.EXAMPLES, panel=FINISHED)(intruder_command.intruder)
@@ -93,6 +97,7 @@ OUTPUT = "Output"
         "fogwatch run yards --robots 5 --duration 600",
         "fogwatch run my-map.yaml --model differential --radius 0.3 --speed 1",
         "fogwatch run examples/yards-five.yaml --set patrol.options.dilatation=2 --seed 7",
+        "fogwatch run yards --preset paper --robots 5 --model holonomic",
     ],
     exit_codes="0 verdict valid, 1 verdict invalid, 2 bad input, 3 verdict unknown (the run could not be judged), 130 "
     "interrupted",
@@ -142,6 +147,15 @@ def run(
     ] = None,
     point: Annotated[
         float | None, typer.Option(metavar="M", help="Side of one grid point in m.", rich_help_panel=RUN)
+    ] = None,
+    preset: Annotated[
+        str | None,
+        typer.Option(
+            metavar="|".join(PRESETS),
+            help="; ".join(f"{name}: {meaning}" for name, meaning in PRESETS.items())
+            + ". Other options and --set hold over it.",
+            rich_help_panel=RUN,
+        ),
     ] = None,
     settings: Annotated[
         list[str] | None,
@@ -230,7 +244,7 @@ def run(
     if threads > 1 and not in_process:
         raise BadInput(f"--threads {threads}: each robot is a process of its own; leave it out, or give --in-process")
     ending = heed(None, patience=0)
-    overridden = {**options_given, **parse_overrides(settings or [])}
+    overridden = {**preset_settings(preset), **options_given, **parse_overrides(settings or [])}
     scenario = open_scenario(what, overridden)
     served = page and not quiet and not in_process
     if spare is not None:
@@ -283,6 +297,18 @@ def run(
         else:
             print_summary(Console(), Summary.model_validate(result.summary), result.folder)
     return INTERRUPTED if ending else result.verdict.exit_code
+
+
+@command(
+    app,
+    examples=["fogwatch demo"],
+    exit_codes="as for fogwatch run: 0 verdict valid, 1 invalid, 2 bad input, 3 unknown, 130 interrupted",
+    panel=START,
+)
+def demo() -> int:
+    """Watch a fleet: five cars, each a process, patrol the terrain `site` for ten simulated minutes."""
+    print("fogwatch run site --robots 5 --model car --duration 600")
+    return run("site", robots=5, model="car", duration=600)
 
 
 def _print_version(wanted: bool) -> None:

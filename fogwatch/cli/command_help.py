@@ -15,6 +15,7 @@ from patrol.errors import BadInput, did_you_mean
 F = TypeVar("F", bound=Callable[..., Any])
 
 ORDER = (
+    "demo",
     "run",
     "map",
     "plan",
@@ -30,6 +31,7 @@ ORDER = (
     "replay",
     "report",
     "animate",
+    "export",
     "compare",
     "intruder",
     "judge",

@@ -18,6 +18,7 @@ from patrol.palette import LIGHT, ROBOTS, UNCOUNTED, WALL
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from experiments.plan.plan import AgeKept
 
@@ -33,6 +34,18 @@ def curve_picture(plan: FleetPlan, files: Sequence[Path]) -> None:
 
     Raises:
         BadInput: matplotlib is not installed, or a file cannot be written.
+    """
+    write_figure(curve_figure(plan), files)
+
+
+def curve_figure(plan: FleetPlan) -> Figure:
+    """Draw the ages that fleets keep, over their number of robots, as a matplotlib figure.
+
+    Args:
+        plan: The plan.
+
+    Raises:
+        BadInput: matplotlib is not installed.
     """
     check_matplotlib("sim")
     from matplotlib.figure import Figure
@@ -59,7 +72,7 @@ def curve_picture(plan: FleetPlan, files: Sequence[Path]) -> None:
     axes.grid(visible=True, color=LIGHT["grid"], linewidth=0.6)
     figure.legend(loc="outside right upper", frameon=False, fontsize=9)
     axes.set_title(f"{plan.scenario.name}: the age that robots keep", loc="left", fontsize=11)
-    write_figure(figure, files)
+    return figure
 
 
 def tour_picture(plan: FleetPlan, size: FleetSize, out: Path) -> None:

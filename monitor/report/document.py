@@ -27,7 +27,7 @@ from monitor.report.analysis import (
     warnings_of,
 )
 from monitor.report.radio_section import links_section
-from monitor.report.style import Drawing, draw
+from monitor.report.style import Drawing, Sketch
 from patrol.errors import BadInput
 from patrol.files.whole_file import write_whole
 from patrol.files.yaml_text import read_text
@@ -42,14 +42,11 @@ MOST_ROBOTS = 100
 MOST_WARNINGS = 20
 
 
-def drawings(analysis: Analysis) -> list[Drawing]:
-    """Draw the figures of a report.
+def sketches(analysis: Analysis) -> list[Sketch]:
+    """List the figures of a report, which are drawn one by one.
 
     Args:
         analysis: The analysed run.
-
-    Raises:
-        BadInput: matplotlib is not installed.
     """
     run, visits = analysis.run, analysis.visits
     bands = (*analysis.bands, *analysis.intruders)
@@ -58,19 +55,19 @@ def drawings(analysis: Analysis) -> list[Drawing]:
     red = (" Red: faults." if analysis.bands else "") + (" Blue: intruders." if analysis.intruders else "")
     tour_s = best_tour(run.prepared).bound_of_fleet_s(run.prepared.scenario)
     figures = [
-        draw(
+        Sketch(
             "mfow",
             "MFoW over time",
             f"Age of the stalest point (MFoW), and mean age over all points.{red}",
             lambda: charts.mfow_chart(run, bands, tour_s),
         ),
-        draw(
+        Sketch(
             "states",
             "States of the robots",
             f"State in each tick. Marks: moves cancelled because of a collision.{red}",
             lambda: charts.states_chart(run, bands),
         ),
-        draw(
+        Sketch(
             "fog-mean",
             "Mean fog",
             "Mean age of each point over the run." + map_charts.never_seen_note(visits.never),
@@ -78,7 +75,7 @@ def drawings(analysis: Analysis) -> list[Drawing]:
                 terrain, visits.mean * step, counted, visits.never, "mean fog (s)", zones=zones, closures=closures
             ),
         ),
-        draw(
+        Sketch(
             "fog-worst",
             "Worst fog",
             "Largest age of each point." + map_charts.never_seen_note(visits.never),
@@ -92,13 +89,13 @@ def drawings(analysis: Analysis) -> list[Drawing]:
                 closures=closures,
             ),
         ),
-        draw(
+        Sketch(
             "gaps",
             "Time between visits",
             "From the end of one visit to the beginning of the next, over all points and the whole run.",
             lambda: charts.gaps_chart(visits.gaps, step),
         ),
-        draw(
+        Sketch(
             "paths",
             "Paths",
             "Ring: start of a robot; dot: end; cross: where it was lost.",
@@ -107,22 +104,36 @@ def drawings(analysis: Analysis) -> list[Drawing]:
     ]
     if len(run.names) > 1 and (run.links.delivered.any() or run.links.lost.any()):
         caption = "Share of the frames from each robot (row) to each other robot (column) that were delivered."
-        figures.append(draw("links", "Delivered share by link", caption, lambda: charts.links_chart(run)))
+        figures.append(Sketch("links", "Delivered share by link", caption, lambda: charts.links_chart(run)))
         if run.links.lost.any():
             caption = (
                 f"Share of the robots' frames that were delivered, of those delivered or dropped at the time.{red}"
             )
-            figures.append(draw("radio", "Delivered share over time", caption, lambda: charts.radio_chart(run, bands)))
+            figures.append(
+                Sketch("radio", "Delivered share over time", caption, lambda: charts.radio_chart(run, bands))
+            )
     errors = analysis.beliefs
     if errors is not None and len(errors.ticks):
         caption = f"Mean over all points of |believed age - true age|, at {len(errors.ticks)} ticks.{red}"
-        figures.append(draw("belief", "Belief error", caption, lambda: charts.belief_chart(run, errors, bands)))
+        figures.append(Sketch("belief", "Belief error", caption, lambda: charts.belief_chart(run, errors, bands)))
     if not np.isnan(run.decision_ms).all():
         caption = "Bar: 25th to 75th percentile; line: 1st to 99th percentile; vertical mark: median; cross: maximum."
-        figures.append(draw("decisions", "Decision times", caption, lambda: charts.decisions_chart(run)))
+        figures.append(Sketch("decisions", "Decision times", caption, lambda: charts.decisions_chart(run)))
     caption = "Share of each robot's decisions that were made in a dead end, and number of its cancelled moves."
-    figures.append(draw("troubles", "Dead ends and collisions", caption, lambda: charts.troubles_chart(run)))
+    figures.append(Sketch("troubles", "Dead ends and collisions", caption, lambda: charts.troubles_chart(run)))
     return figures
+
+
+def drawings(analysis: Analysis) -> list[Drawing]:
+    """Draw all figures of a report.
+
+    Args:
+        analysis: The analysed run.
+
+    Raises:
+        BadInput: matplotlib is not installed.
+    """
+    return [sketch.draw() for sketch in sketches(analysis)]
 
 
 def report_html(analysis: Analysis, figures: Sequence[Drawing], going: bool = False, beside: Path | None = None) -> str:

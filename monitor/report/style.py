@@ -164,23 +164,35 @@ def plain(axes: Axes, *, grid: str = "y") -> None:
         axes.grid(visible=True, axis=grid)  # type: ignore[arg-type]
 
 
-def draw(name: str, heading: str, caption: str, make: Callable[[], Figure]) -> Drawing:
-    """Draw a figure in this style.
+@dataclass(frozen=True, eq=False)
+class Sketch:
+    """A figure that has not been drawn yet.
 
-    Args:
+    Attributes:
         name: File name without extension.
         heading: Heading.
         caption: Caption.
         make: Makes the figure.
-
-    Returns:
-        The drawing.
-
-    Raises:
-        BadInput: matplotlib is not installed.
     """
-    with drawn():
-        return Drawing(name, heading, caption, make())
+
+    name: str
+    heading: str
+    caption: str
+    make: Callable[[], Figure]
+
+    def draw(self) -> Drawing:
+        """Draw the figure in this style.
+
+        Raises:
+            BadInput: matplotlib is not installed.
+        """
+        with drawn():
+            return Drawing(self.name, self.heading, self.caption, self.make())
+
+
+def draw(name: str, heading: str, caption: str, make: Callable[[], Figure]) -> Drawing:
+    """Draw a figure at once; see `Sketch`."""
+    return Sketch(name, heading, caption, make).draw()
 
 
 def _size(points: float) -> str:

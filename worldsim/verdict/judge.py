@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from patrol.ground.fog import Fog
     from patrol.journal import TickRecord
     from patrol.prepare import Prepared
+    from patrol.summary.model import VerdictFacts
     from worldsim.run_record import RunRecord
 
 Outcome = Literal["valid", "invalid", "unknown"]
@@ -131,6 +132,20 @@ class Verdict:
     def warnings(self) -> tuple[str, ...]:
         """Faults of the patrol although the run can be believed, one line each."""
         return tuple(line for check in self.checks for line in check.warnings)
+
+
+def stated_verdict(facts: VerdictFacts | None) -> Verdict:
+    """Return the verdict that a summary states, without what the checks found besides.
+
+    Args:
+        facts: As the summary has it; None for a run that has not been judged, whose verdict is unknown.
+    """
+    if facts is None or facts.outcome not in EXIT_CODES:
+        return Verdict("unknown", ())
+    checks = (
+        CheckResult(check.name, check.ok, check.detail, check.judged, tuple(check.warnings)) for check in facts.checks
+    )
+    return Verdict(facts.outcome, tuple(checks))  # type: ignore[arg-type]  # a key of EXIT_CODES
 
 
 class Judge:

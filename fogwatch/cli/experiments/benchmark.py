@@ -30,12 +30,12 @@ from experiments.benchmark.results import (
     run_lines,
 )
 from experiments.sweeps.casetable import case_lines, csv_text, write_text
+from experiments.sweeps.classes import check_classes
 from experiments.sweeps.plan import count_of_seeds
 from fogwatch.cli.experiments.sweep import (
     FAILED,
     ClusterAddress,
     Workers,
-    check_classes,
     make_runs,
     workers_of,
 )

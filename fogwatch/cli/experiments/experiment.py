@@ -24,6 +24,7 @@ from experiments.faults.cost import (
 from experiments.faults.cost_page import page
 from experiments.sweeps.casetable import json_text, make_folder, write_tables, write_text
 from experiments.sweeps.plan import count_of_seeds
+from experiments.sweeps.stats import with_interval
 from fogwatch.cli.command_help import command
 from fogwatch.cli.experiments.sweep import (
     EXIT_CODES,
@@ -31,7 +32,6 @@ from fogwatch.cli.experiments.sweep import (
     ClusterAddress,
     Workers,
     make_runs,
-    with_interval,
     workers_of,
 )
 from fogwatch.launch.terminal.live_table import duration_text

@@ -20,7 +20,7 @@ from experiments.paper.tables import Cell, PaperSetup, TableComparison, as_json,
 from experiments.paper.tables_page import page
 from experiments.sweeps.casetable import csv_text, json_text, write_text
 from experiments.sweeps.plan import count_of_seeds
-from experiments.sweeps.stats import Fit
+from experiments.sweeps.stats import Fit, with_interval
 from fogwatch.cli.command_help import command
 from fogwatch.cli.experiments.sweep import (
     EXIT_CODES,
@@ -28,7 +28,6 @@ from fogwatch.cli.experiments.sweep import (
     ClusterAddress,
     Workers,
     make_runs,
-    with_interval,
     workers_of,
 )
 from fogwatch.launch.terminal.live_table import duration_text

@@ -12,17 +12,15 @@ from rich.measure import Measurement
 from rich.table import Table
 
 from experiments.sweeps.casetable import CaseRow, case_rows, write_tables
+from experiments.sweeps.classes import check_classes
 from experiments.sweeps.cluster import ClusterWorkers
 from experiments.sweeps.plan import Plan, read_plan
 from experiments.sweeps.pool import LocalWorkers, WorkerPool
 from experiments.sweeps.runner import SweepOutcome, run_sweep
-from experiments.sweeps.stats import Estimate
+from experiments.sweeps.stats import with_interval
 from fogwatch.launch.terminal.live_table import duration_text
 from fogwatch.progress import SweepProgress, print_failures
 from patrol.errors import BadInput
-from patrol.own_sensor import allow_sensor
-from patrol.scenario.policies import BUILT_IN
-from patrol.scenario.radio_spec import MODELS
 
 FAILED = 1
 """The exit code when some of the runs failed."""
@@ -84,36 +82,6 @@ def sweep(
     here = f"{len(outcome.plan.runs)} runs, {outcome.made} made now in {duration_text(outcome.wall_s)}"
     console.print(f"{here}: {as_csv}, {as_json}", highlight=False, soft_wrap=True)
     return FAILED if outcome.failed else 0
-
-
-def check_classes(plan: Plan) -> None:
-    """Find every policy, sensor and radio model of one's own, with its options, before any run is made.
-
-    Args:
-        plan: The runs.
-
-    Raises:
-        BadInput: One is not found, or does not take its options.
-    """
-    own = {
-        repr((run.scenario.patrol.policy, run.scenario.patrol.options)): run.scenario
-        for run in plan.runs
-        if run.scenario.patrol.policy not in BUILT_IN
-    }
-    if own:
-        from agent.policies.found import policy_of
-
-        for scenario in own.values():
-            policy_of(scenario)
-    for sensor in {repr(run.scenario.sensor): run.scenario.sensor for run in plan.runs}.values():
-        allow_sensor(sensor)
-    scenarios = (run.scenario for run in plan.runs if run.scenario.radio.model not in MODELS)
-    models = {repr((scenario.radio.model, scenario.radio.options)): scenario for scenario in scenarios}
-    if models:
-        from worldsim.radio.models.found import model_class
-
-        for scenario in models.values():
-            model_class(scenario)
 
 
 def workers_of(workers: int | None, cluster: str | None) -> WorkerPool:
@@ -231,14 +199,3 @@ def told_apart(cases: Sequence[str]) -> tuple[dict[str, str], str]:
     if len(set(short)) < len(cases):
         return {case: case for case in cases}, ""
     return dict(zip(cases, short, strict=True)), " ".join(common)
-
-
-def with_interval(found: Estimate | None) -> str:
-    """A mean and half the width of its 95 % interval, as in "12.3 ±0.4".
-
-    Args:
-        found: The mean; None gives "-".
-    """
-    if found is None:
-        return "-"
-    return f"{found.mean:.1f}" if found.half is None else f"{found.mean:.1f} ±{found.half:.1f}"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -23,7 +22,7 @@ from patrol.process.starting.warmup import warm
 from patrol.scenario import BUILTINS, naming, open_scenario, parse_overrides
 
 if TYPE_CHECKING:
-    from experiments.plan.plan import AgeKept, FleetPlan, FleetSize
+    from experiments.plan.plan import FleetPlan
 
 NOT_KEPT = 1
 """The exit code when no number of robots keeps the wanted age."""
@@ -112,7 +111,8 @@ def plan(
     check_matplotlib("sim")
     heed(None, patience=0)  # any signal raises KeyboardInterrupt
     warm(("patrol", "agent", "worldsim"), lambda line: typer.echo(line, err=True), SELDOM)
-    from experiments.plan.plan import make_plan  # here: these import kernels, which are compiled first
+    from experiments.plan.answer import answer_lines  # here: these import kernels, which are compiled first
+    from experiments.plan.plan import make_plan
     from fogwatch.plan_folder import plan_folder, write_plan
 
     folder = plan_folder(out, scenario.name)
@@ -123,138 +123,22 @@ def plan(
         write_plan(made, folder)
     console = Console()
     console.print(_table(made), highlight=False, markup=False)
-    for line in plain_lines(made):
+    for line in answer_lines(made):
         console.print(printable(line), highlight=False, markup=False, soft_wrap=True)
     console.print(printable(f"files: {folder}"), highlight=False, markup=False, soft_wrap=True)
     return NOT_KEPT if age is not None and made.chosen is None else 0
 
 
-def plain_lines(plan: FleetPlan) -> Iterator[str]:
-    """Say what a plan comes to.
-
-    Args:
-        plan: The plan.
-
-    Yields:
-        Lines of text.
-    """
-    from patrol.measures.best_tour import NO_BOUND  # here: it imports kernels
-
-    if plan.wanted_s is not None and any(size.simulated is None for size in plan.sizes):
-        yield "in brackets: by the better of the tours, not simulated"
-    if any(size.bound_s == 0.0 for size in plan.sizes):
-        yield f"bound -: {NO_BOUND}"
-    if all(size.age_s is None for size in plan.sizes):
-        yield "tours -: the sensor does not look all around or leaves some of an age, or the ground is too large"
-    areas = [size.area_m2 for size in plan.sizes]
-    if max(areas) > 1.01 * min(areas):
-        yield f"ground: fewer robots start in fewer parts and reach less of it, {min(areas):.0f} to {max(areas):.0f} m²"
-    yield from _on_patrol(plan)
-    if plan.wanted_s is not None:
-        yield from _answer(plan, plan.wanted_s)
-    if plan.chosen is not None:
-        yield from _tests(plan.size(plan.chosen), plan.wanted_s)
-
-
-def _on_patrol(plan: FleetPlan) -> Iterator[str]:
-    """Say for how much of the time robots with a battery patrol."""
-    spec = plan.scenario.roster[0]
-    if spec.battery is None or not plan.scenario.docks:
-        return
-    robots = plan.sizes[-1].robots if plan.chosen is None else plan.chosen
-    share, most = spec.battery.patrol_share(spec.speed), spec.battery.most_on_patrol(robots, spec.speed)
-    yield f"batteries: on patrol for {100.0 * share:.0f} % of the time; of {_robots(robots)}, {most} at a time"
-
-
-def _answer(plan: FleetPlan, wanted_s: float) -> Iterator[str]:
-    """Say how many robots keep the wanted age."""
-    how = "on the better of the tours" if plan.quick else "in a simulated run"
-    if plan.chosen is None:
-        yield f"answer: none of these numbers of robots keeps {wanted_s:g} s {how}; {_remedy(plan, wanted_s)}"
-        return
-    size = plan.size(plan.chosen)
-    if plan.quick:
-        yield f"answer: {_robots(plan.chosen)}, by tours alone: {_age(size.age_s)} s; run it without --quick"
-        return
-    yield f"answer: {_keep(plan.chosen, wanted_s, True)}: {_kept(size.simulated)}"
-    fewer = next((size for size in plan.sizes if size.robots == plan.chosen - 1), None)
-    if fewer is not None and fewer.simulated is not None:
-        yield f"one fewer: {_keep(fewer.robots, wanted_s, False)}: {_kept(fewer.simulated)}"
-
-
-def _remedy(plan: FleetPlan, wanted_s: float) -> str:
-    """Say what may help where no number keeps the wanted age."""
-    last = plan.sizes[-1]
-    if last.tour_s is None:
-        return "give --robots with larger numbers, or a longer --age"
-    needed = math.ceil(last.tour_s * last.robots / wanted_s)
-    return f"one tour for all needs about {needed}; give a longer --age, a faster body or a longer --sensor-range"
-
-
-def _tests(size: FleetSize, wanted_s: float | None) -> Iterator[str]:
-    """Say what the chosen fleet keeps with one robot dead, and with free choices alone."""
-    if (dead := size.one_dead) is not None:
-        rest = f"{_robots(size.robots - 1)} left, {_holding(dead, wanted_s)}{_kept(dead)}"
-        yield f"one dead: {rest}; largest since its death {_age(dead.peak_s)} s"
-    if size.stochastic is not None:
-        yield f"stochastic (unpredictability: 1): {_holding(size.stochastic, wanted_s)}{_kept(size.stochastic)}"
-    for kept in (size.simulated, size.one_dead, size.stochastic):
-        if kept is not None:
-            yield from (f"warning: {kept.scenario.name}: {warning}" for warning in kept.warnings)
-
-
-def _holding(kept: AgeKept, wanted_s: float | None) -> str:
-    if wanted_s is None:
-        return ""
-    return f"{'keeps' if kept.keeps(wanted_s) else 'does not keep'} {wanted_s:g} s: "
-
-
-def _keep(robots: int, wanted_s: float, holds: bool) -> str:
-    one = robots == 1
-    verb = ("keeps" if one else "keep") if holds else ("does not keep" if one else "do not keep")
-    return f"{_robots(robots)} {verb} {wanted_s:g} s"
-
-
-def _kept(kept: AgeKept | None) -> str:
-    if kept is None:
-        return ""
-    end_s = kept.scenario.duration
-    invalid = "" if kept.outcome == "valid" else f"; verdict {kept.outcome}"
-    return f"largest {_age(kept.max_s)} s, mean {_age(kept.mean_s)} s, from {kept.from_s:g} s to {end_s:g} s{invalid}"
-
-
 def _table(plan: FleetPlan) -> Table:
-    table = Table("robots", box=None, pad_edge=False, header_style="cyan")
-    wanted = plan.wanted_s
-    for title in ("bound (s)", "one tour (s)", "own tours (s)", "simulated: mean (s)", "largest (s)"):
-        table.add_column(title, justify="right")
-    if wanted is not None:
-        table.add_column(f"keeps {wanted:g} s")
-    for size in plan.sizes:
-        simulated = size.simulated
-        cells = [_age(size.bound_s or None), _age(size.tour_s), _age(size.own_tours_s)]
-        cells += ["-", "-"] if simulated is None else [_age(simulated.mean_s), _age(simulated.max_s)]
-        if wanted is not None:
-            cells.append(_keeps(size, wanted))
-        table.add_row(str(size.robots), *cells)
-    table.columns[0].justify = "right"
+    from experiments.plan.answer import answer_table  # here: it imports kernels
+
+    heads, rows = answer_table(plan)
+    table = Table(box=None, pad_edge=False, header_style="cyan")
+    for head in heads:
+        table.add_column(head, justify="left" if head.startswith("keeps") else "right")
+    for row in rows:
+        table.add_row(*row)
     return table
-
-
-def _keeps(size: FleetSize, wanted_s: float) -> str:
-    if size.simulated is not None:
-        return "yes" if size.simulated.keeps(wanted_s) else "no"
-    return "-" if size.age_s is None else "(yes)" if size.age_s <= wanted_s else "(no)"
-
-
-def _age(seconds: float | None) -> str:
-    return "-" if seconds is None else f"{seconds:.1f}"
-
-
-def _robots(number: int) -> str:
-    from experiments.plan.plan import robots_text  # here: it imports kernels
-
-    return robots_text(number)
 
 
 def _numbers(text: str) -> range:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from fogwatch.cli.command_help import command
+from fogwatch.presets import PRESETS, preset_settings
 from patrol.errors import BadInput
 from patrol.printable import printable
 from patrol.radio.fleet_key import fleet_key
@@ -38,12 +39,21 @@ Settings = Annotated[
         "--set", metavar="FIELD=VALUE", help="Set a field, such as patrol.options.separation=none. Repeatable."
     ),
 ]
+PresetOption = Annotated[
+    str | None,
+    typer.Option("--preset", metavar="|".join(PRESETS), help="As for fogwatch run; --set holds over it."),
+]
 
 
-@command(app, "show", examples=["fogwatch scenario show yards > yards.yaml"])
-def print_scenario(what: What, settings: Settings = None) -> None:
+@command(
+    app,
+    "show",
+    examples=["fogwatch scenario show yards > yards.yaml", "fogwatch scenario show yards --preset paper > paper.yaml"],
+)
+def print_scenario(what: What, settings: Settings = None, preset: PresetOption = None) -> None:
     """Print a scenario as a scenario file, with every default filled in and the units beside the fields."""
-    typer.echo(dump_scenario(open_scenario(what, parse_overrides(settings or []))), nl=False)
+    overrides = {**preset_settings(preset), **parse_overrides(settings or [])}
+    typer.echo(dump_scenario(open_scenario(what, overrides)), nl=False)
 
 
 @command(

@@ -2,25 +2,18 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
 
-from patrol.files.untrusted import leads_out
+from fogwatch.launch.folder.reading import read_folder
 from patrol.printable import printable
-from patrol.process.starting.warmup import warm
 
 if TYPE_CHECKING:
     from monitor.replay.run import Run
 
 RUN = typer.Argument(metavar="RUN", help="Folder of a run.")
-STILL_S = 30.0
-"""A journal without an end that has grown within this wall time may still be growing, even where no world answers: a
-run in one process has none that could."""
-
-
 KEY = typer.Option(
     "--key", metavar="FILE", help="Key of the run's fleet, to check the tags of its messages (default: unchecked)."
 )
@@ -40,14 +33,7 @@ def open_folder(folder: Path, key: Path | None = None) -> tuple[Run, bool]:
     Raises:
         BadInput: The folder does not hold a run.
     """
-    from monitor.replay.run_files import journal_in
-
-    journal_in(folder)
-    warm(("patrol", "monitor"), lambda line: typer.echo(line, err=True))
-    from monitor.replay.run import open_run
-
-    run = open_run(folder, key)
-    return run, run.ended is None and _may_go_on(run)
+    return read_folder(folder, key, lambda line: typer.echo(line, err=True))
 
 
 def print_state(run: Run, going: bool) -> None:
@@ -62,16 +48,3 @@ def print_state(run: Run, going: bool) -> None:
     for why in (state_of(run, going)[1], disagreement(run)):
         if why:
             typer.echo(printable(f"{run.folder}: {why}"), err=True)
-
-
-def _may_go_on(run: Run) -> bool:
-    """Return whether a run without an end may be going on: its journal grew lately, or its world answers."""
-    if time.time() - run.journal.path.stat().st_mtime < STILL_S:
-        return True
-    from patrol.net.security.access import FILE
-
-    if not (run.folder / FILE).is_file() or leads_out(run.folder, run.folder / FILE):
-        return False
-    from monitor.live.attach import is_running
-
-    return is_running(run.folder)

@@ -13,11 +13,12 @@ from typing import Any
 import pytest
 
 import fogwatch.launch.children.clerk_child
-from fogwatch.api import Result, RunOptions, execute
+from fogwatch.api import RunOptions, execute
 from fogwatch.launch.children.children import Child, Children
 from fogwatch.launch.children.clerk_child import CLERK, ClerkChild
 from fogwatch.launch.launcher import WORLD
 from fogwatch.launch.terminal.live_table import SilentDisplay
+from fogwatch.notebook.run import Run
 from patrol.journal import read_journal
 from patrol.prepare import Prepared, prepare
 from patrol.scenario import load_scenario
@@ -67,12 +68,12 @@ class Stage:
         self.started[name].process.kill()
         self.started[name].process.wait()
 
-    def run(self, stop: Callable[[], bool], scenario: dict[str, Any] = PACED, **options: Any) -> Result:
+    def run(self, stop: Callable[[], bool], scenario: dict[str, Any] = PACED, **options: Any) -> Run:
         """Run a scenario until `stop` says so."""
         given = {"picture": False, "display": self.display, "stop": stop, **options}
         return execute(load_scenario(scenario), RunOptions(self.folder, **given))
 
-    def finished(self, result: Result) -> Verdict:
+    def finished(self, result: Run) -> Verdict:
         """The verdict of the finished journal."""
         prepared = prepare(load_scenario(self.folder / "scenario.yaml"))
         return judge(read_journal(self.folder / "journal"), result.summary["exit_codes"], prepared)

@@ -13,9 +13,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from experiments.inprocess import run_in_process
-from fogwatch.api import Result, RunOptions, execute
+from fogwatch.api import RunOptions, execute
 from fogwatch.launch.folder.runfolder import RunFolder
 from fogwatch.launch.launcher import LaunchFailed
+from fogwatch.notebook.run import Run
 from patrol.errors import BadInput
 from patrol.printable import printable
 from tests.hostile.strangers.judge import BEGUN, Seen
@@ -178,7 +179,7 @@ def run_spell(spell: Spell, folder: Path, over: Callable[[], bool]) -> tuple[See
         memory.look(but=stranger.pid)
         return progress.hung or over()
 
-    result: Result | None = None
+    result: Run | None = None
     ended = ""
     try:
         options = RunOptions(out, display=progress, begin=begin, stop=stop, picture=False, page=spell.page)

@@ -1,0 +1,130 @@
+"""What a plan comes to, in lines of text."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from experiments.plan.plan import AgeKept, FleetPlan, FleetSize, robots_text
+from patrol.measures.best_tour import NO_BOUND
+
+
+def answer_lines(plan: FleetPlan) -> Iterator[str]:
+    """Say what a plan comes to.
+
+    Args:
+        plan: The plan.
+
+    Yields:
+        Lines of text.
+    """
+    if plan.wanted_s is not None and any(size.simulated is None for size in plan.sizes):
+        yield "in brackets: by the better of the tours, not simulated"
+    if any(size.bound_s == 0.0 for size in plan.sizes):
+        yield f"bound -: {NO_BOUND}"
+    if all(size.age_s is None for size in plan.sizes):
+        yield "tours -: the sensor does not look all around or leaves some of an age, or the ground is too large"
+    areas = [size.area_m2 for size in plan.sizes]
+    if max(areas) > 1.01 * min(areas):
+        yield f"ground: fewer robots start in fewer parts and reach less of it, {min(areas):.0f} to {max(areas):.0f} m²"
+    yield from _on_patrol(plan)
+    if plan.wanted_s is not None:
+        yield from _answer(plan, plan.wanted_s)
+    if plan.chosen is not None:
+        yield from _tests(plan.size(plan.chosen), plan.wanted_s)
+
+
+def _on_patrol(plan: FleetPlan) -> Iterator[str]:
+    """Say for how much of the time robots with a battery patrol."""
+    spec = plan.scenario.roster[0]
+    if spec.battery is None or not plan.scenario.docks:
+        return
+    robots = plan.sizes[-1].robots if plan.chosen is None else plan.chosen
+    share, most = spec.battery.patrol_share(spec.speed), spec.battery.most_on_patrol(robots, spec.speed)
+    yield f"batteries: on patrol for {100.0 * share:.0f} % of the time; of {robots_text(robots)}, {most} at a time"
+
+
+def _answer(plan: FleetPlan, wanted_s: float) -> Iterator[str]:
+    """Say how many robots keep the wanted age."""
+    how = "on the better of the tours" if plan.quick else "in a simulated run"
+    if plan.chosen is None:
+        yield f"answer: none of these numbers of robots keeps {wanted_s:g} s {how}; {_remedy(plan, wanted_s)}"
+        return
+    size = plan.size(plan.chosen)
+    if plan.quick:
+        yield f"answer: {robots_text(plan.chosen)}, by tours alone: {age_text(size.age_s)} s; run it without --quick"
+        return
+    yield f"answer: {_keep(plan.chosen, wanted_s, True)}: {_kept(size.simulated)}"
+    fewer = next((size for size in plan.sizes if size.robots == plan.chosen - 1), None)
+    if fewer is not None and fewer.simulated is not None:
+        yield f"one fewer: {_keep(fewer.robots, wanted_s, False)}: {_kept(fewer.simulated)}"
+
+
+def _remedy(plan: FleetPlan, wanted_s: float) -> str:
+    """Say what may help where no number keeps the wanted age."""
+    last = plan.sizes[-1]
+    if last.tour_s is None:
+        return "give --robots with larger numbers, or a longer --age"
+    needed = math.ceil(last.tour_s * last.robots / wanted_s)
+    return f"one tour for all needs about {needed}; give a longer --age, a faster body or a longer --sensor-range"
+
+
+def _tests(size: FleetSize, wanted_s: float | None) -> Iterator[str]:
+    """Say what the chosen fleet keeps with one robot dead, and with free choices alone."""
+    if (dead := size.one_dead) is not None:
+        rest = f"{robots_text(size.robots - 1)} left, {_holding(dead, wanted_s)}{_kept(dead)}"
+        yield f"one dead: {rest}; largest since its death {age_text(dead.peak_s)} s"
+    if size.stochastic is not None:
+        yield f"stochastic (unpredictability: 1): {_holding(size.stochastic, wanted_s)}{_kept(size.stochastic)}"
+    for kept in (size.simulated, size.one_dead, size.stochastic):
+        if kept is not None:
+            yield from (f"warning: {kept.scenario.name}: {warning}" for warning in kept.warnings)
+
+
+def _holding(kept: AgeKept, wanted_s: float | None) -> str:
+    if wanted_s is None:
+        return ""
+    return f"{'keeps' if kept.keeps(wanted_s) else 'does not keep'} {wanted_s:g} s: "
+
+
+def _keep(robots: int, wanted_s: float, holds: bool) -> str:
+    one = robots == 1
+    verb = ("keeps" if one else "keep") if holds else ("does not keep" if one else "do not keep")
+    return f"{robots_text(robots)} {verb} {wanted_s:g} s"
+
+
+def _kept(kept: AgeKept | None) -> str:
+    if kept is None:
+        return ""
+    end_s = kept.scenario.duration
+    invalid = "" if kept.outcome == "valid" else f"; verdict {kept.outcome}"
+    ages = f"largest {age_text(kept.max_s)} s, mean {age_text(kept.mean_s)} s"
+    return f"{ages}, from {kept.from_s:g} s to {end_s:g} s{invalid}"
+
+
+def answer_table(plan: FleetPlan) -> tuple[list[str], list[list[str]]]:
+    """Return the headings and rows of a plan's table: the ages that fleets of each size keep.
+
+    Args:
+        plan: The plan.
+    """
+    wanted = plan.wanted_s
+    heads = ["robots", "bound (s)", "one tour (s)", "own tours (s)", "simulated: mean (s)", "largest (s)"]
+    rows = []
+    for size in plan.sizes:
+        simulated = size.simulated
+        cells = [age_text(size.bound_s or None), age_text(size.tour_s), age_text(size.own_tours_s)]
+        cells += ["-", "-"] if simulated is None else [age_text(simulated.mean_s), age_text(simulated.max_s)]
+        rows.append([str(size.robots), *cells, *([] if wanted is None else [_keeps(size, wanted)])])
+    return [*heads, *([] if wanted is None else [f"keeps {wanted:g} s"])], rows
+
+
+def _keeps(size: FleetSize, wanted_s: float) -> str:
+    if size.simulated is not None:
+        return "yes" if size.simulated.keeps(wanted_s) else "no"
+    return "-" if size.age_s is None else "(yes)" if size.age_s <= wanted_s else "(no)"
+
+
+def age_text(seconds: float | None) -> str:
+    """Return an age in s, for example "12.3"; "-" for none."""
+    return "-" if seconds is None else f"{seconds:.1f}"

@@ -1,0 +1,85 @@
+"""What notebooks show of results: small HTML fragments, which bring no style. All text is escaped here."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Iterable, Sequence
+from html import escape
+from pathlib import Path
+
+from PIL import Image
+
+from patrol.files.untrusted import PICTURE, leads_out, read_untrusted
+from patrol.summary.metric import metrics_of
+from patrol.summary.model import Summary
+
+WIDTH = 640
+"""Largest width and height of a picture, pixels."""
+MOST_PIXELS = 64_000_000
+"""Pixels of the largest picture that is made smaller; those of fogwatch have fewer."""
+MOST_WARNINGS = 5
+MOST_ROWS = 40
+
+
+def table_html(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table; of a long one, the first rows.
+
+    Args:
+        heads: Headings of the columns.
+        rows: Text of the cells.
+    """
+    head = "".join(f"<th>{escape(text)}</th>" for text in heads)
+    body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows[:MOST_ROWS])
+    more = f"<p>... and {len(rows) - MOST_ROWS} more rows</p>" if len(rows) > MOST_ROWS else ""
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{more}"
+
+
+def lines_html(lines: Iterable[str]) -> str:
+    """Return lines of text, one below the other."""
+    return "".join(f"<div>{escape(line)}</div>" for line in lines)
+
+
+def run_html(summary: Summary, folder: Path) -> str:
+    """Return a run's main figures, its verdict, and its final fog if fog.png shows it.
+
+    Args:
+        summary: The run's summary.
+        folder: The run's folder; it may be a stranger's.
+    """
+    verdict = summary.verdict
+    outcome = "not judged" if verdict is None else f"verdict {verdict.outcome}"
+    warnings = [] if verdict is None else verdict.warnings
+    rows = [(metric.title, metric.text(getattr(summary, key))) for key, metric in metrics_of(Summary) if metric.title]
+    messages = summary.messages
+    rows.append(("frames delivered", f"{messages.delivered} of {messages.sent}"))
+    rows.append(("robots", ", ".join(f"{name} {robot.status}" for name, robot in summary.robots.items())))
+    more = len(warnings) - MOST_WARNINGS
+    lines = [f"warning: {line}" for line in warnings[:MOST_WARNINGS]]
+    return "".join(
+        (
+            f"<div><b>{escape(summary.name)}</b>: {summary.simulated_s:g} s simulated, {escape(outcome)}</div>",
+            table_html(("figure", "value"), rows),
+            lines_html([*lines, *([f"{more} more warnings"] if more > 0 else [])]),
+            _picture(folder),
+            f"<div><code>{escape(str(folder))}</code></div>",
+        )
+    )
+
+
+def _picture(folder: Path) -> str:
+    """Return fog.png, made smaller, as an element of the page; nothing where there is none that can be shown."""
+    file = folder / "fog.png"
+    if not file.is_file() or leads_out(folder, file):
+        return ""
+    small = io.BytesIO()
+    try:
+        with Image.open(io.BytesIO(read_untrusted(file, PICTURE)), formats=["PNG"]) as image:
+            if image.width * image.height > MOST_PIXELS:
+                return ""
+            image.thumbnail((WIDTH, WIDTH))
+            image.save(small, format="PNG")
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError):  # no PNG, or a broken one
+        return ""
+    data = base64.b64encode(small.getvalue()).decode("ascii")
+    return f'<img alt="the fog at the end, and the robots&#x27; paths" src="data:image/png;base64,{data}">'

@@ -1,0 +1,117 @@
+"""A run's tables as Arrow tables, with units in the names of columns and in the schema's metadata."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+from monitor.tables.columns import TABLES, TableColumns
+from monitor.tables.rows import Row, rows_by_tick
+from patrol.errors import BadInput, did_you_mean
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+    from monitor.replay.run import Run
+
+BATCH_ROWS = 1 << 16
+"""Rows that are collected as Python values before they become an Arrow batch, or one tick's rows more."""
+
+
+def check_pyarrow() -> None:
+    """Import pyarrow.
+
+    Raises:
+        BadInput: It is not installed.
+    """
+    try:
+        import pyarrow  # noqa: F401 - whether it can be imported
+    except ImportError:
+        raise BadInput("tables need pyarrow; install it with: pip install 'fogwatch[tables]'") from None
+
+
+def schema_of(table: TableColumns, run: Run) -> pa.Schema:
+    """Return the schema of a table; its metadata say which run it is of.
+
+    Args:
+        table: The table.
+        run: The run.
+    """
+    import pyarrow as pa
+
+    kinds = {"integer": pa.int64(), "number": pa.float64(), "text": pa.string(), "flag": pa.bool_()}
+    fields = [
+        pa.field(column.name, kinds[column.kind], metadata={"unit": column.unit, "meaning": column.meaning})
+        for column in table.columns
+    ]
+    header = run.journal.header
+    facts = {
+        "table": table.name,
+        "row": table.row,
+        "run": run.title,
+        "scenario_hash": header.scenario_hash,
+        "trace_hash": run.trace,
+        "software": header.software,
+        "step_s": repr(run.step),
+        "ended": run.ended or "",
+    }
+    return pa.schema(fields, metadata=facts)
+
+
+def batches(
+    run: Run, names: Sequence[str], share: Callable[[float], None] = lambda _: None
+) -> Iterator[tuple[str, pa.RecordBatch]]:
+    """Make tables piece by piece, so that the memory needed does not grow with the run.
+
+    Args:
+        run: The run.
+        names: Of the tables.
+        share: Takes the share of the work that is done, 0 to 1.
+
+    Yields:
+        A table's name and its next rows; a table without rows gives one empty batch.
+
+    Raises:
+        BadInput: pyarrow is not installed, or there is no such table.
+    """
+    check_pyarrow()
+    import pyarrow as pa
+
+    unknown = next((name for name in names if name not in TABLES), None)
+    if unknown is not None:
+        raise BadInput(f"table {unknown}: a run has no such table; {did_you_mean(unknown, list(TABLES))}")
+    schemas = {name: schema_of(TABLES[name], run) for name in names}
+    waiting: dict[str, list[Row]] = {name: [] for name in names}
+    begun: set[str] = set()
+
+    def batch_of(name: str) -> pa.RecordBatch:
+        schema, rows = schemas[name], waiting[name]
+        columns: Sequence[Sequence[Any]] = list(zip(*rows, strict=True)) if rows else [()] * len(schema)
+        arrays = [pa.array(column, field.type) for column, field in zip(columns, schema, strict=True)]
+        waiting[name] = []
+        begun.add(name)
+        return pa.record_batch(arrays, schema=schema)
+
+    for name, rows in rows_by_tick(run, names, share):
+        waiting[name] += rows
+        if len(waiting[name]) >= BATCH_ROWS:
+            yield name, batch_of(name)
+    for name in names:
+        if waiting[name] or name not in begun:
+            yield name, batch_of(name)
+
+
+def arrow_table(run: Run, name: str) -> pa.Table:
+    """Make one table of a run.
+
+    Args:
+        run: The run.
+        name: Of the table, from `monitor.tables.columns.TABLES`.
+
+    Raises:
+        BadInput: pyarrow is not installed, or there is no such table.
+    """
+    pieces = [batch for _, batch in batches(run, [name])]
+    import pyarrow as pa
+
+    return pa.Table.from_batches(pieces)

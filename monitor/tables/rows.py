@@ -1,0 +1,305 @@
+"""The rows of a run's tables, in one pass over its journal and, for the ground, one replay."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from itertools import islice
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from monitor.replay.replay import play
+from monitor.replay.visits import VisitCounter
+from monitor.tables.columns import EVENTS, FORGER, GROUND, LINKS, ROBOTS, TICKS, VISITS, TableColumns
+from patrol.energy import Batteries
+from patrol.journal.links import drops_of
+from patrol.journal.records import FORGED, Status
+from patrol.measures.nodes import node_totals
+from patrol.pose import Drive, Twist, Velocity, command_of
+from patrol.summary.links import count_frames
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from monitor.replay.run import Run
+    from patrol.ground.fog import Fog
+    from patrol.ground.footprint import View
+    from patrol.journal.records import RobotTick, TickRecord
+
+Row = tuple[object, ...]
+"""A value for each column of a table, in their order."""
+
+
+class _Rows(Protocol):
+    """Makes the rows of one table."""
+
+    table: TableColumns
+
+    def rows_of(self, record: TickRecord) -> list[Row]:
+        """Return the rows that a tick adds."""
+        ...
+
+
+class _TickRows:
+    table = TICKS
+
+    def __init__(self, run: Run) -> None:
+        self._step = run.step
+        self._patrolled = int(np.count_nonzero(run.prepared.patrolled))
+        self._links = _LinkCounts(run)
+
+    def rows_of(self, record: TickRecord) -> list[Row]:
+        standing = Counter(row.status for row in record.robots)
+        sent, delivered, dropped = self._links.totals(record)
+        row = (
+            record.k,
+            record.k * self._step,
+            record.mfow * self._step,
+            record.fog_mean * self._step,
+            record.seen / self._patrolled,
+            standing[Status.ALIVE],
+            standing[Status.PAUSED],
+            standing[Status.DEAD],
+            standing[Status.LOST],
+            standing[Status.ABSENT] + standing[Status.LEFT],
+            sum(row.bumped for row in record.robots),
+            sent,
+            delivered,
+            dropped,
+        )
+        return [row]
+
+
+class _RobotRows:
+    table = ROBOTS
+
+    def __init__(self, run: Run) -> None:
+        self._step = run.step
+        self._robots = {robot.number: robot for robot in run.robots}
+        batteries = Batteries(run.prepared.scenario)
+        self._batteries = batteries if batteries.numbers else None
+        self._rejected = dict.fromkeys(self._robots, 0)
+
+    def rows_of(self, record: TickRecord) -> list[Row]:
+        if self._batteries is not None:
+            self._batteries.tick(record.robots)
+        frames: Counter[int] = Counter()
+        sizes: Counter[int] = Counter()
+        for source, frame in record.frames:
+            frames[source] += 1
+            sizes[source] += len(frame)
+        time_s = record.k * self._step
+        return [
+            (
+                record.k,
+                time_s,
+                self._robots[row.number].name,
+                row.status.name.lower(),
+                row.x,
+                row.y,
+                row.heading,
+                *self._command(row),
+                row.bumped,
+                row.refused,
+                row.state or None,
+                *(row.goal or (None, None)),
+                row.decision_ms,
+                frames[row.number],
+                sizes[row.number],
+                self._newly_rejected(row),
+                None if self._batteries is None else self._batteries.share(row.number),
+            )
+            for row in record.robots
+            if row.number in self._robots
+        ]
+
+    def _command(self, row: RobotTick) -> Row:
+        """Return velocity along x and y, speed, turn rate, curvature, and the way that was driven."""
+        command = command_of(self._robots[row.number].model, row.c0, row.c1)
+        driven_m = 0.0 if row.bumped else command.speed_mps * self._step
+        if isinstance(command, Velocity):
+            return (row.c0, row.c1, None, None, None, driven_m)
+        if isinstance(command, Twist):
+            return (None, None, row.c0, row.c1, None, driven_m)
+        assert isinstance(command, Drive)
+        return (None, None, row.c0, None, row.c1, driven_m)
+
+    def _newly_rejected(self, row: RobotTick) -> int:
+        """Return the frames refused since the last report; a robot that was started again counts from zero."""
+        if row.rejected is None:
+            return 0
+        before, self._rejected[row.number] = self._rejected[row.number], row.rejected
+        return row.rejected - before if row.rejected >= before else row.rejected
+
+
+_NONE_LOST: Counter[str | None] = Counter({None: 0})
+
+
+class _LinkCounts:
+    """Counts the frames of a tick by link; rows are senders and columns receivers, first the forger, then the robots.
+
+    Attributes:
+        direct: Whether robots heard each other directly, so that only what was sent is known.
+    """
+
+    def __init__(self, run: Run) -> None:
+        self.direct = run.direct
+        self._place = {FORGED: 0, **{number: place + 1 for number, place in run.index.items()}}
+        side = len(self._place)
+        self._sent, self._delivered = (np.zeros((side, side), dtype=np.int64) for _ in range(2))
+
+    def totals(self, record: TickRecord) -> tuple[int, int | None, int | None]:
+        """Return robots' frames sent, delivered and dropped; None where unknown."""
+        self._count(record)
+        sent = int(self._sent[1:].sum())
+        if self.direct:
+            return sent, None, None
+        dropped = int(np.count_nonzero(drops_of(record.dropped).source != FORGED))
+        return sent, int(self._delivered[1:].sum()), dropped
+
+    def links(self, record: TickRecord) -> Iterator[tuple[int, int, int, int | None, int | None, str | None]]:
+        """Yield sender, receiver (places), sent, delivered, dropped and cause; a further row for each further cause."""
+        self._count(record)
+        causes: dict[tuple[int, int], Counter[str | None]] = {}
+        for source, to, _, cause in record.dropped:
+            causes.setdefault((self._place[source], self._place[to]), Counter())[cause] += 1
+        used = (self._sent + self._delivered) > 0
+        pairs = sorted({*map(tuple, np.argwhere(used).tolist()), *causes})
+        for sender, receiver in pairs:
+            sent, delivered = int(self._sent[sender, receiver]), int(self._delivered[sender, receiver])
+            if self.direct:
+                yield sender, receiver, sent, None, None, None
+                continue
+            lost = causes.get((sender, receiver), _NONE_LOST)
+            for why in sorted(lost, key=str):
+                yield sender, receiver, sent, delivered, lost[why], why
+                sent = delivered = 0  # so that sums over rows count each frame once
+
+    def _count(self, record: TickRecord) -> None:
+        self._sent[:] = self._delivered[:] = 0
+        count_frames(record, self._place, self._sent, self._delivered)
+
+
+class _LinkRows:
+    table = LINKS
+
+    def __init__(self, run: Run) -> None:
+        self._step = run.step
+        self._names = (FORGER, *run.names)
+        self._links = _LinkCounts(run)
+
+    def rows_of(self, record: TickRecord) -> list[Row]:
+        k, time_s, names = record.k, record.k * self._step, self._names
+        return [
+            (k, time_s, names[sender], names[receiver], *counts)
+            for sender, receiver, *counts in self._links.links(record)
+        ]
+
+
+class _VisitRows:
+    table = VISITS
+
+    def __init__(self, run: Run) -> None:
+        self._names = dict(zip(run.numbers, run.names, strict=True))
+        self._totals = node_totals(run.journal.header)
+        graph = run.prepared.scenario.terrain.graph
+        self._places = [] if graph is None else [tuple(place) for place in graph.vertices]
+
+    def rows_of(self, record: TickRecord) -> list[Row]:
+        totals = self._totals
+        if totals is None:
+            return []
+        before = len(totals.visits)
+        totals.tick(record)
+        return [
+            (
+                record.k,
+                visit.at_s,
+                self._names[visit.robot],
+                visit.vertex,
+                *self._places[visit.vertex],
+                visit.idle_s,
+                visit.first,
+            )
+            for visit in totals.visits[before:]
+        ]
+
+
+_BY_TICK: Mapping[str, Callable[[Run], _Rows]] = {
+    rows.table.name: rows for rows in (_TickRows, _RobotRows, _LinkRows, _VisitRows)
+}
+
+
+def rows_by_tick(
+    run: Run, names: Sequence[str], share: Callable[[float], None] = lambda _: None
+) -> Iterator[tuple[str, list[Row]]]:
+    """Make rows of tables in one pass over the journal.
+
+    Args:
+        run: The run.
+        names: The tables.
+        share: Takes the share of the work that is done, 0 to 1.
+
+    Yields:
+        A table's name and some of its rows, in order, at least once for each table.
+    """
+    makers = [_BY_TICK[name](run) for name in names if name in _BY_TICK]
+    replayed = GROUND.name in names
+    passes = bool(makers) + replayed
+    if EVENTS.name in names:
+        yield EVENTS.name, _event_rows(run)
+    if makers:
+        # A journal that is still being written may have grown since the run was opened.
+        for record in islice(run.journal.ticks, run.ticks):
+            for maker in makers:
+                yield maker.table.name, maker.rows_of(record)
+            share((record.k + 1) / run.ticks / passes)
+    if replayed:
+        yield GROUND.name, _ground_rows(run, lambda done: share((bool(makers) + done) / passes))
+
+
+def _event_rows(run: Run) -> list[Row]:
+    names = {robot.number: robot.name for robot in run.journal.header.robots}
+    return [
+        (event.k, event.k * run.step, event.kind, names.get(event.robot or 0), event.detail) for event in run.events
+    ]
+
+
+class _ReplayShare:
+    """Says how far a replay is (`monitor.replay.replay.Watcher`), and keeps its fog."""
+
+    def __init__(self, ticks: int, share: Callable[[float], None]) -> None:
+        self._ticks = ticks
+        self._share = share
+        self.fog: Fog | None = None
+
+    def before(self, k: int, fog: Fog, views: Sequence[View]) -> None:
+        """Do nothing."""
+
+    def after(self, k: int, fog: Fog) -> None:
+        """Say how far the replay is."""
+        self.fog = fog
+        self._share((k + 1) / self._ticks)
+
+
+def _ground_rows(run: Run, share: Callable[[float], None]) -> list[Row]:
+    counter, shown = VisitCounter(run.prepared.patrolled, run.ticks), _ReplayShare(run.ticks, share)
+    play(run, [counter, shown])
+    assert shown.fog is not None
+    ages = shown.fog.age(run.ticks - 1)
+    visits, terrain, step = counter.result(), run.prepared.terrain, run.step
+    rows, cols = np.nonzero(run.prepared.patrolled)
+    return list(
+        zip(
+            rows.tolist(),
+            cols.tolist(),
+            (terrain.origin[0] + (cols + 0.5) * terrain.point).tolist(),
+            (terrain.origin[1] + (rows + 0.5) * terrain.point).tolist(),
+            (visits.mean[rows, cols] * step).tolist(),
+            (visits.worst[rows, cols] * step).tolist(),
+            (ages[rows, cols] * step).tolist(),
+            (~visits.never[rows, cols]).tolist(),
+            strict=True,
+        )
+    )

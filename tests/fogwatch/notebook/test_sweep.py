@@ -1,0 +1,117 @@
+"""Sweeps from Python: what `fogwatch sweep` gives, as tables."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pandas as pd
+import pytest
+import yaml
+
+import fogwatch
+from agent.ports import Intent
+from agent.view import View
+from patrol.errors import BadInput
+
+BASE = {
+    "terrain": {"builtin": "open"},
+    "point": 1.0,
+    "duration": 15,
+    "robots": {"count": 2, "model": "holonomic"},
+}
+GRID = {"robots.count": range(1, 3), "radio.trail": [0, 4]}
+pytestmark = pytest.mark.processes
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory: pytest.TempPathFactory) -> fogwatch.SweepResult:
+    folder = tmp_path_factory.mktemp("sweep")
+    return fogwatch.sweep(BASE, grid=GRID, seeds=2, against={"radio.trail": 0}, out=folder, workers=1)
+
+
+def test_the_table_has_a_row_a_run(swept: fogwatch.SweepResult) -> None:
+    table = swept.table.to_pandas()
+    assert table.seed.tolist() == [1, 2] * 4
+    assert table["robots.count"].tolist() == [1] * 4 + [2] * 4
+    assert table["radio.trail"].tolist() == [0, 0, 4, 4] * 2
+    assert set(table.outcome) == {"ok"}
+    for row in table.itertuples():
+        run = fogwatch.run(
+            BASE,
+            overrides={"seed": row.seed, "robots.count": row[3], "radio.trail": row[4]},
+            out=swept.folder / f"run-{row.Index}",
+            picture=False,
+        )
+        assert row.trace_hash == run.trace_hash
+        assert row.mfow_mean_s == run.summary["mfow_mean_s"]
+        assert row.messages_sent == run.summary["messages"]["sent"]
+
+
+def test_the_cases_are_those_of_summary_csv(swept: fogwatch.SweepResult) -> None:
+    written = pd.read_csv(swept.folder / "summary.csv")
+    pd.testing.assert_frame_equal(swept.cases.to_pandas(), written, check_dtype=False, check_exact=True)
+    by_hand = swept.table.to_pandas().groupby("case", sort=False).mfow_mean_s.mean()
+    assert swept.cases.to_pandas().mfow_mean_s.tolist() == pytest.approx(by_hand.tolist(), rel=1e-12)
+    shown = swept._repr_html_()
+    assert "mean MFoW (s)" in shown
+    assert "compared with" in shown
+    assert repr(swept).startswith("<SweepResult sweep-open: 4 cases, 8 runs, in ")
+
+
+def test_a_second_call_repeats_nothing(swept: fogwatch.SweepResult) -> None:
+    told: list[tuple[int, int]] = []
+    again = fogwatch.sweep(
+        BASE, grid=GRID, seeds=[1, 2], out=swept.folder, workers=1, progress=lambda *shown: told.append(shown)
+    )
+    assert again.outcome.made == 0
+    assert again.table.column("trace_hash").equals(swept.table.column("trace_hash"))
+    more = fogwatch.sweep(BASE, seeds=[1, 3], out=swept.folder, progress=lambda *shown: told.append(shown))
+    assert more.outcome.made == 1  # the base with seed 1 is one of the cases above
+    assert told == [(1, 2), (2, 2)]
+    assert more.table.column("case").to_pylist() == ["base", "base"]
+
+
+def test_a_sweep_file_gives_what_the_command_gives(
+    tmp_path: Path, command: Callable[..., int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    content = {"base": BASE, "cases": [{"name": "two", "set": {"radio.trail": 2}}], "seeds": 1}
+    (tmp_path / "trails.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    result = fogwatch.sweep("trails.yaml", workers=1)
+    assert result.folder == Path("runs/trails")
+    assert command("sweep", "trails.yaml", "--out", "by-command", "--workers", "1") == 0
+    for name in ("summary.csv", "summary.json"):
+        assert (result.folder / name).read_bytes() == (Path("by-command") / name).read_bytes()
+    with pytest.raises(BadInput, match=r"grid: trails\.yaml is a sweep, which says so itself"):
+        fogwatch.sweep("trails.yaml", grid={"point": [1, 2]})
+
+
+def test_scenarios_are_named_in_every_way(tmp_path: Path) -> None:
+    (tmp_path / "small.yaml").write_text(json.dumps(BASE), encoding="utf-8")
+    results = [
+        fogwatch.sweep(base, out=tmp_path / "results", workers=1)
+        for base in (BASE, tmp_path / "small.yaml", str(tmp_path / "small.yaml"))
+    ]
+    assert len({result.table.column("trace_hash")[0].as_py() for result in results}) == 1
+    assert [result.outcome.made for result in results] == [1, 0, 0]
+    assert [result.outcome.plan.name for result in results] == ["sweep-open", "sweep-small", "sweep-small"]
+
+
+class Mine:
+    def decide(self, view: View) -> Intent:
+        raise NotImplementedError
+
+
+def test_bad_input_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(BadInput, match="nowhere: no such sweep, scenario or map file, and no built-in terrain"):
+        fogwatch.sweep("nowhere")
+    with pytest.raises(BadInput, match=r"grid\.point = 1: expected a list of values"):
+        fogwatch.sweep("open", grid={"point": 1}, out=tmp_path)  # type: ignore[dict-item]
+    with pytest.raises(BadInput, match="give only one of the two"):
+        fogwatch.sweep("open", workers=2, cluster="tcp://here:1")
+    monkeypatch.setattr(Mine, "__module__", "__main__")
+    monkeypatch.setattr("__main__.Mine", Mine, raising=False)
+    with pytest.raises(BadInput, match="policy = Mine: was defined here, where other processes cannot import it"):
+        fogwatch.sweep("open", cases={"mine": {"patrol.policy": Mine}}, out=tmp_path)

@@ -1,0 +1,49 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from experiments.paper.printed import paper
+from fogwatch.presets import PRESETS, preset_settings
+from patrol.errors import BadInput
+from patrol.scenario import open_scenario, scenario_hash
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+def test_without_a_preset_nothing_is_set() -> None:
+    assert preset_settings(None) == {}
+
+
+def test_the_presets_are_what_the_papers_tables_run() -> None:
+    """A cell of Table 4 is the preset and what the table says of terrain, team and forces."""
+    table = paper().table(4)
+    row, column = table.rows[0], table.columns[2]
+    own = {**table.settings, **row.settings, **column.settings}
+    for name, more in (("paper", {}), ("letter", {"patrol.options.letter": True})):
+        ours = open_scenario("yards", {**preset_settings(name), **own})
+        theirs = open_scenario("yards", {**paper().settings, **own, "point": 0.5, "sensor.range": 12.0, **more})
+        assert scenario_hash(ours) == scenario_hash(theirs)
+
+
+@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("terrain", ["open", "yards", "clutter", "site"])
+def test_a_preset_suits_every_terrain(name: str, terrain: str) -> None:
+    scenario = open_scenario(terrain, preset_settings(name))
+    assert scenario.patrol.policy == "potential-field"
+    assert (scenario.point, scenario.sensor.range) == (0.5, 12.0)
+
+
+def test_an_unknown_preset_is_named_with_those_there_are() -> None:
+    with pytest.raises(BadInput, match="--preset papre: no such preset; choose from paper, letter"):
+        preset_settings("papre")
+
+
+def test_other_options_hold_over_the_preset(fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> None:
+    assert fogwatch("scenario", "show", "yards", "--preset", "letter", "--set", "sensor.range=9") == 0
+    shown = capsys.readouterr().out
+    assert "  range: 9.0 " in shown
+    assert "    letter: true " in shown
+    assert fogwatch("run", "yards", "--preset", "papre", "--in-process") == 2

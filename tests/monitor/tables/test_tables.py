@@ -1,0 +1,265 @@
+"""The tables of a run, read by pandas from Parquet, give the numbers of its summary."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from monitor.replay.run import open_run
+from monitor.tables import arrow
+from monitor.tables.arrow import arrow_table, batches
+from monitor.tables.columns import TABLES
+from monitor.tables.files import write_tables
+from patrol.errors import BadInput
+from patrol.journal.records import DEAD_END
+from tests.monitor.conftest import DOORS, FAULTS, QUIET, Seen, run_of
+from tests.monitor.report.test_report_numbers import ALL_KINDS
+
+ROUNDED: dict[str, Any] = {"rel": 1e-12, "abs": 1e-12}
+"""The summary multiplies a mean of whole ticks by the step, and sums ways in the order of ticks; pandas adds seconds,
+and pairwise. So sums of floats agree but for rounding; counts agree exactly."""
+
+GRAPH = {"vertices": [[20, 20], [30, 20], [40, 30], [60, 60]], "edges": [[0, 1, 10], [1, 2, 15], [2, 3, 40]]}
+BATTERY = {"capacity": 1.0, "idle": 10, "drive": 30, "charge": 200, "start": 0.3}
+SCENARIOS: dict[str, dict[str, Any]] = {
+    "troubled": {
+        **QUIET,
+        "robots": {"count": 4, "spare": 2, "model": "holonomic"},
+        "faults": ALL_KINDS,
+        "closures": DOORS["closures"],
+    },
+    "graph": {**QUIET, "terrain": {"builtin": "open", "graph": GRAPH}, "patrol": {"policy": "cr"}, "duration": 60},
+    "mixed": {
+        **QUIET,
+        "robots": [{"model": "car"}, {"model": "differential"}, {"model": "holonomic", "spare": True}],
+        "faults": [FAULTS[0], {"kind": "join", "who": "r3", "at": 20}],
+    },
+    "batteries": {
+        **QUIET,
+        "terrain": {"builtin": "open"},
+        "robots": {"count": 2, "model": "holonomic", "starts": [[12, 10], [20, 16]], "battery": BATTERY},
+        "docks": [{"place": [10, 10]}],
+    },
+}
+
+
+@pytest.fixture(scope="module", params=SCENARIOS)
+def seen(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Seen:
+    return run_of(tmp_path_factory.mktemp(request.param), {**SCENARIOS[request.param], "name": request.param})
+
+
+@pytest.fixture(scope="module")
+def tables(seen: Seen, tmp_path_factory: pytest.TempPathFactory) -> dict[str, pd.DataFrame]:
+    """The tables, from Parquet files."""
+    folder = tmp_path_factory.mktemp("tables")
+    return {file.stem: pd.read_parquet(file) for file in write_tables(seen.open(), folder, "parquet")}
+
+
+def summary_of(seen: Seen) -> dict[str, Any]:
+    stated = seen.open().summary
+    assert stated is not None
+    return stated.document()
+
+
+def dropped_by_cause(links: pd.DataFrame) -> dict[str, int]:
+    """Frames that were dropped, by the kind of the cause."""
+    lost = links[links.dropped > 0]
+    kinds = [cause.partition(":")[0] for cause in lost.cause]
+    counts: dict[str, int] = lost.dropped.groupby(kinds).sum().to_dict()
+    return counts
+
+
+def test_ticks_give_the_summary_of_the_fog(seen: Seen, tables: dict[str, pd.DataFrame]) -> None:
+    summary, ticks, ground = summary_of(seen), tables["ticks"], tables["ground"]
+    assert len(ticks) == summary["ticks"]
+    assert ticks.mfow_s.mean() == pytest.approx(summary["mfow_mean_s"], **ROUNDED)
+    assert ticks.mfow_s[len(ticks) // 2 :].mean() == pytest.approx(summary["mfow_late_mean_s"], **ROUNDED)
+    assert ticks.mfow_s.max() == summary["mfow_max_s"]
+    assert ticks.mfow_s.iloc[-1] == summary["mfow_end_s"]
+    assert ticks.fog_mean_s.mean() == pytest.approx(summary["fog_mean_s"], **ROUNDED)
+    assert ticks.fog_mean_s.iloc[-1] == summary["fog_end_s"]
+    assert ticks.seen_share.iloc[-1] == summary["seen_share"]
+    assert ticks.collisions.sum() == sum(robot["collisions"] for robot in summary["robots"].values())
+    # The ground, which is replayed, tells the same.
+    assert ground.age_mean_s.mean() == pytest.approx(summary["fog_mean_s"], **ROUNDED)
+    assert ground.age_max_s.max() == summary["mfow_max_s"]
+    assert ground.age_end_s.max() == summary["mfow_end_s"]
+    assert ground.seen.mean() == pytest.approx(summary["seen_share"], **ROUNDED)
+    assert len(ground) * summary["point_m"] ** 2 == pytest.approx(summary["patrolled_area_m2"], **ROUNDED)
+
+
+def test_robots_give_the_summary_of_each(seen: Seen, tables: dict[str, pd.DataFrame]) -> None:
+    summary = summary_of(seen)
+    took_part = set(tables["robots"].robot)
+    assert {name for name, robot in summary["robots"].items() if robot["status"] != "absent"} <= took_part
+    for name in took_part:
+        rows, stated = tables["robots"][tables["robots"].robot == name], summary["robots"][name]
+        assert rows.driven_m.sum() == pytest.approx(stated["distance_m"], **ROUNDED)
+        assert rows.bumped.sum() == stated["collisions"]
+        assert rows.refused.sum() == stated["refused_commands"]
+        assert rows.decision_ms.count() == stated["decisions"]
+        assert (rows.status == "alive").sum() - rows.decision_ms.count() == stated["missed"]
+        dead_ends = (rows.decision_ms.notna() & (rows.state == DEAD_END)).sum()
+        assert dead_ends / max(stated["decisions"], 1) == stated["dead_end_share"]
+        assert rows.frame_bytes.sum() == stated["bytes"]
+        assert rows.rejected.sum() == stated["rejected"]
+        assert np.percentile(rows.decision_ms.dropna(), 99) == stated["decision_ms_p99"]
+        battery = stated.get("battery")
+        if battery is None:
+            assert rows.charge_share.isna().all()
+        else:
+            assert rows.charge_share.iloc[-1] == battery["end_share"]
+            assert min(BATTERY["start"], rows.charge_share.min()) == battery["least_share"]
+    assert tables["robots"].frames.sum() == summary["messages"]["frames"]
+    assert tables["robots"].frame_bytes.sum() == summary["messages"]["bytes"]
+
+
+def test_links_give_the_summary_of_the_frames(seen: Seen, tables: dict[str, pd.DataFrame]) -> None:
+    summary, links, ticks = summary_of(seen), tables["links"], tables["ticks"]
+    own, messages = links[links.sender != "forger"], summary["messages"]
+    for count in ("sent", "delivered", "dropped"):
+        assert own[count].sum() == ticks[count].sum() == messages[count]
+        by_sender = own.groupby("sender")[count].sum()
+        for name in set(tables["robots"].robot):
+            assert by_sender.get(name, 0) == summary["robots"][name][count]
+    assert dropped_by_cause(own) == messages["dropped_by_cause"]
+    for sender, receivers in summary["links"].items():
+        for receiver, stated in receivers.items():
+            rows = links[(links.sender == sender) & (links.receiver == receiver)]
+            assert rows.sent.sum() == stated["sent"]
+            assert rows.delivered.sum() == stated["delivered"]
+            assert dropped_by_cause(rows) == stated["dropped"]
+    assert bool(messages["forged"]) == (links.sender == "forger").any()
+
+
+def test_visits_give_the_measures_over_visits(seen: Seen, tables: dict[str, pd.DataFrame]) -> None:
+    nodes, visits = summary_of(seen).get("nodes"), tables["visits"]
+    if nodes is None:
+        assert visits.empty
+        return
+    assert len(visits) == nodes["visits"] > 5
+    again = visits[~visits["first"]]
+    assert again.idle_s.mean() == pytest.approx(nodes["return_mean_s"], **ROUNDED)
+    means = again.groupby("vertex").idle_s.mean().reindex(range(nodes["vertices"]), fill_value=0.0)
+    assert means.mean() == pytest.approx(nodes["visits_mean_s"], **ROUNDED)
+    assert means.max() == pytest.approx(nodes["visits_worst_s"], **ROUNDED)
+    assert sorted(set(range(nodes["vertices"])) - set(visits.vertex)) == nodes["unvisited"]
+    assert [[x, y] for x, y in visits[["x_m", "y_m"]].values] == [GRAPH["vertices"][number] for number in visits.vertex]
+
+
+def test_commands_have_the_columns_of_their_body(tables: dict[str, pd.DataFrame], seen: Seen) -> None:
+    models = {robot.name: robot.model for robot in seen.open().robots}
+    of_model = {
+        "holonomic": {"velocity_x_m_s", "velocity_y_m_s"},
+        "differential": {"speed_m_s", "turn_rate_rad_s"},
+        "car": {"speed_m_s", "curvature_1_m"},
+    }
+    commands = sorted(set.union(*of_model.values()))
+    for name, rows in tables["robots"].groupby("robot"):
+        given = rows[commands].notna()
+        assert set(given.columns[given.all()]) == of_model[models[str(name)]]
+        assert set(given.columns[given.any()]) == of_model[models[str(name)]]
+    driven = tables["robots"]
+    way_m = np.hypot(driven.velocity_x_m_s, driven.velocity_y_m_s).fillna(driven.speed_m_s.abs()) * seen.open().step
+    assert np.allclose(driven.driven_m, way_m.where(~driven.bumped, 0.0), rtol=1e-12)
+
+
+def test_events_are_those_of_the_journal(seen: Seen, tables: dict[str, pd.DataFrame]) -> None:
+    run = seen.open()
+    assert tables["events"].kind.tolist() == [event.kind for event in run.events]
+    assert tables["events"].time_s.tolist() == [event.k * run.step for event in run.events]
+    assert Counter(tables["events"].robot.dropna()) == Counter(
+        run.journal.header.robots[event.robot - 1].name for event in run.events if event.robot
+    )
+
+
+def test_schemas_name_the_run_and_the_units(faulty: Seen, tmp_path: Path) -> None:
+    run = faulty.open()
+    for file in write_tables(run, tmp_path, "parquet"):
+        schema = pq.read_schema(file)
+        declared = TABLES[file.stem]
+        assert schema.names == [column.name for column in declared.columns]
+        assert schema.metadata[b"trace_hash"].decode() == run.trace
+        assert schema.metadata[b"scenario_hash"].decode() == run.journal.header.scenario_hash
+        for column in declared.columns:
+            metadata = schema.field(column.name).metadata
+            assert metadata[b"unit"].decode() == column.unit
+            assert metadata[b"meaning"].decode() == column.meaning
+            ending = {"m/s": "_m_s", "rad/s": "_rad_s", "1/m": "_1_m", "byte": "_bytes"}.get(column.unit, column.unit)
+            assert column.name.endswith(ending)
+
+
+def test_csv_files_have_the_same_values(faulty: Seen, tmp_path: Path) -> None:
+    run = faulty.open()
+    for file in write_tables(run, tmp_path, "csv"):
+        whole = arrow_table(run, file.stem).to_pandas()
+        read = pd.read_csv(file, keep_default_na=False, na_values=[""])
+        pd.testing.assert_frame_equal(read, whole, check_dtype=False, check_exact=True)
+
+
+def test_pieces_make_the_same_table(faulty: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = faulty.open()
+    whole = {name: arrow_table(run, name) for name in TABLES}
+    monkeypatch.setattr(arrow, "BATCH_ROWS", 7)
+    shares: list[float] = []
+    pieces: dict[str, list[pa.RecordBatch]] = {name: [] for name in TABLES}
+    for name, batch in batches(run, list(TABLES), shares.append):
+        pieces[name].append(batch)
+    assert len(pieces["links"]) > 10
+    for name, some in pieces.items():
+        assert pa.Table.from_batches(some).equals(whole[name])
+    assert shares == sorted(shares)
+    assert shares[-1] == pytest.approx(1.0)
+
+
+def test_an_unknown_table_is_refused(quiet: Seen) -> None:
+    with pytest.raises(BadInput, match="did you mean robots"):
+        arrow_table(quiet.open(), "robot")
+
+
+def test_a_run_that_is_being_written_gives_the_ticks_that_it_had(quiet: Seen, tmp_path: Path) -> None:
+    content = (quiet.folder / "journal").read_bytes()
+    (tmp_path / "scenario.yaml").write_bytes((quiet.folder / "scenario.yaml").read_bytes())
+    (tmp_path / "journal").write_bytes(content[: len(content) // 2])
+    run = open_run(tmp_path)
+    (tmp_path / "journal").write_bytes(content)
+    assert arrow_table(run, "ticks").num_rows == run.ticks
+    assert arrow_table(run, "robots").num_rows == 3 * run.ticks < 3 * quiet.open().ticks
+
+
+def test_an_interruption_leaves_the_old_files(quiet: Seen, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = quiet.open()
+    before = {file: file.read_bytes() for file in write_tables(run, tmp_path, "parquet")}
+
+    def interrupt(done: float) -> None:
+        if done > 0.3:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(arrow, "BATCH_ROWS", 50)  # so that parts of files are on the disk by then
+    with pytest.raises(KeyboardInterrupt):
+        write_tables(run, tmp_path, "parquet", share=interrupt)
+    assert {file: file.read_bytes() for file in tmp_path.iterdir()} == before
+    with pytest.raises(KeyboardInterrupt):
+        write_tables(run, tmp_path / "new", "csv", share=interrupt)
+    assert not list((tmp_path / "new").iterdir())
+
+
+def test_a_folder_that_cannot_be_written_is_named(quiet: Seen, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    with pytest.raises(BadInput, match=r"file: tables cannot be written .*choose another folder"):
+        write_tables(quiet.open(), tmp_path / "file", "csv")
+
+
+def test_without_pyarrow_the_remedy_is_named(quiet: Seen, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    for call in (lambda: arrow_table(quiet.open(), "ticks"), lambda: write_tables(quiet.open(), tmp_path, "csv")):
+        with pytest.raises(BadInput, match=r"pip install 'fogwatch\[tables\]'"):
+            call()
