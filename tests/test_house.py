@@ -327,6 +327,7 @@ OWN_FILES = {
     "fogwatch/certificates.py": "the certificate of the authority that it has made",
     "fogwatch/launch/children/child_control.py": "the kernel's facts about its own children",
     "fogwatch/launch/children/children.py": "logs of its own children",
+    "monitor/page/saved.py": "data of the packages",
     "monitor/report/html.py": "data of the package",
     "patrol/measures/best_tour.py": "the user's own cache",
     "patrol/ground/fields.py": "fields that the launcher prepared",

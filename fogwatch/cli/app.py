@@ -18,7 +18,15 @@ from fogwatch.cli.ending import complain, run_app
 from fogwatch.cli.experiments import benchmark, chaos_command, experiment, paper, sweep
 from fogwatch.cli.fleets import control, doctor_command, fleet, key, process_commands
 from fogwatch.cli.grounds import map_commands, plan_command, scenario
-from fogwatch.cli.runs import export_command, intruder_command, judge_command, page, recording_commands, report_commands
+from fogwatch.cli.runs import (
+    animate_command,
+    export_command,
+    intruder_command,
+    judge_command,
+    page,
+    recording_commands,
+    report_commands,
+)
 from fogwatch.presets import PRESETS, preset_settings
 from patrol.errors import BadInput
 from patrol.pose import MODELS
@@ -56,8 +64,9 @@ command(
     exit_codes="0 the recording is complete, 2 bad input, 130 interrupted before a fleet answered",
     panel=RUNNING,
 )(recording_commands.record)
-command(app, examples=page.REPLAY_EXAMPLES, exit_codes=page.EXIT_CODES, panel=FINISHED)(page.replay)
+command(app, examples=page.REPLAY_EXAMPLES, exit_codes=page.REPLAY_EXIT_CODES, panel=FINISHED)(page.replay)
 command(app, examples=report_commands.REPORT_EXAMPLES, panel=FINISHED)(report_commands.report)
+command(app, examples=animate_command.EXAMPLES, panel=FINISHED)(animate_command.animate)
 command(app, examples=export_command.EXAMPLES, exit_codes=export_command.EXIT_CODES, panel=FINISHED)(
     export_command.export
 )

@@ -30,6 +30,7 @@ ORDER = (
     "record",
     "replay",
     "report",
+    "animate",
     "export",
     "compare",
     "intruder",

@@ -178,6 +178,13 @@ class Player:
     def close(self) -> None:
         """See `Source`."""
 
+    def read_all(self) -> None:
+        """Read links and traps of the whole run at once; `wait` reads them in slices."""
+        while not self._traps.done:
+            self._traps.read()
+        while not self._direct and not self._links.reach(self._run.ticks - 1):
+            pass
+
     def _obey(self, control: Mapping[str, Any]) -> Answer:
         match control:
             case {"do": "pause"}:

@@ -21,11 +21,15 @@ from fogwatch.cli.fleets.fleet_options import (
     Wait,
     check_one_fleet,
 )
-from fogwatch.cli.runs.open_run import KEY
+from fogwatch.cli.runs.open_run import KEY, open_folder, print_state
 from patrol.errors import BadInput
+from patrol.printable import printable
 from patrol.process.exit_codes import INTERRUPTED
 
-REPLAY_EXAMPLES = ["fogwatch replay runs/yards-20260101-120000 --browser"]
+REPLAY_EXAMPLES = [
+    "fogwatch replay runs/yards-20260101-120000 --browser",
+    "fogwatch replay RUN --static patrol-page",
+]
 MONITOR_EXAMPLES = [
     "fogwatch monitor runs/yards-20260101-120000",
     "fogwatch monitor --credentials yards-1/viewer",
@@ -33,6 +37,7 @@ MONITOR_EXAMPLES = [
 ]
 
 EXIT_CODES = "2 bad input, 130 ended by Ctrl-C"
+REPLAY_EXIT_CODES = f"0 written with --static, {EXIT_CODES}"
 
 HOST = typer.Option(metavar="HOST", help="Address to serve on; other than the loopback address it needs --token.")
 PORT = typer.Option("--page-port", metavar="N", help="TCP port of the page (default: a free one).", show_default=False)
@@ -52,8 +57,18 @@ def replay(
     token: Annotated[str, TOKEN] = "",
     browser: Annotated[bool, BROWSER] = False,
     key: Annotated[Path | None, KEY] = None,
+    static: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Serve nothing: write the page into this folder, to be opened without fogwatch."
+        ),
+    ] = None,
 ) -> int:
     """Replay a run on a page in the browser, at any speed, forwards or backwards. Ctrl-C ends it."""
+    if static is not None:
+        if host != "127.0.0.1" or port or browser:
+            raise BadInput(f"--static {static}: serves nothing; leave out --host, --page-port and --browser")
+        return _save(run, static, key)
     arguments = Namespace(
         replay=run, key=key, access=None, credentials=None, router=None, fleet=None, scenario=None, radio=None, wait=0.0
     )
@@ -98,6 +113,23 @@ def monitor(
         wait=wait,
     )
     return _page(arguments, host, port, token, browser)
+
+
+def _save(folder: Path, out: Path, key: Path | None) -> int:
+    """Write the page of a run into a folder."""
+    opened, going = open_folder(folder, key)
+    from rich.console import Console
+    from rich.progress import TimeRemainingColumn
+
+    from fogwatch.progress import bar_on
+    from monitor.page.saved import save_page
+
+    with bar_on(Console(stderr=True), TimeRemainingColumn()) as bar:
+        frames = save_page(opened, out, lambda ticks: bar.track(ticks, description="frames"))
+    print_state(opened, going)
+    megabytes = sum(file.stat().st_size for file in out.iterdir()) / 1e6
+    typer.echo(printable(f"page: {out / 'index.html'}, {megabytes:.1f} MB, {frames} frames"))
+    return 0
 
 
 def _access_in(run: Path) -> Path:

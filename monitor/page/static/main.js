@@ -1,4 +1,4 @@
-// The page: receives messages over a WebSocket, draws a frame for each state, and sends controls.
+// The page: receives messages over a WebSocket or, of a saved run, from a script, draws a frame for each state, and sends controls.
 
 import { AGES, DIFFERENCES, STEPS } from "./colours.js";
 import { Chart } from "./chart.js";
@@ -6,6 +6,7 @@ import { $, write } from "./dom.js";
 import { isVague, roundUp } from "./fogimage.js";
 import { MapView } from "./map.js";
 import { Panels } from "./panels.js";
+import { RecordedSocket } from "./recorded.js";
 import { Store, clock, seconds } from "./store.js";
 import { Transport } from "./transport.js";
 
@@ -52,7 +53,8 @@ $("help").addEventListener("click", () => $("keys").showModal());
 addEventListener("keydown", onKey);
 
 function connect() {
-  socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live`);
+  const server = `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live`;
+  socket = globalThis.RECORDED ? new RecordedSocket(globalThis.RECORDED) : new WebSocket(server);
   socket.binaryType = "arraybuffer";
   socket.onmessage = ({ data }) => {
     failures = 0;

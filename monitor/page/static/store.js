@@ -7,7 +7,7 @@ export const NEVER = -1, OUTSIDE = -2;
 /** Most ticks of the chart; beyond them every other one is dropped. */
 const MOST_TICKS = 10000;
 /** Ticks of a trail; hub.py has the same number. */
-const TRAIL = 240;
+export const TRAIL = 240;
 
 export class Store {
   /** changed(topic, message): called after each message. */

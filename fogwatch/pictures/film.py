@@ -1,0 +1,160 @@
+"""Films of runs: which ticks their frames show, and how they are written, as animated GIF or, by ffmpeg, as MP4."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from itertools import pairwise
+from pathlib import Path
+from shutil import which
+from tempfile import TemporaryFile
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from patrol.errors import BadInput
+from patrol.files.whole_file import replacing
+from patrol.printable import printable
+
+Pixels = NDArray[np.uint8]
+
+MOST_PIXELS = 400_000_000
+"""Pixels of all frames of a GIF, which are kept in memory until the file is complete."""
+
+
+def frame_ticks(first: int, last: int, step: float, speed: float, fps: float) -> list[int]:
+    """Return the tick that each frame shows, from the first to the last.
+
+    Args:
+        first: The first tick to show.
+        last: The last tick to show; the last frame shows it.
+        step: Duration of a tick, s.
+        speed: Simulated time per time of the film.
+        fps: Frames per second of the film.
+
+    Returns:
+        The ticks, ascending. If frames follow each other faster than ticks, several show the same one.
+    """
+    apart = speed / (fps * step)
+    whole = int((last - first) / apart)
+    ticks = [first + round(number * apart) for number in range(whole + 1)]
+    return ticks if ticks[-1] == last else [*ticks, last]
+
+
+def write_gif(out: Path, frames: Iterable[Pixels], count: int, palette: Pixels, fps: float) -> None:
+    """Write a GIF that repeats for ever.
+
+    Args:
+        out: The file.
+        frames: uint8 (height, width) each, indices into the palette.
+        count: Number of frames.
+        palette: uint8 (256, 3).
+        fps: Frames per second, at most 50.
+
+    Raises:
+        BadInput: The file cannot be written.
+    """
+    # GIF counts in hundredths of a second: the ends of frames are rounded, so that errors do not add up.
+    ends = [round(100.0 * number / fps) for number in range(count + 1)]
+    durations = [10 * (end - begin) for begin, end in pairwise(ends)]
+
+    def images() -> Iterator[Image.Image]:
+        for pixels in frames:
+            image = Image.fromarray(pixels, "P")
+            image.putpalette(palette.tobytes())
+            yield image
+
+    rest = images()
+    with _written(out) as part, part.open("wb") as file:
+        next(rest).save(file, "GIF", save_all=True, append_images=rest, duration=durations, loop=0, optimize=False)
+
+
+def find_ffmpeg(out: Path) -> str:
+    """Return the path of ffmpeg.
+
+    Args:
+        out: The file to write with it.
+
+    Raises:
+        BadInput: It is not on PATH.
+    """
+    program = which("ffmpeg")
+    if program is None:
+        raise BadInput(f"{out}: MP4 needs the program ffmpeg, which is not on PATH; install it, or name a .gif file")
+    return program
+
+
+def write_mp4(out: Path, frames: Iterable[Pixels], palette: Pixels, fps: float, ffmpeg: str) -> None:
+    """Write a film by ffmpeg, with its own choice of encoder.
+
+    Args:
+        out: The file.
+        frames: uint8 (height, width) each, indices into the palette; both sides even.
+        palette: uint8 (256, 3).
+        fps: Frames per second.
+        ffmpeg: Path of the program.
+
+    Raises:
+        BadInput: ffmpeg fails, or the file cannot be written.
+    """
+    rest = iter(frames)
+    first = next(rest)
+    height, width = first.shape
+    given = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{fps:g}", "-i", "-"]
+    made = ["-pix_fmt", "yuv420p", "-movflags", "+faststart", "-f", "mp4"]
+    with _written(out) as part, TemporaryFile() as said:
+        process = subprocess.Popen(
+            [ffmpeg, "-v", "error", "-y", *given, *made, str(part.absolute())],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=said,
+        )
+        try:
+            assert process.stdin is not None
+            try:
+                process.stdin.write(palette[first].tobytes())
+                for pixels in rest:
+                    process.stdin.write(palette[pixels].tobytes())
+                process.stdin.close()
+            except BrokenPipeError:
+                pass  # ffmpeg has ended, and has said why
+            code = process.wait()
+        finally:
+            if process.poll() is None:
+                process.kill()
+                process.wait()
+        said.seek(0)
+        lines = said.read().decode(errors="replace").strip().splitlines()
+        if code != 0:
+            why = printable(lines[-1]) if lines else f"exit code {code}"
+            raise BadInput(f"{out}: ffmpeg cannot write it ({why}); name a .gif file, or use another ffmpeg")
+
+
+@contextmanager
+def _written(out: Path) -> Iterator[Path]:
+    """The file to write, which replaces `out` once it is complete; its errors in one line."""
+    try:
+        with replacing(out) as part:
+            yield part
+    except OSError as error:
+        raise BadInput(f"{out}: cannot be written ({error.strerror}); choose another file") from None
+
+
+def check_length(count: int, size: Sequence[int]) -> None:
+    """Check that the frames of a GIF fit into memory.
+
+    Args:
+        count: Number of frames.
+        size: Width and height of each, pixels.
+
+    Raises:
+        BadInput: They do not.
+    """
+    most = max(MOST_PIXELS // (size[0] * size[1]), 1)
+    if count > most:
+        raise BadInput(
+            f"{count} frames of {size[0]} x {size[1]} pixels are more than a GIF is written with here; give a higher "
+            f"--speed, or a lower --fps or --width, for at most {most} frames, or name an .mp4 file"
+        )
