@@ -16,7 +16,7 @@ import pytest
 from tests.browser import Look, browser_or_skip
 
 SITE = Path(__file__).parents[2] / "build" / "site"
-PHONE = {"width": 390, "height": 844}
+PHONE, LAPTOP = {"width": 390, "height": 844}, {"width": 1280, "height": 900}
 PAGES = ("docs/index", "docs/tutorial", "docs/commands", "docs/scenario", "docs/python-reference", "docs/student")
 LOADED = {
     ("img", "src"),
@@ -124,12 +124,13 @@ class TestInABrowser:
             colour = seen.evaluate("getComputedStyle(document.body).backgroundColor")
             assert (sum(map(int, re.findall(r"\d+", colour)[:3])) < 200) == (scheme == "dark")
 
-    def test_every_page_fits_a_phone(self, chromium: Any) -> None:
+    @pytest.mark.parametrize("size", [PHONE, LAPTOP], ids=["phone", "laptop"])
+    def test_every_page_fits(self, chromium: Any, size: dict[str, int]) -> None:
         wide = []
-        with look(chromium, PAGES[0]) as seen:
+        with Look(chromium, (SITE / f"{PAGES[0]}.html").as_uri(), **size) as seen:
             for page in (page for page in html_pages() if page.parent != SITE or page.name != "index.html"):
                 seen.page.goto(page.as_uri(), wait_until="load")
-                if seen.evaluate("document.documentElement.scrollWidth") > PHONE["width"]:
+                if seen.evaluate("document.documentElement.scrollWidth") > size["width"]:
                     wide.append(str(page.relative_to(SITE)))
         assert not wide
 
