@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -17,6 +18,7 @@ from experiments.inprocess import check_in_process
 from fogwatch.learn.episode import Episode
 from fogwatch.learn.rewards import Reward, reward_of
 from fogwatch.notebook.scenario import scenario_of
+from patrol.errors import BadInput
 from patrol.journal import TickRecord
 from patrol.prepare import Prepared, prepare
 from patrol.scenario import Scenario
@@ -121,8 +123,7 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZo
             BadInput: The scenario cannot be run with this seed.
         """
         del options
-        if seed is None:
-            seed = self.scenario.seed + (self.episode is not None)
+        seed = self.scenario.seed + (self.episode is not None) if seed is None else operator.index(seed)
         if seed != self.scenario.seed:
             self.prepared = self._prepare(seed)
         self._last = None
@@ -149,8 +150,10 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZo
         if episode is None or not self.agents:
             return {}, {}, {}, {}, {}
         for name, action in actions.items():
+            if name not in self._numbers:
+                raise BadInput(f"{name}: no such agent; these are {', '.join(self.possible_agents)[:100]}")
             if self._numbers[name] in self._due:
-                episode.take(self._numbers[name], action)
+                episode.take(self._numbers[name], self._checked(name, action))
         reward, ticks = 0.0, 0
         waits = self.options.decide == "arrival"
         while not ticks or (waits and not self._due and not episode.over):
@@ -168,6 +171,18 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZo
     def close(self) -> None:
         """Drop the episode."""
         self.episode, self.agents = None, []
+
+    def _checked(self, name: str, action: Any) -> Any:
+        """Return an action as its space has it; arrays of one number, as networks give them, are that number."""
+        space = self._action_spaces[name]
+        given = np.asarray(action)
+        if isinstance(space, spaces.Discrete):
+            taken = given.reshape(-1)[0] if given.size == 1 and given.dtype.kind in "iu" else None
+        else:
+            taken = given.astype(np.float32) if given.dtype.kind in "iuf" and given.shape == space.shape else None
+        if taken is None or not space.contains(taken):
+            raise BadInput(f"action of {name} = {action!r}: is not in {space}")
+        return int(taken) if isinstance(space, spaces.Discrete) else taken
 
     def _prepare(self, seed: int | None) -> Prepared:
         overrides = self._overrides if seed is None else {**self._overrides, "seed": seed}

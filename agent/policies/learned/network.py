@@ -32,6 +32,9 @@ Vector = NDArray[np.float64]
 
 Activation = Literal["tanh", "relu"]
 
+MOST = 1e6
+"""Greatest weight and bias of a network, so that no layer overflows."""
+
 
 @dataclass(frozen=True)
 class Layers:
@@ -143,9 +146,10 @@ def read_layers(content: bytes, path: Path) -> Layers:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             if sum(entry.file_size for entry in archive.infolist()) > WEIGHTS.most:
                 raise BadInput(f"{wrong}: decompressed it is larger than {WEIGHTS.what} may be; make it smaller")
-        with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
-            values = {name: arrays[name] for name in arrays.files}
-    except (ValueError, OSError, EOFError, KeyError, NotImplementedError, zipfile.BadZipFile) as error:
+            values = {name.removesuffix(".npy"): _array(archive, name) for name in archive.namelist()}
+    except BadInput:
+        raise
+    except Exception as error:  # noqa: BLE001 - what a hostile archive can raise has no common type
         raise BadInput(f"{wrong} ({error}); write it with fogwatch.learn.Layers.save") from None
     count = (len(values) - 1) // 2
     names = {"activation", *(f"{kind}{layer}" for layer in range(count) for kind in "wb")}
@@ -164,9 +168,23 @@ def read_layers(content: bytes, path: Path) -> Layers:
     return Layers(weights, biases, "tanh" if activation == "tanh" else "relu")
 
 
+def _array(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
+    """Read an array of an archive; its header must not claim more than the entry holds."""
+    content = archive.read(name)
+    stream = io.BytesIO(content)
+    version = np.lib.format.read_magic(stream)
+    header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    shape, _, dtype = header(stream)
+    if math.prod(shape) * dtype.itemsize > len(content):
+        raise ValueError(f"{name} is cut off")
+    return np.load(io.BytesIO(content), allow_pickle=False)  # type: ignore[no-any-return]
+
+
 def _numbers(array: NDArray[Any], dimensions: int, name: str) -> Vector:
-    if array.dtype.kind != "f" or array.ndim != dimensions or not np.isfinite(array).all():
-        raise BadInput(f"{name} is no array of {dimensions} dimensions with finite floating-point numbers")
+    if array.dtype.kind != "f" or array.ndim != dimensions or not (np.abs(array) <= MOST).all():
+        raise BadInput(
+            f"{name} is no array of {dimensions} dimensions with floating-point numbers from -{MOST:g} to {MOST:g}"
+        )
     return np.ascontiguousarray(array, dtype=np.float64)
 
 

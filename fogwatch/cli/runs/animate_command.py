@@ -24,6 +24,9 @@ EXAMPLES = [
     "fogwatch animate RUN --out patrol.mp4 --from 300 --to 360 --speed 5 --width 1280",
 ]
 
+MOST_FRAMES = 100_000
+"""Frames of a film, at most: hours of it."""
+
 LENGTH_S = 15.0
 """Length of a film whose speed is not given, s: the whole run, or real time if that is shorter."""
 
@@ -72,6 +75,11 @@ def animate(
     opened, going = open_folder(run)
     first, last = _span(opened, begin, end)
     pace = speed or max(math.ceil((last - first) * opened.step / LENGTH_S), 1)
+    if (last - first) * opened.step * fps / pace > MOST_FRAMES:
+        raise BadInput(
+            f"--speed {pace:g}: makes more than {MOST_FRAMES} frames; give a higher --speed, a lower --fps, or a part "
+            "of the run by --from and --to"
+        )
     ticks = frame_ticks(first, last, opened.step, pace, fps)
     from rich.console import Console
     from rich.progress import TimeRemainingColumn
@@ -104,5 +112,5 @@ def _span(run: Run, begin: float, end: float | None) -> tuple[int, int]:
         raise BadInput(f"--from {begin:g}: the run has 0 to {length:g} s; give a time in between")
     if end is not None and not begin <= end:
         raise BadInput(f"--to {end:g}: is before --from {begin:g}; give a later time")
-    until = last if end is None else min(round(end / run.step), last)
+    until = last if end is None or end >= length else round(end / run.step)
     return min(round(begin / run.step), until), until

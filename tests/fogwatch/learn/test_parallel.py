@@ -279,3 +279,41 @@ def test_a_bearing_moves_the_robot_that_way_in_the_same_tick() -> None:
         towards = math.atan2(up, across) - chosen[f"r{number}"] * math.pi / 4
         assert math.hypot(across, up) > 0.2 * view.stride
         assert math.cos(towards) > 0.9
+
+
+@pytest.mark.parametrize(
+    ("kind", "decide", "action"),
+    [
+        ("bearing", "tick", 9),
+        ("bearing", "tick", -1),
+        ("bearing", "tick", 2.7),
+        ("bearing", "tick", None),
+        ("place", "tick", 3),
+        ("place", "tick", [float("nan"), 0.0]),
+        ("place", "tick", [0.0, 0.0, 0.0]),
+        ("node", "arrival", 10**6),
+    ],
+)
+def test_an_action_outside_of_its_space_is_refused(kind: Any, decide: Any, action: Any) -> None:
+    env = parallel_env(FLEET, actions=kind, decide=decide)
+    env.reset()
+    with pytest.raises(BadInput, match=r"action of r1 = .*: is not in "):
+        env.step({"r1": action})
+
+
+def test_arrays_of_one_number_and_seeds_of_numpy_are_taken_as_numbers() -> None:
+    env = parallel_env(FLEET)
+    hashes = []
+    for action in (2, np.array([2]), np.int64(2)):
+        env.reset(seed=np.int64(5))  # type: ignore[arg-type]
+        env.step({"r1": action})
+        assert env.episode is not None
+        hashes.append(env.episode.trace_hash)
+    assert len(set(hashes)) == 1
+
+
+def test_an_agent_that_does_not_exist_is_named() -> None:
+    env = parallel_env(FLEET)
+    env.reset()
+    with pytest.raises(BadInput, match="nobody: no such agent; these are r1, r2, r3"):
+        env.step({"nobody": 0})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import sys
 import zipfile
@@ -12,10 +13,13 @@ from typing import Any
 import numpy as np
 import onnx
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from onnx import TensorProto, helper, numpy_helper
 
 from agent.policies.learned.decisions import MASK
 from agent.policies.learned.network import Layers, action_of, flattened, read_layers, read_network
+from agent.policies.learned.onnx_network import onnx_network
 from patrol.errors import BadInput
 from patrol.files.untrusted import WEIGHTS, Kind
 
@@ -120,8 +124,9 @@ ONE = {"w0": np.ones((2, 3)), "b0": np.ones(3)}
         (archive(activation="tanh", w0=np.ones((2, 3)), b0=np.ones(2)), r"w0 is \(2, 3\); expected \(2, 2\)"),
         (archive(activation="tanh", w0=np.ones((0, 3)), b0=np.ones(3)), r"w0 is \(0, 3\)"),
         (archive(activation="tanh", w0=np.ones(3), b0=np.ones(3)), "w0 is no array of 2 dimensions"),
-        (archive(activation="tanh", w0=np.full((2, 3), np.nan), b0=np.ones(3)), "with finite"),
-        (archive(activation="tanh", w0=np.array([["a"]]), b0=np.ones(1)), "with finite"),
+        (archive(activation="tanh", w0=np.full((2, 3), np.nan), b0=np.ones(3)), "numbers from -1e"),
+        (archive(activation="tanh", w0=np.array([["a"]]), b0=np.ones(1)), "numbers from -1e"),
+        (archive(activation="tanh", w0=np.full((2, 3), 1e308), b0=np.ones(3)), "numbers from -1e"),
         (archive(activation="tanh", w0=np.array([[{}]], dtype=object), b0=np.ones(1)), "is no network"),
     ],
 )
@@ -130,6 +135,71 @@ def test_what_is_no_network_is_refused_in_one_line(content: bytes, message: str)
         read_layers(content, FILE)
     assert str(refused.value).startswith("patrol.options.weights = trained.npz: is no network")
     assert "\n" not in str(refused.value)
+
+
+def entry(header: str, version: bytes = b"\x01\x00") -> bytes:
+    """An array whose header says what its data does not hold."""
+    text = header.encode() + b"\n"
+    return b"\x93NUMPY" + version + len(text).to_bytes(2, "little") + text + bytes(16)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        entry("{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000000, 9), }"),
+        entry("{'descr': '<f8', 'fortran_order': False, 'shape': (100000000000000000000000, 9), }"),
+        entry("(((("),
+        entry("{}", b"\x07\x00"),
+        b"no array at all",
+        b"",
+    ],
+)
+@pytest.mark.parametrize("kind", [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED])
+def test_an_array_that_is_none_is_refused_in_one_line(content: bytes, kind: int) -> None:
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", kind) as hostile:
+        hostile.writestr("w0.npy", content)
+    for bytes_of in (file.getvalue(), file.getvalue().replace(b"w0.npy", b"w0.npz")):
+        with pytest.raises(BadInput, match="is no network") as refused:
+            read_layers(bytes_of, FILE)
+        assert "\n" not in str(refused.value)
+
+
+@given(st.data())
+def test_whatever_is_changed_in_a_file_it_is_read_or_refused(data: st.DataObject) -> None:
+    content = bytearray(archive(activation="tanh", **ONE))
+    for _ in range(data.draw(st.integers(1, 4))):
+        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
+    with contextlib.suppress(BadInput):
+        read_layers(bytes(content), FILE)
+
+
+def model_of(node: Any, *constants: Any, gives: Any = TensorProto.DOUBLE) -> bytes:
+    ends = [
+        helper.make_tensor_value_info(name, kind, [1, 2]) for name, kind in (("x", TensorProto.DOUBLE), ("y", gives))
+    ]
+    graph = helper.make_graph([node], "policy", ends[:1], ends[1:], constants)
+    return bytes(
+        helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9).SerializeToString()
+    )
+
+
+def test_an_onnx_network_whose_weights_are_elsewhere_is_refused() -> None:
+    outside = numpy_helper.from_array(np.ones((1, 2)), "w")
+    onnx.external_data_helper.set_external_data(outside, location="secret.bin")
+    outside.ClearField("raw_data")
+    outside.data_location = TensorProto.EXTERNAL
+    with pytest.raises(BadInput, match="keeps weights in other files; save it as one file"):
+        onnx_network(model_of(helper.make_node("Add", ["x", "w"], ["y"]), outside), Path("a.onnx"))
+
+
+def test_an_onnx_network_that_gives_no_numbers_is_refused() -> None:
+    nothing = numpy_helper.from_array(np.full((1, 2), np.nan), "w")
+    with pytest.raises(BadInput, match="no finite numbers"):
+        onnx_network(model_of(helper.make_node("Add", ["x", "w"], ["y"]), nothing), Path("a.onnx"))
+    cast = helper.make_node("Cast", ["x"], ["y"], to=TensorProto.STRING)
+    with pytest.raises(BadInput, match="floating-point numbers"):
+        onnx_network(model_of(cast, gives=TensorProto.STRING), Path("a.onnx"))
 
 
 def test_a_small_file_that_would_become_large_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

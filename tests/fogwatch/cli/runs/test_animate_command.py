@@ -127,6 +127,7 @@ def test_a_closed_door_is_filled_while_it_is_closed_and_a_death_shows(ran: Path)
         (("--out", "a.avi"), "GIF or MP4"),
         (("--out", "a.gif", "--fps", "80"), "--fps 80: expected more than 0 and at most 50"),
         (("--out", "a.gif", "--speed", "0"), "--speed 0: expected a number above 0"),
+        (("--out", "a.gif", "--speed", "1e-300"), "makes more than 100000 frames; give a higher --speed"),
         (("--out", "a.gif", "--width", "10"), "--width 10: expected 320 to 1920"),
         (("--out", "a.gif", "--from", "99"), "--from 99: the run has 0 to 19.5 s"),
         (("--out", "a.gif", "--from", "9", "--to", "3"), "--to 3: is before --from 9"),
