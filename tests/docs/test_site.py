@@ -127,7 +127,7 @@ class TestInABrowser:
     @pytest.mark.parametrize("size", [PHONE, LAPTOP], ids=["phone", "laptop"])
     def test_every_page_fits(self, chromium: Any, size: dict[str, int]) -> None:
         wide = []
-        with Look(chromium, (SITE / f"{PAGES[0]}.html").as_uri(), **size) as seen:
+        with Look(chromium, (SITE / f"{PAGES[0]}.html").as_uri(), size["width"], size["height"]) as seen:
             for page in (page for page in html_pages() if page.parent != SITE or page.name != "index.html"):
                 seen.page.goto(page.as_uri(), wait_until="load")
                 if seen.evaluate("document.documentElement.scrollWidth") > size["width"]:
