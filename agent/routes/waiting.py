@@ -66,6 +66,8 @@ class Waiting:
             if math.dist(there, (row, col)) <= self._keep:
                 return False
             self._take(before, there[0] - top, there[1] - left)
+        if not before[row - top, col - left]:
+            return False
         after = before.copy()
         self._take(after, row - top, col - left)
         parts, work = np.empty(before.shape, dtype=np.int32), np.empty(before.size, dtype=np.int32)

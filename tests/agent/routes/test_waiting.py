@@ -30,6 +30,10 @@ def test_a_corner_and_the_middle_of_a_wide_room_are() -> None:
         assert WAITING.lets_others_pass(spot, ()), spot
 
 
+def test_where_no_centre_can_be_is_no_place_to_wait() -> None:
+    assert not WAITING.lets_others_pass((0.05, 0.05), ())
+
+
 def test_two_that_stand_close_together_are_in_each_others_way() -> None:
     assert not WAITING.lets_others_pass((0.65, 0.65), [(1.0, 0.65)])
     assert WAITING.lets_others_pass((0.65, 0.65), [(5.5, 0.65)])
