@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fogwatch.map_align import Place, WallMap, moved
+from fogwatch.grounds.map_align import Place, WallMap, moved
 from fogwatch.pictures.drawing import Key, Layer, canvas, key_column, label, paint, painted, save
 from patrol.ground.fields import grown
 from patrol.ground.terrain import BoolGrid, Terrain

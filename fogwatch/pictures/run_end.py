@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from fogwatch.map_check import MapReport
+from fogwatch.grounds.map_check import MapReport
 from fogwatch.pictures.drawing import (
     Key,
     Layer,

@@ -16,7 +16,7 @@ from patrol.process.starting.seldom import SELDOM
 from patrol.process.starting.warmup import warm
 
 if TYPE_CHECKING:
-    from fogwatch.map_align import Place, WallMap
+    from fogwatch.grounds.map_align import Place, WallMap
     from patrol.ground.terrain import Terrain
     from patrol.pose import Pose
 
@@ -59,7 +59,7 @@ def align(
     if picture is not None and picture.suffix.lower() != ".png":
         raise BadInput(f"--picture {picture}: expected a name that ends in .png")
     warm(("patrol",), lambda line: typer.echo(line, err=True), SELDOM)
-    from fogwatch.map_align import (  # here: its library takes a while
+    from fogwatch.grounds.map_align import (  # here: its library takes a while
         LEAST_AGREEMENT,
         agreement,
         align_maps,

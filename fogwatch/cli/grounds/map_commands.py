@@ -23,7 +23,7 @@ from patrol.process.starting.seldom import SELDOM
 from patrol.process.starting.warmup import warm
 
 if TYPE_CHECKING:
-    from fogwatch.map_check import MapReport, SealedPart
+    from fogwatch.grounds.map_check import MapReport, SealedPart
     from patrol.ground.doors.rooms import Door
     from patrol.prepare import Prepared
 
@@ -66,19 +66,19 @@ def check(
             raise BadInput(f"--{name} = {value:g}: expected a finite number above 0, in m")
     starts = [_start(text) for text in start or []]
     warm(("patrol",), lambda line: typer.echo(line, err=True), SELDOM)
-    from fogwatch.map_check import check_map  # here: it imports kernels, which are compiled first
+    from fogwatch.grounds.map_check import check_map  # here: it imports kernels, which are compiled first
 
     terrain = named_terrain(what, point)
     report = check_map(terrain, radius, sensor_range, line_of_sight, starts)
     about: list[str] = []
     if zones is not None:
-        from fogwatch.zone_check import zone_lines  # here, as most checks have no zones
+        from fogwatch.grounds.zone_check import zone_lines  # here, as most checks have no zones
 
         prepared = _fleet(what, "zones", zones, point, robots, speed, radius, sensor_range, line_of_sight, starts)
         before, report = report, check_map(prepared.terrain, radius, sensor_range, line_of_sight, starts)
         about = list(zone_lines(prepared, before, report))
     if closures is not None:
-        from fogwatch.closure_check import closure_lines  # here, as most checks have no closures
+        from fogwatch.grounds.closure_check import closure_lines  # here, as most checks have no closures
 
         about += closure_lines(
             _fleet(what, "closures", closures, point, robots, speed, radius, sensor_range, line_of_sight, starts)

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fogwatch.map_check import Reason, check_map
+from fogwatch.grounds.map_check import Reason, check_map
 from patrol.ground.doors.rooms import Rooms
 from patrol.ground.fields import cspace_of, parts_of
 from patrol.ground.terrain import BoolGrid, Terrain

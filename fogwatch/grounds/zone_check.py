@@ -12,7 +12,7 @@ from patrol.measures.best_tour import MOST_ROBOTS
 from patrol.measures.zoned import zone_weights, zoned_ground
 
 if TYPE_CHECKING:
-    from fogwatch.map_check import MapReport
+    from fogwatch.grounds.map_check import MapReport
     from patrol.ground.tour.zoned import ZonedGround
     from patrol.prepare import Prepared
     from patrol.scenario import ZoneSpec

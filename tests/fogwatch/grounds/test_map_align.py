@@ -7,7 +7,15 @@ import math
 import numpy as np
 import pytest
 
-from fogwatch.map_align import Alignment, agreement, align_maps, fit_landmarks, only_alignment, spelled, wall_map
+from fogwatch.grounds.map_align import (
+    Alignment,
+    agreement,
+    align_maps,
+    fit_landmarks,
+    only_alignment,
+    spelled,
+    wall_map,
+)
 from patrol.errors import BadInput
 from patrol.ground.maps.builtins import builtin_terrain
 from patrol.ground.terrain import Terrain
