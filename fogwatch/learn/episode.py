@@ -31,6 +31,11 @@ if TYPE_CHECKING:
     from patrol.scenario.policies import LearnedOptions
 
 
+def _raise(number: int, reason: str, error: BaseException | None) -> None:
+    """Let nobody train on a robot that stands because of an error of its own."""
+    raise RuntimeError(f"r{number}: {reason}") from error
+
+
 class Driven:
     """A policy whose decisions are made outside.
 
@@ -83,7 +88,7 @@ class Episode:
         self._options = options
         self._driven: dict[int, Driven] = {}
         kind = PolicyKind(LEARNED, self._drive, prepared.scenario.patrol.options, ours=True)
-        self._fleet = fleet_of(self.world, footprint, kind=kind)
+        self._fleet = fleet_of(self.world, footprint, kind=kind, failure=_raise)
         self.journal = MemoryJournal(header_of(self.world), keep)
         self._recorder = Recorder(self.journal, prepared.scenario.spares)
         self._acts = Acts(self.world, self._fleet)

@@ -317,3 +317,16 @@ def test_an_agent_that_does_not_exist_is_named() -> None:
     env.reset()
     with pytest.raises(BadInput, match="nobody: no such agent; these are r1, r2, r3"):
         env.step({"nobody": 0})
+
+
+def test_an_error_of_a_robots_own_is_raised_and_not_a_robot_that_stands(monkeypatch: pytest.MonkeyPatch) -> None:
+    env = parallel_env(FLEET)
+    env.reset()
+
+    def fails(*_: object) -> None:
+        raise ZeroDivisionError("none")
+
+    monkeypatch.setattr("agent.policies.learned.decisions.Decisions.intent", fails)
+    with pytest.raises(RuntimeError, match="r1: ") as raised:
+        env.step({"r1": 2})
+    assert isinstance(raised.value.__cause__, ZeroDivisionError)
