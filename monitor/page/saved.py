@@ -17,6 +17,7 @@ import gzip
 import json
 import re
 from collections.abc import Callable, Iterable
+from contextlib import ExitStack
 from dataclasses import replace
 from importlib.resources import files
 from itertools import count
@@ -41,6 +42,7 @@ from monitor.replay.player import Player
 from monitor.replay.run import Run
 from patrol import palette
 from patrol.errors import BadInput
+from patrol.files.whole_file import replacing
 
 MOST_FRAMES = 1500
 """Frames of a saved page; of a longer run every second tick is shown, or every third, ..."""
@@ -58,7 +60,7 @@ _IMPORT = re.compile(r'(from|import) "\./(\w+\.js)"')
 
 
 def save_page(run: Run, folder: Path, progress: Callable[[Iterable[int]], Iterable[int]] = iter) -> int:
-    """Write the page of a run, with the true fog but without beliefs.
+    """Write the page of a run, with the true fog but without beliefs. After an error, none of its files stays.
 
     Args:
         run: The run.
@@ -85,8 +87,9 @@ def save_page(run: Run, folder: Path, progress: Callable[[Iterable[int]], Iterab
         written[name] = _static(name).encode()
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name, content in written.items():
-            (folder / name).write_bytes(content)
+        with ExitStack() as whole:
+            for name, content in written.items():
+                whole.enter_context(replacing(folder / name)).write_bytes(content)
     except OSError as error:
         raise BadInput(f"{folder}: cannot be written ({error.strerror}); choose another folder") from None
     return frames

@@ -66,8 +66,8 @@ def replay(
 ) -> int:
     """Replay a run on a page in the browser, at any speed, forwards or backwards. Ctrl-C ends it."""
     if static is not None:
-        if host != "127.0.0.1" or port or browser:
-            raise BadInput(f"--static {static}: serves nothing; leave out --host, --page-port and --browser")
+        if host != "127.0.0.1" or port or token or browser:
+            raise BadInput(f"--static {static}: serves nothing; leave out --host, --page-port, --token and --browser")
         return _save(run, static, key)
     arguments = Namespace(
         replay=run, key=key, access=None, credentials=None, router=None, fleet=None, scenario=None, radio=None, wait=0.0

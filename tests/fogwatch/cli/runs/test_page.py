@@ -30,4 +30,6 @@ def test_a_replay_as_a_folder_needs_a_new_one_and_serves_nothing(
     assert (tmp_path / "page" / "run.js").read_bytes() == before
     assert command("replay", run, "--static", "other", "--browser") == 2
     assert "--static other: serves nothing; leave out" in capsys.readouterr().err
+    assert command("replay", run, "--static", "other", "--token", "t" * 32) == 2
+    assert "--token" in capsys.readouterr().err
     assert not (tmp_path / "other").exists()
