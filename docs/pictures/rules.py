@@ -166,7 +166,7 @@ def draw_dilatation(view: View, prepared: Prepared) -> None:
 
 
 def draw_force(view: View, prepared: Prepared) -> None:
-    """How hard each point pulls."""
+    """Draw the pull of each point."""
     figure, (axes,) = canvas()
     options = prepared.scenario.patrol.options
     age = ages(view, view.fog.dilated) / np.nanmax(ages(view, view.fog.last_seen))
@@ -215,7 +215,7 @@ def draw_functions() -> None:
 
 
 def draw_psi(terrain: Terrain) -> None:
-    """How near the obstacles are."""
+    """Draw the nearness of obstacles."""
     figure, (axes,) = canvas()
     psi = psi_field(terrain, 10.0).astype(np.float64)
     paint(axes, terrain, psi, "cividis_r", "psi", float(np.quantile(psi[np.isfinite(psi)], 0.98)))

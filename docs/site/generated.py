@@ -1,4 +1,4 @@
-"""What the site generates: a document holds ``<!-- generated: NAME -->``, the site puts Markdown in its place."""
+"""Generated parts of the site: a document holds ``<!-- generated: NAME -->``, the site puts Markdown in its place."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a plan comes to, in lines of text."""
+"""The answer of a plan, in lines of text."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What notebooks and programs get from `fogwatch.load`, `run`, `sweep` and `plan`: results with tables and figures."""
+"""Results of `fogwatch.load`, `run`, `sweep` and `plan` for notebooks and programs, with tables and figures."""

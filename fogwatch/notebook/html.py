@@ -1,4 +1,4 @@
-"""What notebooks show of results: small HTML fragments, which bring no style. All text is escaped here."""
+"""Results as notebooks show them: small HTML fragments, which bring no style. All text is escaped here."""
 
 from __future__ import annotations
 

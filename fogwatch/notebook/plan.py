@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class PlanResult:
-    """How many robots keep an age on some ground, or what age fleets of some sizes keep.
+    """The number of robots that keep an age on some ground, or the ages that fleets of some sizes keep.
 
     Attributes:
         plan: The plan itself, with the tours and territories of each fleet.
@@ -52,7 +52,7 @@ class PlanResult:
 
     @property
     def answer(self) -> list[str]:
-        """What the plan comes to, in lines, as `fogwatch plan` prints it."""
+        """The plan's answer, in lines, as `fogwatch plan` prints it."""
         from experiments.plan.answer import answer_lines
 
         return list(answer_lines(self.plan))

@@ -86,7 +86,7 @@ class Run:
 
     @cached_property
     def verdict(self) -> Verdict:
-        """Whether the run kept all rules, check by check; unknown without any check if it has not been judged."""
+        """The verdict on the run, check by check; unknown without any check if it has not been judged."""
         if self._given_verdict is not None:
             return self._given_verdict
         warm(("patrol", "worldsim"), _be_silent)
@@ -101,7 +101,7 @@ class Run:
 
     @property
     def state(self) -> str:
-        """How the run ended: completed, interrupted, ...; "still going", or "cut off" if nothing writes it any more."""
+        """The run's end: completed, interrupted, ...; "still going", or "cut off" if nothing writes it any more."""
         from monitor.report.analysis import state_of
 
         return state_of(*self._opened)[0]

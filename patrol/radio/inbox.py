@@ -234,7 +234,7 @@ class Inboxes:
         return position, (kind, sender, position.sequence, *rounded_pose, *back, len(position.trail))
 
     def _refusal(self, position: Position, tick: int) -> RejectReason | None:
-        """Why no listener accepts a position, or None."""
+        """Return the reason for which no listener accepts a position, or None."""
         if position.robot != CONTACT and position.robot not in self._column:
             return RejectReason.UNKNOWN
         x_min, y_min, x_max, y_max = self._bounds

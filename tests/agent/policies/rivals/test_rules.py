@@ -51,7 +51,7 @@ def policy(name: str, **options: Any) -> Any:
 
 
 def known(*others: Other, draw: float = 0.0) -> Known:
-    """What the robot knows; other robots are numbered from 2 on."""
+    """The knowledge of the robot; other robots are numbered from 2 on."""
     return Known(
         graph_of(PLACES, EDGES, PIXEL),
         0.4,
