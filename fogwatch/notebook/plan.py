@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from itertools import pairwise
 from pathlib import Path
@@ -161,8 +161,8 @@ def plan(
         BadInput: The input is wrong; the message is one line that says what, and how to mend it.
     """
     for name, value in (("age", age), ("duration", duration)):
-        if value is not None and not (math.isfinite(value) and value > 0.0):
-            raise BadInput(f"{name} = {value:g}: expected a finite number above 0, in s")
+        if value is not None and not (isinstance(value, int | float) and math.isfinite(value) and value > 0.0):
+            raise BadInput(f"{name} = {value!r}: expected a finite number above 0, in s")
     if age is None and robots is None:
         raise BadInput("age, robots: one is needed, for example age=60 for the number of robots that keeps 60 s")
     if quick and duration is not None:
@@ -187,8 +187,10 @@ def _numbers(robots: int | Sequence[int]) -> list[int]:
     """Check numbers of robots."""
     from patrol.measures.best_tour import MOST_ROBOTS
 
-    numbers = [robots] if isinstance(robots, int) else list(robots)
+    numbers = [robots] if isinstance(robots, int) else list(robots) if isinstance(robots, Iterable) else []
+    if not all(isinstance(number, int) for number in numbers):
+        numbers = []
     rise = all(first < second for first, second in pairwise(numbers))
     if not numbers or not rise or not 1 <= numbers[0] <= numbers[-1] <= MOST_ROBOTS:
-        raise BadInput(f"robots = {numbers}: expected numbers from 1 to {MOST_ROBOTS} that rise, such as range(1, 9)")
+        raise BadInput(f"robots = {robots!r}: expected numbers from 1 to {MOST_ROBOTS} that rise, such as range(1, 9)")
     return numbers

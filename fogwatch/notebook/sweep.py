@@ -227,9 +227,11 @@ def _content_of(base: Scenario | Mapping[str, Any] | str | Path) -> tuple[dict[s
     if not file.is_file():
         raise BadInput(f"{base}: no such sweep, scenario or map file, and no built-in terrain ({', '.join(BUILTINS)})")
     content = parse_yaml(read_text(file, SWEEP), str(file))
-    if isinstance(content, dict) and "image" in content and "terrain" not in content:
+    if not isinstance(content, dict):
+        raise BadInput(f"{base}: expected keys and values, as in a sweep, scenario or map file")
+    if "image" in content and "terrain" not in content:
         return {"terrain": {"map": str(file.absolute())}}, here
-    return (content if isinstance(content, dict) else {}), file
+    return content, file
 
 
 def _name_of(content: Mapping[str, Any], file: Path) -> str:

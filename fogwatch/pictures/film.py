@@ -38,9 +38,21 @@ def frame_ticks(first: int, last: int, step: float, speed: float, fps: float) ->
         The ticks, ascending. If frames follow each other faster than ticks, several show the same one.
     """
     apart = speed / (fps * step)
-    whole = int((last - first) / apart)
-    ticks = [first + round(number * apart) for number in range(whole + 1)]
+    ticks = [first + round(number * apart) for number in range(frame_count(first, last, step, speed, fps))]
     return ticks if ticks[-1] == last else [*ticks, last]
+
+
+def frame_count(first: int, last: int, step: float, speed: float, fps: float) -> int:
+    """Return how many frames show the ticks from the first to the last, without one that is added for the last tick.
+
+    Args:
+        first: The first tick to show.
+        last: The last tick to show.
+        step: Duration of a tick, s.
+        speed: Simulated time per time of the film.
+        fps: Frames per second of the film.
+    """
+    return int((last - first) / (speed / (fps * step))) + 1
 
 
 def write_gif(out: Path, frames: Iterable[Pixels], count: int, palette: Pixels, fps: float) -> None:

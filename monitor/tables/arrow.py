@@ -27,7 +27,9 @@ def check_pyarrow() -> None:
     try:
         import pyarrow  # noqa: F401 - whether it can be imported
     except ImportError:
-        raise BadInput("tables need pyarrow; install it with: pip install 'fogwatch[tables]'") from None
+        raise BadInput(
+            "tables need pyarrow; install it with: pip install 'fogwatch[tables]' (in a checkout: make develop)"
+        ) from None
 
 
 def schema_of(table: TableColumns, run: Run) -> pa.Schema:

@@ -42,7 +42,10 @@ NO_BOUND = "discs of the sensor's range around the robots have a larger area tha
 """Why the lower bound of MFoW (`worldsim.output.record.lower_bound`) is 0 where it is."""
 
 _known: dict[str, Tour | None] = {}
-"""Tours by digest, of this process."""
+"""Tours by digest, of this process, the latest ones."""
+
+MOST_KNOWN = 64
+"""Tours that a process keeps in memory: a sweep over many buildings may need one each."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -272,6 +275,8 @@ def _tour(
 
             tour = find_tour(terrain, own.reach, ground, proxy, footprint)
             _keep(file, tour)
+        if len(_known) >= MOST_KNOWN:
+            del _known[next(iter(_known))]
         _known[digest] = tour
     return _known[digest]
 

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fogwatch.cli.runs.open_run import RUN, open_folder, print_state
+from fogwatch.cli.runs.open_run import KEY, RUN, open_folder, print_state
 from patrol.errors import BadInput
 from patrol.printable import printable
+from patrol.process.lifeline import heed
 
 if TYPE_CHECKING:
     import numpy as np
@@ -54,6 +55,7 @@ def animate(
         ),
     ] = None,
     width: Annotated[int, typer.Option(metavar="PIXELS", help="Width of the film in pixels.")] = 480,
+    key: Annotated[Path | None, KEY] = None,
 ) -> None:
     """Write a run as a film: an animated GIF or an MP4 with the true fog, the robots, closures and zones."""
     from monitor.replay.run_files import check_out
@@ -69,13 +71,14 @@ def animate(
         raise BadInput(f"--speed {speed:g}: expected a number above 0, such as --speed 20")
     if not LEAST_WIDTH <= width <= MOST_WIDTH:
         raise BadInput(f"--width {width}: expected {LEAST_WIDTH} to {MOST_WIDTH} pixels, such as --width 480")
-    from fogwatch.pictures.film import check_length, find_ffmpeg, frame_ticks, write_gif, write_mp4
+    from fogwatch.pictures.film import check_length, find_ffmpeg, frame_count, frame_ticks, write_gif, write_mp4
 
     ffmpeg = find_ffmpeg(out) if kind == ".mp4" else ""
-    opened, going = open_folder(run)
+    heed(None, patience=0)  # any signal raises KeyboardInterrupt, after which no half file stays
+    opened, going = open_folder(run, key)
     first, last = _span(opened, begin, end)
     pace = speed or max(math.ceil((last - first) * opened.step / LENGTH_S), 1)
-    if (last - first) * opened.step * fps / pace > MOST_FRAMES:
+    if frame_count(first, last, opened.step, pace, fps) > MOST_FRAMES:
         raise BadInput(
             f"--speed {pace:g}: makes more than {MOST_FRAMES} frames; give a higher --speed, a lower --fps, or a part "
             "of the run by --from and --to"

@@ -73,9 +73,12 @@ def test_a_quick_plan_writes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyP
     ("given", "words"),
     [
         ({}, "age, robots: one is needed"),
-        ({"age": -1.0}, "age = -1: expected a finite number above 0, in s"),
+        ({"age": -1.0}, r"age = -1\.0: expected a finite number above 0, in s"),
+        ({"age": "60"}, "age = '60': expected a finite number above 0, in s"),
         ({"robots": [2, 1]}, r"robots = \[2, 1\]: expected numbers from 1 to 24 that rise"),
-        ({"robots": 99}, r"robots = \[99\]: expected numbers"),
+        ({"robots": 99}, "robots = 99: expected numbers"),
+        ({"robots": 2.5}, r"robots = 2\.5: expected numbers"),
+        ({"robots": "12"}, "robots = '12': expected numbers"),
         ({"age": 10.0, "quick": True, "duration": 60.0}, "duration = 60: has no effect with quick"),
     ],
 )

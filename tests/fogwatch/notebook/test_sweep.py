@@ -107,6 +107,9 @@ class Mine:
 def test_bad_input_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(BadInput, match="nowhere: no such sweep, scenario or map file, and no built-in terrain"):
         fogwatch.sweep("nowhere")
+    (tmp_path / "list.yaml").write_text("[1, 2]", encoding="utf-8")
+    with pytest.raises(BadInput, match=r"list\.yaml: expected keys and values"):
+        fogwatch.sweep(tmp_path / "list.yaml")
     with pytest.raises(BadInput, match=r"grid\.point = 1: expected a list of values"):
         fogwatch.sweep("open", grid={"point": 1}, out=tmp_path)  # type: ignore[dict-item]
     with pytest.raises(BadInput, match="give only one of the two"):
