@@ -18,7 +18,8 @@ import numpy as np
 from patrol.closures import closure_points
 from patrol.errors import BadInput, NotPrepared
 from patrol.ground.closed import ChangingFootprint
-from patrol.ground.fields import StaticFields, compute_fields, grown, load_grid, parts_of
+from patrol.ground.cspace import grown, parts_of
+from patrol.ground.fields import StaticFields, compute_fields, load_grid
 from patrol.ground.footprint import REMEMBERED, Footprint
 from patrol.ground.one_way import unit
 from patrol.ground.terrain import BoolGrid, Terrain, frozen_grid

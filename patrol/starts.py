@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.errors import BadInput
+from patrol.ground.cspace import TOLERANCE, cspace_of, parts_of, planning_radius
 from patrol.ground.doors.fitting import fits_no_door, fits_nowhere, no_room_for_all
-from patrol.ground.fields import TOLERANCE, anchor, cspace_of, parts_of, planning_radius
+from patrol.ground.fields import anchor
 from patrol.ground.kernels.clearance import nearest
 from patrol.ground.one_way import ground_with_ways_back
 from patrol.ground.terrain import BoolGrid, Terrain

@@ -16,7 +16,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from patrol.errors import BadInput
-from patrol.ground.fields import cspace_of
+from patrol.ground.cspace import cspace_of
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.scenario import RobotSpec
 from patrol.starts import place_starts, starting_part

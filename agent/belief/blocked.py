@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from agent.routes.ground import Area
 from patrol.exchange import MOST_BLOCKED
 from patrol.ground.closed import ChangingFootprint, faces
-from patrol.ground.fields import StaticFields, clearance_levels, needed_level, parts_of, proxies_of
+from patrol.ground.cspace import clearance_levels, needed_level, parts_of
+from patrol.ground.fields import StaticFields, proxies_of
 from patrol.radio.message import as_received
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from agent.routes.ground import Ground
 from agent.routes.kernels.wave import HEMMED, STATUS
 from agent.routes.path_window import FAR
 from agent.routes.wave import BoxPaths, box_around, paths_in
-from patrol.ground.fields import cspace_of
+from patrol.ground.cspace import cspace_of
 from patrol.ground.swept_path import line_is_free
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.errors import BadInput
-from patrol.ground.fields import grown
+from patrol.ground.cspace import grown
 from patrol.ground.maps.cells import marked_cells, touched_points
 from patrol.ground.maps.map_file import read_map_file
 from patrol.ground.terrain import BoolGrid, Terrain

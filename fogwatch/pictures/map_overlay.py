@@ -10,7 +10,7 @@ import numpy as np
 
 from fogwatch.grounds.map_align import Place, WallMap, moved
 from fogwatch.pictures.drawing import Key, Layer, canvas, key_column, label, paint, painted, save
-from patrol.ground.fields import grown
+from patrol.ground.cspace import grown
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.palette import LIGHT, WALL
 from patrol.pose import Pose

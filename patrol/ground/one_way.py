@@ -18,6 +18,7 @@ import math
 import numpy as np
 
 from patrol.errors import BadInput
+from patrol.ground.cspace import parts_of
 from patrol.ground.terrain import BoolGrid, Steps, Terrain, frozen_grid
 from patrol.ground.ways import lengths_along
 
@@ -95,8 +96,6 @@ def ground_with_ways_back(terrain: Terrain, reach: BoolGrid, radius: float) -> B
 
 
 def _with_ways_back(terrain: Terrain, reach: BoolGrid, radius: float) -> BoolGrid:
-    from patrol.ground.fields import parts_of  # here: it imports this module
-
     kept, ways_lead_to = np.zeros_like(reach), np.zeros_like(reach)
     left = reach & (terrain.against == 0)
     left = left if left.any() else reach.copy()

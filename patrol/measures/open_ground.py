@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.ground.fields import anchor, cspace_of, parts_of, proxies_of
+from patrol.ground.cspace import cspace_of, parts_of
+from patrol.ground.fields import anchor, proxies_of
 from patrol.ground.terrain import BoolGrid, Terrain
 
 if TYPE_CHECKING:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.ground.fields import StaticFields, anchor, parts_of
+from patrol.ground.cspace import parts_of
+from patrol.ground.fields import StaticFields, anchor
 from patrol.ground.terrain import BoolGrid, frozen_grid
 
 if TYPE_CHECKING:

@@ -22,7 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.errors import BadInput
-from patrol.ground.fields import load_grid, parts_of
+from patrol.ground.cspace import parts_of
+from patrol.ground.fields import load_grid
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.regions.convex import Floats, area, circumference, depths, hull, overlap
 from patrol.regions.cuts import convex_pieces

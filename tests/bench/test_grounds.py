@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bench.grounds import GAP, GROUNDS, KILOMETRE, square, tiled, write_map
-from patrol.ground.fields import parts_of
+from patrol.ground.cspace import parts_of
 from patrol.ground.maps.builtins import builtin_terrain
 from patrol.prepare import prepare
 from patrol.scenario import load_scenario

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from patrol.ground.fields import cspace_of
+from patrol.ground.cspace import cspace_of
 from patrol.ground.maps.load import load_terrain
 from patrol.scenario import load_scenario
 from patrol.starts import starting_part

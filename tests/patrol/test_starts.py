@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from patrol.errors import BadInput
-from patrol.ground.fields import cspace_of
+from patrol.ground.cspace import cspace_of
 from patrol.ground.maps.builtins import builtin_terrain
 from patrol.ground.maps.load import read_terrain
 from patrol.ground.swept_path import free_fraction

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections import deque
 
-from patrol.ground.fields import anchor, cspace_of
+from patrol.ground.cspace import cspace_of
+from patrol.ground.fields import anchor
 from patrol.ground.swept_path import line_is_free
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose

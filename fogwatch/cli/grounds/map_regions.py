@@ -60,7 +60,7 @@ def regions(
     scenario = open_scenario(what, overrides)
     widest = max(spec.radius for spec in scenario.roster)
     warm(("patrol",), lambda line: typer.echo(line, err=True), SELDOM)
-    from patrol.ground.fields import cspace_of  # here: these import kernels, which are compiled first
+    from patrol.ground.cspace import cspace_of  # here: these import kernels, which are compiled first
     from patrol.ground.maps.load import load_terrain
     from patrol.regions.split import regions_by_hand, split_regions
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from patrol.ground.fields import clearance_levels
+from patrol.ground.cspace import clearance_levels
 from patrol.ground.terrain import Terrain
 
 if TYPE_CHECKING:

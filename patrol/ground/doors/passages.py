@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from patrol.ground.fields import clearance_levels, grown, parts_of
+from patrol.ground.cspace import clearance_levels, grown, parts_of
 from patrol.ground.terrain import BoolGrid, Terrain
 
 SMALLEST_M2 = 1.0

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.ground.fields import clearance_levels, needed_level, parts_of, planning_radius
+from patrol.ground.cspace import clearance_levels, needed_level, parts_of, planning_radius
 from patrol.ground.kernels.doors import FIRST, ROOM, SADDLE, SECOND, falling_order, find_doors, spread_rooms
 from patrol.ground.terrain import BoolGrid, Terrain
 

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from agent.ports import State, Stay
 from agent.routes.ground import Ground
 from agent.routes.way_back import REACH, WayBack
-from patrol.ground.fields import compute_fields, cspace_of
+from patrol.ground.cspace import cspace_of
+from patrol.ground.fields import compute_fields
 from patrol.ground.swept_path import free_fraction
 from patrol.ground.terrain import Terrain
 from patrol.pose import MODELS, Pose

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from fogwatch.grounds.map_check import Reason, check_map
+from patrol.ground.cspace import cspace_of, parts_of
 from patrol.ground.doors.rooms import Rooms
-from patrol.ground.fields import cspace_of, parts_of
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import Pose
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from scipy.ndimage import distance_transform_edt
 
 from patrol.errors import BadInput
-from patrol.ground.fields import cspace_of, parts_of
+from patrol.ground.cspace import cspace_of, parts_of
 from patrol.ground.maps.builtins import builtin_terrain
 from patrol.ground.maps.load import read_terrain
 from patrol.ground.shapes import cover

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from patrol.ground.fields import parts_of
+from patrol.ground.cspace import parts_of
 from patrol.ground.fog import NEVER
 from patrol.journal import Status
 from patrol.measures.best_tour import best_tour

@@ -5,7 +5,8 @@ import pytest
 from shapely import LinearRing, Polygon, box, union_all
 
 from patrol.errors import BadInput
-from patrol.ground.fields import compute_fields, cspace_of, parts_of
+from patrol.ground.cspace import cspace_of, parts_of
+from patrol.ground.fields import compute_fields
 from patrol.ground.maps.builtins import LAYOUTS, builtin_terrain
 from patrol.pose import Pose
 from patrol.scenario import BUILTINS

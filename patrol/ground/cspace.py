@@ -1,0 +1,108 @@
+"""The C-space of a body: where its centre may be on a terrain, and the connected parts of that.
+
+The kernels are loaded where they are used: a process that is given the static fields needs none of them.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.ground.terrain import BoolGrid, Terrain, frozen_grid
+
+IntGrid = NDArray[np.int32]
+
+TOLERANCE = 1e-9
+"""Rounding allowed in the distance (m) of a body's centre from a wall."""
+
+
+def planning_radius(radius: float, point: float) -> float:
+    """Clearance in m that a body needs at the centres of points.
+
+    Half a point more than the body, so that a straight drive between neighbouring C-space points touches no wall.
+
+    Args:
+        radius: Of the body, m.
+        point: Side of one point, m.
+    """
+    return radius + 0.5 * point
+
+
+def needed_level(radius: float, point: float) -> int:
+    """Least squared clearance, in half points, at which a body has its planning radius.
+
+    Args:
+        radius: Of the body, m.
+        point: Side of one point, m.
+    """
+    halves = min(2.0 * (planning_radius(radius, point) - TOLERANCE) / point, 46_000.0)  # its square fits int32
+    return max(math.ceil(halves * halves), 1)
+
+
+def clearance_levels(free: BoolGrid, cap: int) -> IntGrid:
+    """Squared distance, in half points, from each point's centre to the nearest blocked point or the grid's edge.
+
+    Args:
+        free: bool (h, w).
+        cap: Whole points beyond which distances are not told apart; the cost grows with it.
+
+    Returns:
+        int32 (h, w), 0 on blocked points and at most (2 cap - 1)^2.
+    """
+    from patrol.ground.kernels.clearance import square_clearance
+
+    cap = min(cap, min(free.shape) // 2 + 2)  # the edge is never further
+    along = np.empty(free.shape, dtype=np.int32)
+    levels = np.empty(free.shape, dtype=np.int32)
+    square_clearance(np.ascontiguousarray(free).view(np.uint8), cap, along, levels)
+    return levels
+
+
+def cspace_of(terrain: Terrain, radius: float) -> BoolGrid:
+    """Return the C-space of a body: where its centre keeps the planning radius to every wall.
+
+    Distances are exact, from a point's centre to the nearest blocked or keep-out square and to the terrain's edge.
+
+    Args:
+        terrain: The ground.
+        radius: Of the body, m.
+
+    Returns:
+        bool (height, width), read-only.
+    """
+    needed = needed_level(radius, terrain.point)
+    cap = math.ceil(math.sqrt(needed)) // 2 + 2
+    return frozen_grid(clearance_levels(terrain.free, cap) >= needed)
+
+
+def parts_of(mask: BoolGrid) -> tuple[IntGrid, int]:
+    """Return the connected parts of a mask (8 neighbours, no corner cutting).
+
+    Args:
+        mask: bool (h, w).
+
+    Returns:
+        int32 (h, w) labels from 1 (0 outside the mask), and the number of parts.
+    """
+    from patrol.ground.kernels.components import label_parts
+
+    labels = np.empty(mask.shape, dtype=np.int32)
+    work = np.empty(mask.size, dtype=np.int32)
+    return labels, int(label_parts(np.ascontiguousarray(mask).view(np.uint8), labels, work))
+
+
+def grown(mask: BoolGrid) -> BoolGrid:
+    """Return a mask with all eight neighbours of its points.
+
+    Args:
+        mask: bool (h, w).
+    """
+    rows = mask.copy()
+    rows[1:] |= mask[:-1]
+    rows[:-1] |= mask[1:]
+    wide = rows.copy()
+    wide[:, 1:] |= rows[:, :-1]
+    wide[:, :-1] |= rows[:, 1:]
+    return wide

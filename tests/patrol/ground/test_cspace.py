@@ -1,0 +1,56 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import ndimage
+
+from patrol.ground.cspace import cspace_of, parts_of, planning_radius
+from patrol.ground.terrain import BoolGrid, Terrain
+from tests.patrol.ground.masks import masks, random_map
+
+
+@settings(max_examples=80)
+@given(free=masks, radius=st.sampled_from([0.05, 0.1, 0.2, 0.25, 0.35, 0.5]), point=st.sampled_from([0.1, 0.2]))
+def test_a_body_fits_where_no_square_or_edge_is_too_near(free: BoolGrid, radius: float, point: float) -> None:
+    terrain = Terrain("field", free, point, (-2.0, 7.0))
+    cspace = cspace_of(terrain, radius)
+    walled = np.pad(free, 1)
+    blocked = np.argwhere(~walled) - 1
+    for (row, col), fits in np.ndenumerate(cspace):
+        across = np.maximum(np.abs(blocked - [row, col]) - 0.5, 0.0) * point
+        clearance = float(np.hypot(across[:, 0], across[:, 1]).min()) if free[row, col] else 0.0
+        assert fits == (clearance >= radius + point / 2 - 1e-9)
+
+
+def test_keep_out_blocks_bodies_as_walls_do() -> None:
+    free = random_map(1)
+    passable = np.ones_like(free)
+    kept = Terrain("field", passable, 0.1, keep_out=~free)
+    assert np.array_equal(cspace_of(kept, 0.2), cspace_of(Terrain("field", free, 0.1), 0.2))
+
+
+@settings(max_examples=60)
+@given(mask=masks)
+def test_parts_are_those_without_corner_cutting(mask: BoolGrid) -> None:
+    labels, count = parts_of(mask)
+    expected, expected_count = ndimage.label(mask)
+    assert count == expected_count
+    assert np.array_equal(labels, expected)
+
+
+def test_a_straight_drive_between_neighbouring_cspace_points_touches_no_wall() -> None:
+    terrain = Terrain("field", random_map(2), 0.1)
+    radius = 0.25
+    cspace = cspace_of(terrain, radius)
+    blocked = np.argwhere(~np.pad(terrain.passable, 1)) - 1
+    for row, col in np.argwhere(cspace):
+        for dr, dc in ((0, 1), (1, 0), (1, 1), (1, -1)):
+            r, c = row + dr, col + dc
+            if not terrain.inside(r, c) or not (cspace[r, c] and cspace[row, c] and cspace[r, col]):
+                continue
+            for share in (0.25, 0.5, 0.75):
+                across = np.maximum(np.abs(blocked - [row + share * dr, col + share * dc]) - 0.5, 0.0) * 0.1
+                assert np.hypot(across[:, 0], across[:, 1]).min() >= radius - 1e-9
+    assert planning_radius(radius, 0.1) == pytest.approx(0.3)
