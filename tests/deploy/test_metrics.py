@@ -27,9 +27,9 @@ OF_PROMETHEUS = {"up": {"job", "instance"}}
 """Metrics that Prometheus makes itself, with their labels."""
 USUAL_LABELS = {"process", "fleet", "job", "instance"}
 """Labels of every figure: the process's, and those that Prometheus adds."""
-VALUES = {
+VALUES: dict[tuple[str, str], set[str]] = {
     ("fogwatch_robots", "status"): {status.name.lower() for status in Status},
-    ("fogwatch_frames_refused_total", "reason"): set(RejectReason),
+    ("fogwatch_frames_refused_total", "reason"): {str(reason) for reason in RejectReason},
 }
 """What labels can be, where that is declared."""
 PANELS = {"row", "stat", "timeseries", "state-timeline"}
