@@ -123,9 +123,9 @@ class FleetStatus:
         yield "all well" if self.well else f"not well: {self._counts()}"
 
     def _counts(self) -> str:
-        wrong = sum(bool(robot.wrong) for robot in self.robots)
-        counts = {f"{wrong} of {len(self.robots)} robots": wrong, f"{len(self.warnings)} warnings": len(self.warnings)}
-        return ", ".join(text for text, count in counts.items() if count)
+        wrong, warnings = sum(bool(robot.wrong) for robot in self.robots), len(self.warnings)
+        robots = [f"{wrong} of {len(self.robots)} robots"] if wrong else []
+        return ", ".join([*robots, *([f"warnings: {warnings}"] if warnings else [])])
 
 
 class FleetWatch(Protocol):
