@@ -13,7 +13,7 @@ from patrol.journal.records import Status
 from patrol.process.lifeline import Ending
 
 _PROCESS_WRONG = {
-    Status.PAUSED: "its process is held",
+    Status.PAUSED: "its process is paused",
     Status.DEAD: "its process was killed",
     Status.LOST: "its process has gone",
 }

@@ -62,10 +62,10 @@ def status(
 ) -> int:
     """Say how a running fleet does: its world, its robots, and what is wrong. It changes nothing.
 
-    Wrong are robots that are dead, held, lost, trapped or silent, and what a page would warn of. With a world, a robot
-    is silent when no other robot has heard it for radio.forget_after. Without a world, --scenario says which robots
-    should be there; without it, the look shows the processes that are there and what they send, and a robot is silent
-    that sends no position for --seconds.
+    Wrong are robots that are dead, paused, lost, trapped or silent, and what a page would warn of. With a world, a
+    robot is silent when no other robot has heard it for radio.forget_after. Without a world, --scenario says which
+    robots should be there; without it, the look shows the processes that are there and what they send, and a robot is
+    silent that sends no position for --seconds.
     """
     from patrol.process.lifeline import heed
 

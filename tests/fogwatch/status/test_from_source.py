@@ -44,7 +44,7 @@ def judged(robot: RobotState, static: Static = STATIC, observed_s: float = 20.0,
     [
         (WELL, ""),
         (replace(WELL, status=Status.DEAD), "its process was killed"),
-        (replace(WELL, status=Status.PAUSED), "its process is held"),
+        (replace(WELL, status=Status.PAUSED), "its process is paused"),
         (replace(WELL, status=Status.LOST), "its process has gone"),
         (replace(WELL, status=Status.LEFT, heard_s=None), ""),
         (replace(WELL, status=Status.ABSENT, heard_s=None), ""),
