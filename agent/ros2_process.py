@@ -20,11 +20,14 @@ from patrol.process.reporting.logs import Log
 
 if TYPE_CHECKING:
     from agent.own_robot import Site
+    from agent.ports import Telemetry
+    from agent.robots.ros2.diagnostics import Diagnostics
     from agent.robots.ros2.driver import Ros2Robot
     from agent.robots.ros2.hardware import Hardware
     from agent.robots.ros2.pose.initial import InitialPose
     from agent.robots.ros2.rivals import Rivals
     from agent.robots.ros2.settings import DriveSettings
+    from agent.robots.ros2.shown import Shown
     from patrol.ground.terrain import Terrain
     from patrol.pose import Pose
     from patrol.ros2.link import ZenohRos2Link
@@ -165,6 +168,7 @@ def _find_and_patrol(process: ProcessContext, overrides: dict[str, object]) -> i
 
 def _patrol(process: ProcessContext, scenario: Scenario, hardware: Hardware, shows_map: bool) -> int:
     """Patrol with a robot that was found; return the exit code."""
+    from agent.mind_loop import Both
     from agent.own_robot import Ticks, patrol_with
     from agent.robots.ros2.driver import DriverFailed
 
@@ -176,7 +180,11 @@ def _patrol(process: ProcessContext, scenario: Scenario, hardware: Hardware, sho
     ticks = Ticks(options.epoch, options.wait, alone_s)
 
     def make(site: Site) -> Ros2Robot:
-        robot = _robot(site, hardware, shows_map, process.log, rivals)
+        shown = _shown(site, hardware, shows_map, process.log)
+        diagnostics = _diagnostics(site, hardware, scenario)
+        robot = _robot(site, hardware, Both(shown, diagnostics), process.log, rivals)
+        diagnostics.watch(robot)
+        process.closing.callback(diagnostics.close)
         if process.supervision.counts:
             robot.show(process.vitals)
         rest_before_pause(robot.rest, robot.go_on)
@@ -387,14 +395,30 @@ def _choose_router(options: argparse.Namespace, say: _Say) -> None:
         options.router, options.fleet = options.router or options.connect, options.fleet or FLEET
 
 
-def _robot(site: Site, hardware: Hardware, shows_map: bool, log: Log, rivals: Rivals) -> Ros2Robot:
+def _shown(site: Site, hardware: Hardware, shows_map: bool, log: Log) -> Shown:
+    from agent.robots.ros2.shown import Shown, show_map
+
+    link, settings = hardware.link, hardware.settings
+    if shows_map and not show_map(link, settings, site.terrain, hardware.stamp_ns()):
+        log.info(f"somebody else publishes {link.resolve(settings.topic('map'))}, so this agent does not")
+    return Shown(link, settings, site.terrain, site.fog, hardware.stamp_ns)
+
+
+def _diagnostics(site: Site, hardware: Hardware, scenario: Scenario) -> Diagnostics:
+    from agent.robots.ros2.diagnostics import Diagnostics, Patrolling
+
+    names = {spec.number: spec.name for spec in scenario.roster}
+    facts = Patrolling(site.spec.name, names, site.step, site.factor, scenario.radio.forget_after)
+    return Diagnostics(hardware, facts, site.peers)
+
+
+def _robot(site: Site, hardware: Hardware, onlooker: Telemetry, log: Log, rivals: Rivals) -> Ros2Robot:
     from agent.robots.ros2.driver import Objection, Pace, Ros2Robot
     from agent.robots.ros2.driving.fence import Fence
     from agent.robots.ros2.driving.governor import Governor, Rule
     from agent.robots.ros2.driving.others import Others
     from agent.robots.ros2.driving.response import Response
     from agent.robots.ros2.driving.steering import GoalSteering, Steering, VelocitySteering
-    from agent.robots.ros2.shown import Shown, show_map
 
     settings, spec = hardware.settings, site.spec
     if settings.margin >= spec.radius:
@@ -414,8 +438,5 @@ def _robot(site: Site, hardware: Hardware, shows_map: bool, log: Log, rivals: Ri
         response = Response(spec.radius, spec.speed / settings.braking)
         objections.append(response)
         steering = VelocitySteering(hardware, Governor(rule, fence), others, response)
-    if shows_map and not show_map(hardware.link, settings, site.terrain, hardware.stamp_ns()):
-        log.info(f"somebody else publishes {hardware.link.resolve(settings.topic('map'))}, so this agent does not")
-    shown = Shown(hardware.link, settings, site.terrain, site.fog, hardware.stamp_ns)
     pace = Pace(site.step, site.factor, settings.rate_hz)
-    return Ros2Robot(hardware, steering, site.clock, pace, shown, site.orders(), log, objections).start()
+    return Ros2Robot(hardware, steering, site.clock, pace, onlooker, site.orders(), log, objections).start()

@@ -16,7 +16,7 @@ import typer
 from fogwatch.cli.command_help import FINISHED, MANY, OTHER, RUNNING, START, OrderedGroup, command
 from fogwatch.cli.ending import complain, run_app
 from fogwatch.cli.experiments import benchmark, chaos_command, experiment, paper, sweep
-from fogwatch.cli.fleets import control, doctor_command, fleet, key, process_commands
+from fogwatch.cli.fleets import control, doctor_command, fleet, key, process_commands, status_command
 from fogwatch.cli.grounds import map_commands, plan_command, scenario
 from fogwatch.cli.runs import (
     animate_command,
@@ -57,6 +57,9 @@ command(app, examples=plan_command.EXAMPLES, exit_codes=plan_command.EXIT_CODES,
 process_commands.register(app, START)
 command(app, examples=page.MONITOR_EXAMPLES, exit_codes=page.EXIT_CODES, panel=RUNNING)(page.monitor)
 command(app, examples=doctor_command.EXAMPLES, exit_codes=doctor_command.EXIT_CODES, panel=START)(doctor_command.doctor)
+command(app, examples=status_command.EXAMPLES, exit_codes=status_command.EXIT_CODES, panel=RUNNING)(
+    status_command.status
+)
 command(app, examples=control.EXAMPLES, exit_codes=control.EXIT_CODES, panel=RUNNING)(control.control)
 command(
     app,

@@ -25,6 +25,7 @@ ORDER = (
     "doctor",
     "agent",
     "robot-sim",
+    "status",
     "monitor",
     "control",
     "record",

@@ -90,26 +90,49 @@ def open_fleet(
     """
     from patrol.radio.fleet_key import fleet_key
 
-    token = None
     if key is not None and scenario is not None:
         raise BadInput(f"--key {key}: the scenario of robots without a world names their key; leave the option out")
     if radio is not None and scenario is None:
         raise BadInput(f"--radio {radio}: applies only to robots without a world; give their --scenario FILE as well")
-    if access is not None:
-        file = access / FILE if access.is_dir() and not (access / MEMBER).exists() else access
-        if not ending.wait_for(file, wait_s):
-            if ending:
-                return None
-            raise BadInput(f"--access {access}: no such file; a run's {FILE} is removed when the run is over")
-        control = read_access(file, "--access")
-        met = Meeting(control.router, fleet_keys(control.fleet), control.credentials)
-        token = control.token
-    else:
-        met = meeting(credentials, router, fleet, Kind.VIEWER, Kind.OPERATOR)
+    found = find_fleet(ending, access, credentials, router, fleet, wait_s)
+    if found is None:
+        return None
+    met, token = found
     if scenario is None:
         own = None if access is None else _own_scenario(access)
         return _of_a_world(met, token, wait_s, ending, own, fleet_key(key))
     return _of_robots(met, scenario, radio, wait_s, ending)
+
+
+def find_fleet(
+    ending: Ending, access: Path | None, credentials: Path | None, router: str | None, fleet: str | None, wait_s: float
+) -> tuple[Meeting, str | None] | None:
+    """Find out where a running fleet meets, without connecting to it.
+
+    Args:
+        ending: Says when to stop waiting.
+        access: As for `open_fleet`.
+        credentials: As for `open_fleet`.
+        router: As for `open_fleet`.
+        fleet: As for `open_fleet`.
+        wait_s: How long to wait for the file `access`, s.
+
+    Returns:
+        Where the fleet meets, and the token that gives the right to control it, or None without that right; None when
+        asked to end meanwhile.
+
+    Raises:
+        BadInput: The arguments do not name a fleet.
+    """
+    if access is None:
+        return meeting(credentials, router, fleet, Kind.VIEWER, Kind.OPERATOR), None
+    file = access / FILE if access.is_dir() and not (access / MEMBER).exists() else access
+    if not ending.wait_for(file, wait_s):
+        if ending:
+            return None
+        raise BadInput(f"--access {access}: no such file; a run's {FILE} is removed when the run is over")
+    control = read_access(file, "--access")
+    return Meeting(control.router, fleet_keys(control.fleet), control.credentials), control.token
 
 
 def _own_scenario(access: Path) -> Scenario | None:

@@ -23,7 +23,7 @@ COMMANDS = ("cmd_vel", "ackermann_cmd")
 """Topics by which an agent drives its robot, relative to its namespace."""
 TOLD = ("initialpose",)
 """Topics by which an agent tells its robot's localisation where the robot is."""
-SHOWN = ("/map", "map", "fog", "path")
+SHOWN = ("/map", "map", "fog", "path", "/diagnostics")
 """Topics by which an agent shows what it knows."""
 HEARD = ("/tf", "/tf_static", "/map", "/clock")
 """Topics outside of the robot's namespace that an agent hears."""

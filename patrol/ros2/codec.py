@@ -193,6 +193,7 @@ CODINGS: dict[type, Coding] = {
     ours.TFMessage: Coding("tf2_msgs/msg/TFMessage", 256 * _KIB, ros.ros_transforms, ros.transforms),
     ours.OccupancyGrid: Coding("nav_msgs/msg/OccupancyGrid", ros.MOST_CELLS + 4 * _KIB, ros.ros_grid, ros.grid),
     ours.Path: Coding("nav_msgs/msg/Path", _MIB, ros.ros_path, ros.path),
+    ours.DiagnosticArray: Coding("diagnostic_msgs/msg/DiagnosticArray", 64 * _KIB, ros.ros_diagnostics, None),
     ours.SendGoalRequest: Coding(
         f"{SEND_GOAL}_Request",
         32 * _KIB,

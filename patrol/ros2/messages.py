@@ -7,6 +7,7 @@ may be empty in commands.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from enum import IntEnum
 from typing import Any
 
 from numpy import int8
@@ -272,6 +273,42 @@ class GoalStatusArray:
     """action_msgs/GoalStatusArray: the goals of an action and how they are (`patrol.ros2.goals.Status`)."""
 
     goals: tuple[tuple[bytes, int], ...] = field(default=())
+
+
+class DiagnosticLevel(IntEnum):
+    """How a part of a robot does, as diagnostic_msgs/DiagnosticStatus numbers it."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+    STALE = 3
+
+
+@dataclass(frozen=True, slots=True)
+class DiagnosticStatus:
+    """diagnostic_msgs/DiagnosticStatus.
+
+    Attributes:
+        level: How the part does.
+        name: Of the part; unique among all that a robot's nodes publish.
+        message: How it does, in one line.
+        hardware_id: The robot.
+        values: Names and values for people.
+    """
+
+    level: DiagnosticLevel
+    name: str
+    message: str
+    hardware_id: str
+    values: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class DiagnosticArray:
+    """diagnostic_msgs/DiagnosticArray: how some parts of a robot do; only sent here."""
+
+    stamp_ns: int
+    statuses: tuple[DiagnosticStatus, ...]
 
 
 Message = Any

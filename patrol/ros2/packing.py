@@ -13,6 +13,7 @@ from patrol.pose import Pose
 from patrol.ros2.definitions import store
 from patrol.ros2.messages import (
     AckermannDriveStamped,
+    DiagnosticArray,
     OccupancyGrid,
     Odometry,
     Path,
@@ -266,6 +267,23 @@ def ros_path(message: Path) -> Any:
     header = ros_header(message.stamp_ns, message.frame)
     poses = [make("geometry_msgs/msg/PoseStamped", header=header, pose=ros_pose(pose)) for pose in message.poses]
     return make("nav_msgs/msg/Path", header=header, poses=poses)
+
+
+def ros_diagnostics(message: DiagnosticArray) -> Any:
+    """Return a diagnostic_msgs/DiagnosticArray."""
+    kind, pair = "diagnostic_msgs/msg/DiagnosticStatus", "diagnostic_msgs/msg/KeyValue"
+    statuses = [
+        make(
+            kind,
+            level=int(status.level),
+            name=status.name,
+            message=status.message,
+            hardware_id=status.hardware_id,
+            values=[make(pair, key=key, value=value) for key, value in status.values],
+        )
+        for status in message.statuses
+    ]
+    return make("diagnostic_msgs/msg/DiagnosticArray", header=ros_header(message.stamp_ns, ""), status=statuses)
 
 
 def ros_goal_id(value: bytes) -> Any:

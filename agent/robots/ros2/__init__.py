@@ -28,6 +28,7 @@ What connects them:
     driver.py             the mind's body, and the thread that drives
     rivals.py             who else drives the robot
     shown.py              map, fog and path, for viewers
+    diagnostics.py        how patrol and robot do, for the robot's own tools
     robot_map.py          the map that the robot has
     settings.py           topics, kinds of commands, limits
     options.py            the same on a command line

@@ -119,6 +119,11 @@ class Ros2Robot:
         return self
 
     @property
+    def stopped(self) -> str:
+        """The reason why it may not drive, and what ends that; empty if it may. From any thread."""
+        return self._failed or self._stopped
+
+    @property
     def driving(self) -> bool:
         """True if its thread drives."""
         return self._thread.is_alive()
@@ -129,7 +134,7 @@ class Ros2Robot:
         Args:
             vitals: The process's figures.
         """
-        vitals.probe(STOPPED, lambda: float(bool(self._stopped)))
+        vitals.probe(STOPPED, lambda: float(bool(self.stopped)))
         vitals.probe(ODOMETRY_AGE, lambda: self._hardware.odometry_age_s)
         vitals.probe(UNUSABLE, lambda: self._hardware.refused)
 

@@ -140,6 +140,12 @@ class Hardware:
         return None if newest is None else time.monotonic() - newest.at_s
 
     @property
+    def correction_age_s(self) -> float | None:
+        """The age of what corrects the odometry, s of the robot's time; None while unknown. From any thread."""
+        now_s = self.time.now()
+        return None if now_s is None else self._localisation.correction_age_s(now_s)
+
+    @property
     def refused(self) -> dict[str, float]:
         """Counts of the robot's messages that could not be used, by reason. From any thread."""
         heard = (

@@ -24,8 +24,12 @@ TOPICS: Mapping[str, str] = {
     "fog": "what the robot believes of the fog, published",
     "path": "the way that the robot has come, published",
     "clock": "the robot's time, read with --use-sim-time",
+    "diagnostics": "how the patrol and the robot do, published for rqt_robot_monitor and the like",
 }
-"""The topics by their usual names, and what they hold. All but the clock are relative to the robot's namespace."""
+"""The topics by their usual names, and what they hold. All but `OF_ALL_ROBOTS` are relative to the namespace."""
+
+OF_ALL_ROBOTS = ("clock", "diagnostics")
+"""Topics that ROS has outside of every namespace."""
 
 DRIVES = ("twist-stamped", "twist", "ackermann", "nav2")
 """The commands of a robot: velocities, with or without a stamp; speeds and steering angles; or where to go."""
@@ -92,7 +96,7 @@ class DriveSettings:
         Args:
             usual: Its usual name.
         """
-        return self.topics.get(usual, "/clock" if usual == "clock" else usual)
+        return self.topics.get(usual, f"/{usual}" if usual in OF_ALL_ROBOTS else usual)
 
 
 def turn_rate_of(model: str, limits: Limits) -> float:

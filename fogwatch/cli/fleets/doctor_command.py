@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from fogwatch.cli.columns import aligned
 from patrol.errors import BadInput
 
 if TYPE_CHECKING:
@@ -104,10 +105,7 @@ def _as_text(found: Examined, connect: str) -> str:
             )
             for topic in found.topics
         ]
-        widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
-        lines += [
-            "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
-        ]
+        lines += aligned(rows)
     for finding in found.findings:
         remedy = f"; {finding.remedy}" if finding.remedy else ""
         lines.append(f"{finding.level:8} {finding.says}{remedy}")

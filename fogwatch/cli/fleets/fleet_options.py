@@ -52,3 +52,29 @@ def check_one_fleet(
     named = (router is not None) + (fleet is not None)
     if (run is not None and (named or credentials is not None)) or (run is None and credentials is None and named != 2):
         raise BadInput(f"{command}: name a run's folder, or --router and --fleet of a running fleet, or --credentials")
+
+
+def control_file(command: str, run: Path) -> Path:
+    """Return the file that says how to reach and control a running fleet.
+
+    Args:
+        command: Name of the command.
+        run: A running fleet's folder, its control file, or an operator's credentials.
+
+    Raises:
+        BadInput: There is none.
+    """
+    from monitor.replay.run_files import JOURNAL
+    from patrol.net.security.access import FILE
+    from patrol.net.security.credentials import MEMBER
+
+    if (run.is_file() and run.name != JOURNAL) or (run / MEMBER).is_file():
+        return run
+    if not run.is_dir():
+        raise BadInput(f"{command} {run}: no such folder; name a running fleet's, such as runs/yards-20260101-120000")
+    if not (run / FILE).is_file():
+        raise BadInput(
+            f"{command} {run}: holds no {FILE}, so no fleet is running there, or not yet; for a finished run use: "
+            f"fogwatch replay {run}"
+        )
+    return run / FILE

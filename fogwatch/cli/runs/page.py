@@ -20,6 +20,7 @@ from fogwatch.cli.fleets.fleet_options import (
     Router,
     Wait,
     check_one_fleet,
+    control_file,
 )
 from fogwatch.cli.runs.open_run import KEY, open_folder, print_state
 from patrol.errors import BadInput
@@ -98,7 +99,7 @@ def monitor(
     --credentials of a viewer, or --router and --fleet, it only shows the fleet. A fleet may have any number of pages.
     """
     check_one_fleet("monitor", run, credentials, router, fleet)
-    access = None if run is None else _access_in(run)
+    access = None if run is None else control_file("monitor", run)
     if scenario is not None and run is not None:
         raise BadInput("monitor: --scenario is for robots without a world; name their --router and --fleet as well")
     arguments = Namespace(
@@ -130,24 +131,6 @@ def _save(folder: Path, out: Path, key: Path | None) -> int:
     megabytes = sum(file.stat().st_size for file in out.iterdir()) / 1e6
     typer.echo(printable(f"page: {out / 'index.html'}, {megabytes:.1f} MB, {frames} frames"))
     return 0
-
-
-def _access_in(run: Path) -> Path:
-    """Return the control file: in a running fleet's folder, or named itself. Raises BadInput where there is none."""
-    from monitor.replay.run_files import JOURNAL
-    from patrol.net.security.access import FILE
-    from patrol.net.security.credentials import MEMBER
-
-    if (run.is_file() and run.name != JOURNAL) or (run / MEMBER).is_file():
-        return run
-    if not run.is_dir():
-        raise BadInput(f"monitor {run}: no such folder; name a running fleet's, such as runs/yards-20260101-120000")
-    if not (run / FILE).is_file():
-        raise BadInput(
-            f"monitor {run}: holds no {FILE}, so no fleet is running there, or not yet; for a finished run use: "
-            f"fogwatch replay {run}"
-        )
-    return run / FILE
 
 
 def _page(what: Namespace, host: str, port: int, token: str, browser: bool) -> int:

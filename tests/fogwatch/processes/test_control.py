@@ -100,7 +100,14 @@ def test_a_page_that_dies_takes_nothing_with_it(operate: Callable[..., Operating
     at.run.assert_undisturbed()
 
 
-def test_what_an_operator_does_is_replayed_to_the_same_trace(operate: Callable[..., Operating], tmp_path: Path) -> None:
+def test_what_an_operator_does_is_seen_and_replayed_to_the_same_trace(
+    operate: Callable[..., Operating],
+    command: Callable[..., int],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("os.nice", lambda _: 0)  # it would hold for all tests after this one
     scenario = {
         **COARSE,
         "duration": 100_000,
@@ -115,6 +122,9 @@ def test_what_an_operator_does_is_replayed_to_the_same_trace(operate: Callable[.
     assert at.ask(do="intruder", place=[30, 30]).done
     assert at.run.ticks() == held  # nothing of it happens before the next tick
     assert at.step(7) == held + 7
+    assert command("status", at.run.folder, "--seconds", "0.1", "--json") == 1
+    robots = json.loads(capsys.readouterr().out)["robots"]
+    assert [robot["wrong"] for robot in robots] == ["", "its process was killed", "", ""]
     assert at.fault(kind="spoof", by="r1", payload={"replay": 5.0}, **{"as": "r3", "for": 4}).done
     assert at.fault(kind="restart", who="r2", at=2).done
     assert at.fault(kind="pause", who="r3", id="nap").done

@@ -148,6 +148,29 @@ SAME: list[tuple[object, dict[str, Any], int]] = [
         48,
     ),
     (
+        ours.DiagnosticArray(
+            STAMP,
+            (
+                ours.DiagnosticStatus(ours.DiagnosticLevel.ERROR, "né: radio", "hears 0 of 1", "r1", (("a", "b"),)),
+                ours.DiagnosticStatus(ours.DiagnosticLevel.OK, "", "", ""),
+            ),
+        ),
+        {
+            "header": header(""),
+            "status": [
+                {
+                    "level": 2,
+                    "name": "né: radio",
+                    "message": "hears 0 of 1",
+                    "hardware_id": "r1",
+                    "values": [{"key": "a", "value": "b"}],
+                },
+                {"level": 0, "name": "", "message": "", "hardware_id": "", "values": []},
+            ],
+        },
+        120,
+    ),
+    (
         ours.TFMessage((ours.Transform(STAMP, "map", "odom", Pose(1.0, 2.0, TURN)),)),
         {
             "transforms": [
@@ -178,6 +201,7 @@ def test_hashes_are_those_that_others_publish() -> None:
 
 
 PUBLISHED = {
+    "diagnostic_msgs/msg/DiagnosticArray": "5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e",
     "std_msgs/msg/String": "df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",
     "geometry_msgs/msg/Twist": "9c45bf16fe0983d80e3cfe750d6835843d265a9a6c46bd2e609fcddde6fb8d2a",
     "example_interfaces/srv/AddTwoInts": "e118de6bf5eeb66a2491b5bda11202e7b68f198d6f67922cf30364858239c81a",

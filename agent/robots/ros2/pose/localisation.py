@@ -240,6 +240,15 @@ class Localisation:
         age_s = max(0.0, now_s - newest.stamp_s)
         return Fix(travelled(composed(correction.pose, newest.pose), newest.twist, age_s), newest.twist, age_s)
 
+    def correction_age_s(self, now_s: float) -> float | None:
+        """Return the age of the correction in use, s; None without one. From any thread.
+
+        Args:
+            now_s: The time, s.
+        """
+        found = self._correction()
+        return None if found is None else abs(now_s - found.arrived_s)
+
     def _odometry_fault(self, newest: OdometryReading | None, now_s: float) -> str:
         if newest is None:
             return "no odometry has come"
@@ -268,7 +277,7 @@ class Localisation:
         if found is None:
             missing = f"no transform {wanted} on tf" if source is Source.TF else "no pose of a localisation has come"
             return f"{missing}; start the robot's localisation, or give --localisation"
-        corrected_s = abs(now_s - found.arrived_s)
+        corrected_s = self.correction_age_s(now_s) or 0.0
         if source is Source.TF and _named(frame) in self._moving and corrected_s > CORRECTION_S:
             return f"no transform {wanted} for {corrected_s:.1f} s; is the robot's localisation running?"
         if source is Source.POSE and newest is not None and newest.driven_m - found.driven_m > CORRECTED_M:

@@ -99,7 +99,7 @@ def test_who_looks_on_sees_map_fog_and_path_and_the_agent_in_the_graph(driven: B
             for one in link.graph(PATIENCE_S)
             if one.node.name == "fogwatch" and one.kind is EntityKind.PUBLISHER
         }
-        assert ours == {f"/{NAME}/{name}" for name in ("cmd_vel", "map", "fog", "path")}
+        assert ours == {"/diagnostics", *(f"/{NAME}/{name}" for name in ("cmd_vel", "map", "fog", "path"))}
     finally:
         assert link.close(PATIENCE_S)
 

@@ -1,0 +1,128 @@
+"""The state of a fleet without a world and without a scenario: the processes that are there, and what they send."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from functools import partial
+
+from fogwatch.status.fleet_status import FleetStatus, RobotStatus
+from monitor.live.positions_source import MAX_TELEMETRY
+from patrol.errors import Malformed
+from patrol.net.keys import FleetKeys
+from patrol.net.link import Link
+from patrol.net.mailbox import Air, Mailbox
+from patrol.net.messages.stop_orders import robots_there
+from patrol.net.messages.telemetry import Telemetry
+from patrol.process.lifeline import Ending
+from patrol.radio.message import CONTACT, MAX_FRAME, Position, Rejected, decode
+from patrol.wire import read
+
+_UNKNOWN = ("robots that should be here and are not, frames' tags, MFoW and trapped robots: give --scenario FILE",)
+
+_TAKE_S = 0.1
+
+
+class _Heard:
+    """What was heard of a robot."""
+
+    def __init__(self, link: Link, air: Air, keys: FleetKeys, name: str) -> None:
+        position, telemetry = keys.position(name), keys.telemetry(name)
+        self._frames: Mailbox[Position] = Mailbox([position], _position, MAX_FRAME)
+        self._reports: Mailbox[Telemetry] = Mailbox([telemetry], partial(read, Telemetry), MAX_TELEMETRY)
+        self.position: Position | None = None
+        self.position_at = 0.0
+        self.report: Telemetry | None = None
+        air.subscribe(position, self._frames)
+        link.subscribe(telemetry, self._reports)
+
+    def take(self, now: float) -> None:
+        """Take in what has arrived."""
+        while (frame := self._frames.get()) is not None:
+            if frame[1].robot != CONTACT:
+                self.position, self.position_at = frame[1], now
+        while (report := self._reports.get()) is not None:
+            self.report = report[1]
+
+
+class TokenWatch:
+    """Looks at the processes of a fleet."""
+
+    def __init__(
+        self,
+        link: Link,
+        air: Air,
+        keys: FleetKeys,
+        router: str,
+        ending: Ending,
+        silent_s: float,
+        now: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Begin.
+
+        Args:
+            link: To the fleet's router; closed by `close`.
+            air: Where the robots send positions; may be the same.
+            keys: Of the fleet.
+            router: The router's locator.
+            ending: Ends a look early.
+            silent_s: A robot without a position for so long is silent, s.
+            now: Wall clock, s.
+        """
+        self._link, self._air, self._keys, self._router = link, air, keys, router
+        self._ending, self._silent_s, self._now = ending, silent_s, now
+        self._robots: dict[str, _Heard] = {}
+
+    def look(self, seconds: float) -> FleetStatus:
+        """See `FleetWatch`."""
+        there = robots_there(self._link, self._keys)
+        for name in there:
+            if name not in self._robots:
+                self._robots[name] = _Heard(self._link, self._air, self._keys, name)
+        until = self._now() + seconds
+        while (left := until - self._now()) > 0.0 and not self._ending.wait(min(left, _TAKE_S)):
+            self._take()
+        self._take()
+        there = robots_there(self._link, self._keys)
+        robots = tuple(self._robot(name, heard, name in there) for name, heard in sorted(self._robots.items()))
+        return FleetStatus(self._keys.fleet, self._router, None, None, robots, unknown=_UNKNOWN)
+
+    def close(self) -> None:
+        """See `FleetWatch`."""
+        self._link.close()
+        if self._air is not self._link:
+            self._air.close()
+
+    def _take(self) -> None:
+        for heard in self._robots.values():
+            heard.take(self._now())
+
+    def _robot(self, name: str, heard: _Heard, is_there: bool) -> RobotStatus:
+        position, report = heard.position, heard.report
+        heard_s = None if position is None else self._now() - heard.position_at
+        wrong = ""
+        if not is_there:
+            wrong = "its process has gone"
+        elif position is None and report is None:
+            wrong = f"has sent nothing for {self._silent_s:g} s"
+        elif heard_s is None or heard_s > self._silent_s:
+            wrong = f"no position for {self._silent_s:g} s"
+            if heard_s is None:
+                wrong += " here; if robots hear each other elsewhere, give --radio"
+        return RobotStatus(
+            name=name,
+            status="alive" if is_there else "gone",
+            doing="" if report is None else report.state,
+            heard_s=heard_s,
+            place=None if position is None else (position.pose.x, position.pose.y),
+            tick=None if report is None else report.k,
+            wrong=wrong,
+        )
+
+
+def _position(frame: bytes) -> Position:
+    """Decode a frame; its tag is not checked."""
+    try:
+        return decode(frame)
+    except Rejected as rejected:
+        raise Malformed(str(rejected)) from None
