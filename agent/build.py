@@ -17,6 +17,7 @@ from agent.answers import raised_at
 from agent.belief.believed import Area, Beliefs
 from agent.belief.blocked import Blocked
 from agent.belief.posts import Posts
+from agent.belief.silent import Silent
 from agent.bodies import BODIES
 from agent.bodies.setup import BodySetup
 from agent.mind import Facts, MakeMind, Mind
@@ -228,12 +229,12 @@ def build_mind(
             sees_all_round=shared.footprint.all_round,
         )
     )
+    patience = math.ceil(scenario.radio.forget_after / scenario.step)
     facts = Facts(
         spec=spec,
         radii=shared.radii,
         step=scenario.step,
-        margin=spec.radius + 0.5 * scenario.point,
-        patience=math.ceil(scenario.radio.forget_after / scenario.step),
+        patience=patience,
         memory=math.floor(patrol.contact_memory / scenario.step),
         sending=_sending(scenario, terrain),
         key=key,
@@ -241,11 +242,13 @@ def build_mind(
         speed_limits=shared.speed_limits,
     )
     fog = FogView(belief, fields.patrolled, posts)
+    memory = math.floor(patrol.blocked_memory / scenario.step)
+    near = spec.radius + 2.0 * spec.speed * scenario.step
+    silent = Silent(shared.radii, spec.radius + 0.5 * scenario.point, near, patience, memory)
     blocked = None
     if isinstance(sight, ChangingFootprint):
-        memory = math.floor(patrol.blocked_memory / scenario.step)
         blocked = Blocked(sight, fields, spec.radius, memory, posts if moves_posts else None)
-    return Mind(facts, belief, fog, ground, Routes(ground), policy, body, chance, blocked)
+    return Mind(facts, belief, fog, ground, Routes(ground), policy, body, chance, silent, blocked)
 
 
 def zoned_of(prepared: Prepared) -> Callable[[Weighing], ZonedGround] | None:

@@ -5,15 +5,15 @@ Pure: no clock, no I/O, no randomness but draws from (seed, robot, incarnation, 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from agent.answers import checked
 from agent.belief.believed import Belief
 from agent.belief.blocked import Blocked
+from agent.belief.silent import Silent
 from agent.ports import Body, Decision, Policy, PolicyFailed
-from agent.routes.ground import Disc, Ground
+from agent.routes.ground import Ground
 from agent.routes.routes import Routes
 from agent.routes.visits import Visits
 from agent.sender import Sender, Sending
@@ -34,7 +34,6 @@ class Facts:
         spec: Of the robot.
         radii: Of all robots, by number, m.
         step: s per tick.
-        margin: Kept clear of a silent robot's body, m: the own radius and half a point.
         patience: Ticks of silence after which a robot is no longer counted on.
         memory: Ticks for which an intruder is remembered after its last report.
         sending: When the fleet's robots send, and what.
@@ -46,7 +45,6 @@ class Facts:
     spec: RobotSpec
     radii: Mapping[int, float]
     step: float
-    margin: float
     patience: int
     memory: int
     sending: Sending
@@ -68,6 +66,7 @@ class Mind:
         policy: Policy,
         body: Body,
         chance: Draw,
+        silent: Silent,
         blocked: Blocked | None = None,
     ) -> None:
         """Put together what `agent.build` has made.
@@ -81,6 +80,7 @@ class Mind:
             policy: Decides.
             body: Carries it out.
             chance: Draws.
+            silent: The robots no longer heard.
             blocked: What the robot has seen blocked; None on ground without closures.
         """
         self.facts = facts
@@ -92,6 +92,7 @@ class Mind:
         self._ground = ground
         self._routes = routes
         self._chance = chance
+        self._silent = silent
         self.blocked = blocked
         self._visits = Visits(facts.zones, ground, facts.spec.radius, facts.step)
         self._sender = Sender(facts.spec.number, facts.sending, facts.key)
@@ -174,7 +175,8 @@ class Mind:
             self.belief.contacts.report(Position.of_contact(k, k * facts.step, *place), k)
         contacts = self.belief.contacts.known(k, facts.memory)
         peers = self.belief.peers_at(k, facts.sending.predictor)
-        self._ground.begin([*self._silent(k, pose), *self.body.obstacles(k, pose, sensed.bumped, peers)])
+        silent = self._silent.discs(k, pose, sensed.bumped, self.belief.peers)
+        self._ground.begin([*silent, *self.body.obstacles(k, pose, sensed.bumped, peers)])
         if self.blocked is not None:
             self._leave_out_blocked(self.blocked, pose)
         self._visits.note(pose.x, pose.y)
@@ -221,11 +223,6 @@ class Mind:
             start = self._ground.join(pose.x, pose.y)
             blocked.stand_at(None if start is None else (start[0] - 1, start[1] - 1))
         self._fog.leave_out(blocked.left_out, blocked.stands)
-
-    def _silent(self, k: int, pose: Pose) -> list[Disc]:
-        """Return discs where silent robots were heard last, but for those that this robot itself stands in."""
-        discs = self.belief.silent(k, self.facts.patience, self.facts.radii, self.facts.margin)
-        return [disc for disc in discs if math.hypot(disc[0] - pose.x, disc[1] - pose.y) >= disc[2]]
 
 
 MakeMind = Callable[[int, int], Mind]

@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 
 from agent.belief.contacts import Contacts
 from agent.belief.posts import Posts
-from agent.routes.ground import Disc
 from patrol.ground.fog import Box, Fog, Looks
 from patrol.ground.footprint import Footprint
 from patrol.ground.terrain import BoolGrid
@@ -176,7 +175,6 @@ class Belief:
         self.shared = shared
         self._beliefs = beliefs
         self.peers = beliefs.inboxes.peers(number)
-        self._heard_since = 0
 
     def hear(self, tick: int, own: Pose, frames: Sequence[bytes]) -> None:
         """Take in a tick for this mind alone.
@@ -245,32 +243,6 @@ class Belief:
         if isinstance(peers, Peers):
             return peers.lately(since)
         return {number: peer for number, peer in peers.items() if peer.tick >= since}
-
-    def silent(self, tick: int, patience: int, radii: Mapping[int, float], margin: float) -> list[Disc]:
-        """Return discs around the last poses of silent peers.
-
-        A robot that has died is still in the way. Nothing else is assumed about a silent one.
-
-        Args:
-            tick: Now.
-            patience: Ticks after which an unheard peer counts as silent.
-            radii: Radius in m of each robot, by number.
-            margin: Added to each radius, m.
-
-        Returns:
-            Discs (x, y, radius) in m, by robot number.
-        """
-        if tick - self._heard_since <= patience:
-            return []
-        # A robot that is heard again, or for the first time, is heard later than now.
-        self._heard_since = self.peers.oldest(tick)
-        if tick - self._heard_since <= patience:
-            return []
-        return [
-            (peer.pose.x, peer.pose.y, radii[number] + margin)
-            for number in self.peers.silent(tick - patience)
-            for peer in (self.peers[number],)
-        ]
 
 
 class Beliefs:

@@ -23,7 +23,7 @@ from patrol.scenario.faults.kinds import Faults
 from patrol.scenario.faults.nemesis_spec import NemesisSpec, room_for
 from patrol.scenario.faults.roster import check_faults, tick_of
 from patrol.scenario.lengths import BodyLengths, check_refinement, resolve_lengths
-from patrol.scenario.policies import PAPER, CommittedPatrol, PaperPatrol, Patrol, PatrolSpec, check_letter
+from patrol.scenario.policies import PAPER, CommittedPatrol, PaperPatrol, Patrol, check_letter
 from patrol.scenario.radio_spec import IdealRadio, Radio, check_radio_spec
 from patrol.scenario.robots import RobotSpec, roster_of
 from patrol.scenario.sections import DockSpec, IntruderSpec, RobotGroup, Robots, SensorSpec, TerrainSpec
@@ -162,8 +162,6 @@ class Scenario(Section):
 
     def _check_closures(self) -> None:
         if not self.closures:
-            if self.patrol.blocked_memory != PatrolSpec.model_fields["blocked_memory"].default:
-                raise wrong("patrol.blocked_memory", "there are no closures, so nothing is seen blocked; drop it")
             return
         if self.patrol.paths != "wave":
             limit = f"{self.patrol.paths} knows the map and no closures; set it to wave, or drop closures"

@@ -235,6 +235,10 @@ POLICY = (
 """Values of `policy`, as files and `--help` describe them."""
 
 
+BLOCKED_MEMORY_S = 120.0
+"""Default of `patrol.blocked_memory`."""
+
+
 class PatrolSpec(Section):
     """Decisions of a robot: the policy, its settings, and the way there."""
 
@@ -265,7 +269,7 @@ class PatrolSpec(Section):
         5.0, description="s after the last report of an intruder until patrolling resumes"
     )
     blocked_memory: Positive = Field(
-        120.0, description="s after which a robot forgets ground that it has seen blocked by a closure"
+        BLOCKED_MEMORY_S, description="s after which a robot forgets ground blocked by a closure or a robot not heard"
     )
 
     @field_validator("policy")

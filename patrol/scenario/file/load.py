@@ -37,6 +37,7 @@ from patrol.scenario.lengths import FIELDS
 from patrol.scenario.model import Scenario
 from patrol.scenario.nemesis import written_out
 from patrol.scenario.policies import (
+    BLOCKED_MEMORY_S,
     COMMITTED,
     LEARNED,
     OPTION_LENGTHS,
@@ -288,7 +289,7 @@ def _meaning(scenario: Scenario) -> dict[str, Any]:
 
 def _drop_what_is_not_given(meaning: dict[str, Any]) -> None:
     """Drop zones, docks, closures and what a zone does not say, which came later: hashes stay as before."""
-    if not meaning["closures"]:
+    if not meaning["closures"] and meaning["patrol"]["blocked_memory"] == BLOCKED_MEMORY_S:
         del meaning["patrol"]["blocked_memory"]
     for field in ("zones", "docks", "closures"):
         if not meaning[field]:

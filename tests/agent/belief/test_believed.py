@@ -111,16 +111,6 @@ def test_garbage_changes_nothing_and_is_counted() -> None:
     assert belief.rejected == len(junk)
 
 
-def test_a_peer_long_unheard_is_an_obstacle_where_it_was_last() -> None:
-    belief, _ = belief_on(np.ones((40, 50), dtype=np.bool_), 0)
-    belief.hear(0, Pose(5.0, 5.0, 0.0), [frame(2, 0, 15.0, 15.0), frame(3, 0, 20.0, 5.0)])
-    for k in range(1, 12):
-        belief.hear(k, Pose(5.0, 5.0, 0.0), [frame(3, k, 20.0, 5.0)])
-    radii = {1: 1.0, 2: 0.7, 3: 1.0}
-    assert belief.silent(10, 10, radii, 1.25) == []
-    assert belief.silent(11, 10, radii, 1.25) == [(15.0, 15.0, 1.95)]
-
-
 @pytest.mark.parametrize("dilatation", [0, 2])
 def test_what_is_no_ground_has_no_age_where_there_are_no_posts(dilatation: int) -> None:
     """Straight paths lead through walls, which nobody ever sees."""

@@ -68,9 +68,7 @@ def test_what_is_refused_in_one_line(closures: Any, message: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_settings_without_effect_or_support_are_refused() -> None:
-    with pytest.raises(BadInput, match=r"patrol\.blocked_memory: there are no closures, so nothing is seen blocked"):
-        load_scenario(YARDS | {"patrol": {"blocked_memory": 30}})
+def test_paths_over_regions_are_refused() -> None:
     regions = {"policy": "potential-field", "options": {"paths": "regions"}}
     with pytest.raises(BadInput, match=r"patrol\.options\.paths: regions knows the map and no closures"):
         load_scenario(YARDS | {"patrol": regions, "closures": [closure()]})

@@ -1,0 +1,66 @@
+"""Where a robot takes those that it no longer hears to stand in its way.
+
+A robot that has died is still in the way, unless somebody carries it off; others have no sensor for it. So a robot that
+was not heard for a while is an obstacle where it was heard last, and for a limited time: then the place counts as free
+until this robot bumps there, as a body that still stands there makes it do.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from agent.routes.ground import Disc
+from patrol.pose import Pose
+from patrol.radio.inbox import Peers
+
+
+class Silent:
+    """The silent robots that one robot takes to be in its way."""
+
+    def __init__(self, radii: Mapping[int, float], margin: float, near: float, patience: int, memory: int) -> None:
+        """Begin with nobody bumped into.
+
+        Args:
+            radii: Radius in m of each robot, by number.
+            margin: Added to each radius, m: the own radius and half a point.
+            near: A bump is into a silent robot whose body is at most this far from the own centre, m.
+            patience: Ticks after which an unheard robot counts as silent.
+            memory: Ticks after which it is forgotten, from when it was heard last or bumped into last.
+        """
+        self._radii = radii
+        self._margin = margin
+        self._near = near
+        self._patience = patience
+        self._memory = memory
+        self._heard_since = 0
+        self._bumped_at: dict[int, int] = {}
+
+    def discs(self, tick: int, pose: Pose, bumped: bool, peers: Peers) -> list[Disc]:
+        """Return discs around the last poses of the silent robots, but for those that this robot itself stands in.
+
+        Args:
+            tick: Now.
+            pose: The robot's own.
+            bumped: Whether its last move was cancelled.
+            peers: The robots heard so far.
+
+        Returns:
+            Discs (x, y, radius) in m, by robot number.
+        """
+        if tick - self._heard_since <= self._patience:
+            return []
+        # A robot that is heard again, or for the first time, is heard later than now.
+        self._heard_since = peers.oldest(tick)
+        if tick - self._heard_since <= self._patience:
+            return []
+        found = []
+        for number in peers.silent(tick - self._patience):
+            peer, radius = peers[number], self._radii[number]
+            apart = math.hypot(peer.pose.x - pose.x, peer.pose.y - pose.y)
+            if bumped and apart <= radius + self._near:
+                self._bumped_at[number] = tick
+            met = max(peer.tick, self._bumped_at.get(number, 0))
+            if tick - met <= self._memory and apart >= radius + self._margin:
+                found.append((peer.pose.x, peer.pose.y, radius + self._margin))
+        return found
