@@ -262,10 +262,19 @@ class _KernelLocator:
 
 @cache
 def _register_locator() -> None:
-    """Have numba ask `_KernelLocator` first."""
+    """Have numba ask `_KernelLocator` first, and import scipy only for kernels that call BLAS, which none of ours does.
+
+    numba looks for BLAS when it is imported, too, which takes a fifth of a second in every process where scipy is.
+    """
     from numba.core.caching import CacheImpl
+    from numba.np import linalg
 
     CacheImpl._locator_classes.insert(0, _KernelLocator)
+    ensure_blas, linalg.ensure_blas = linalg.ensure_blas, lambda: None
+    try:
+        import numba.np.arraymath  # noqa: F401
+    finally:
+        linalg.ensure_blas = ensure_blas
 
 
 def _entry(name: str, source: bytes) -> Path:

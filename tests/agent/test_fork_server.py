@@ -22,6 +22,7 @@ scenario = load_scenario({"duration": 10, "terrain": {"builtin": "yards"}, "poin
 best_tour(prepare(scenario))
 before = set(sys.modules)  # agents find prepared fields in files, and the tour is the judge's business
 run_in_process(scenario)
+print("BLAS:", "scipy.linalg" in loaded)
 print("kernels:", *sorted(name for name in loaded if ".kernels." in name))
 print("later:", *sorted(name for name in set(sys.modules) - before if ".kernels." in name))
 """
@@ -33,4 +34,5 @@ def test_an_agent_that_patrols_loads_no_kernels(model: str) -> None:
     ran = subprocess.run(command, capture_output=True, text=True, check=True, timeout=PATIENCE_S)
     kernels, later = (line.split()[1:] for line in ran.stdout.splitlines() if line.startswith(("kernels:", "later:")))
     assert "agent.routes.kernels.wave" in kernels
+    assert "BLAS: False" in ran.stdout
     assert [name for name in later if name.startswith(("agent.", "patrol."))] == []

@@ -82,7 +82,9 @@ def test_scenarios_differ_in_all_that_matters(key: Path) -> None:
     assert max(scenario.ticks for scenario in drawn) <= 140
 
 
-@pytest.mark.parametrize("seed", range(1000, 1012))
+@pytest.mark.parametrize(
+    "seed", [*range(1000, 1006), *(pytest.param(seed, marks=pytest.mark.accept) for seed in range(1006, 1012))]
+)
 def test_a_dozen_hold(seed: int, key: Path) -> None:
     scenario = random_scenario(seed, key)
     assert examine(scenario, IN_ONE_PROCESS) is None

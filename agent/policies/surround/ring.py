@@ -11,7 +11,6 @@ import numpy as np
 
 from patrol.ground.footprint import Footprint
 from patrol.ground.terrain import BoolGrid
-from patrol.kernels.elementary import arctan2
 from patrol.pose import TAU, Pose
 
 BEARINGS = 120
@@ -66,12 +65,11 @@ def spots_around(sight: Footprint, reach: BoolGrid, x: float, y: float, radius: 
     across = terrain.origin[0] + (cols + 0.5) * terrain.point - x
     up = terrain.origin[1] + (rows + 0.5) * terrain.point - y
     away = np.hypot(across, up)
-    bearing = arctan2(up, across) % TAU
-    sector = np.minimum((bearing * (BEARINGS / TAU)).astype(np.int64), BEARINGS - 1)
-    off = np.abs(away - radius)
     fits = (away >= NEAREST * radius) & (away <= FARTHEST * radius)
-    order = np.lexsort((off, sector))
-    order = order[fits[order]]
+    rows, cols, across, up, away = rows[fits], cols[fits], across[fits], up[fits], away[fits]
+    bearing = np.array([math.atan2(*offset) for offset in zip(up.tolist(), across.tolist(), strict=True)]) % TAU
+    sector = np.minimum((bearing * (BEARINGS / TAU)).astype(np.int64), BEARINGS - 1)
+    order = np.lexsort((np.abs(away - radius), sector))
     first = order[np.unique(sector[order], return_index=True)[1]]
     found = [
         Stand(float(bearing[i]), int(rows[i]), int(cols[i]), *terrain.centre(int(rows[i]), int(cols[i]))) for i in first

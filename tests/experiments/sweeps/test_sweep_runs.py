@@ -120,7 +120,7 @@ def test_two_worker_processes_give_the_numbers_of_each_run_by_itself(tmp_path: P
 def test_a_cluster_of_two_workers_gives_the_same_numbers(tmp_path: Path, reference: dict[str, Any]) -> None:
     from distributed import LocalCluster
 
-    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:  # type: ignore[no-untyped-call]
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster:  # type: ignore[no-untyped-call]
         workers = ClusterWorkers(cluster.scheduler_address)
         outcome = run_sweep(plan(SIX), tmp_path, workers=workers)
         assert workers.size == 2

@@ -196,8 +196,7 @@ def test_a_run_can_be_interrupted_before_it_begins(start: Callable[..., Run]) ->
     assert run.summary()["ended"] == "interrupted" if run.folder.exists() else True
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("robots", [2, 40])
+@pytest.mark.parametrize(("robots", "number"), [(2, signal.SIGINT), (40, signal.SIGTERM)])
 def test_a_run_can_be_interrupted_while_it_prepares(
     robots: int, number: signal.Signals, start: Callable[..., Run]
 ) -> None:

@@ -69,7 +69,7 @@ def test_it_is_the_best_point_of_the_whole_terrain(
         return best
 
     monkeypatch.setattr(TargetChoice, "best", checked)
-    for _ in range(80):
+    for _ in range(240 // columns):  # as many decisions, whatever the number of robots
         robots.tick()
     assert len(searched) > 20
 
