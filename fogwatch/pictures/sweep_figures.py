@@ -119,7 +119,7 @@ def _curves(rows: Sequence[CaseRow], over: str, metric: str, title: str, sweep: 
     def fill(axes: Axes) -> None:
         draw_curves(axes, curves, over, title)
         if len(curves) > 1:
-            axes.figure.legend(loc="outside upper left", ncols=2)  # type: ignore[call-arg]  # of a figure
+            axes.figure.legend(loc="outside upper left", ncols=2)
 
     caption = f"Means over seeds with their 95 % intervals. {sweep}{f', {shared}' if shared and curves[1:] else ''}."
     lines = sum(curve.label.count("\n") + 1 for curve in curves)

@@ -151,9 +151,11 @@ def draw_situation(
 
     grid = _grid(drawing)
     robots = _robots(grid)
-    places = {name: _middle(grid, name, side) for name in sorted(set(grid.flat) - {WALL, FLOOR})}
+    places = {name: _middle(grid, name, side) for name in sorted(set(map(str, grid.flat)) - {WALL, FLOOR})}
     poses = {number: Pose(*places[str(number)], heading) for number in robots}
     scenario = _scenario(policy, options, poses, side, settings)
+    if scenario.closures:
+        raise BadInput("closures: a situation has none; draw what is closed as walls")
     prepared = prepare(scenario, _terrain(grid, scenario.point))
     kept: list[PolicySetup] = []
     kind = policy_of(scenario)
@@ -163,7 +165,7 @@ def draw_situation(
         return kind.make(setup)
 
     shared: Shared = shared_by(prepared)
-    blind = Beliefs(inboxes_of(scenario, [1], prepared.terrain.bounds, None), _Blind(shared.footprint))
+    blind = Beliefs(inboxes_of(scenario, [1], prepared.terrain.bounds, None), _blind(shared.footprint))
     mind = build_mind(
         prepared, 1, shared=replace(shared, beliefs=blind), kind=PolicyKind(kind.name, make, kind.options, kind.ours)
     )
@@ -185,17 +187,24 @@ def draw_situation(
     return Situation(setup, view, None if policy is None else mind.policy, places, lines, side)
 
 
-class _Blind:
-    """A sensor that sees nothing (`patrol.ground.footprint.Footprint`)."""
+def _blind(footprint: Footprint) -> Footprint:
+    """Return a footprint that sees nothing, for the same ground and kind of sensor."""
+    from patrol.ground.footprint import Footprint, SensorSetup
+    from patrol.ground.footprint import View as SensorView
 
-    def __init__(self, footprint: Footprint) -> None:
-        self.leaves_age = footprint.leaves_age
+    class Blind:
+        all_round = footprint.all_round
+        leaves_age = footprint.leaves_age
 
-    def visible(self, pose: Pose) -> Any:
-        from patrol.ground.footprint import View as SensorView
+        def __init__(self, setup: SensorSetup) -> None:
+            del setup
 
-        del pose
-        return SensorView(0, 0, np.zeros((1, 1), dtype=np.uint8), np.ones((1, 1)) if self.leaves_age else None)
+        def visible(self, pose: Pose) -> SensorView:
+            del pose
+            return SensorView(0, 0, np.zeros((1, 1), dtype=np.uint8), np.ones((1, 1)) if self.leaves_age else None)
+
+    setup = SensorSetup(footprint.terrain, footprint.range_m, footprint.line_of_sight)
+    return Footprint(setup, Blind(setup))
 
 
 def _grid(drawing: str) -> Drawn:

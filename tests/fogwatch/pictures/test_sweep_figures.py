@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from experiments.sweeps.casetable import CaseRow
 from experiments.sweeps.stats import estimate
 from fogwatch.pictures.sweep_figures import MOST_ROWS, drawings
@@ -33,7 +35,8 @@ def test_a_number_with_three_values_gets_curves_and_compared_cases_a_change(tmp_
     (axes,) = drawn["curves-mfow_mean_s"].figure.axes
     assert axes.get_xlabel() == "patrol.options.dilatation"
     assert axes.get_legend_handles_labels()[1] == ["direction=mode", "direction=vector"]
-    assert next(line.get_xydata().tolist() for line in axes.lines if len(line.get_xdata()) == 3) == [
+    lines = [np.asarray(line.get_xydata()).tolist() for line in axes.lines]
+    assert next(line for line in lines if len(line) == 3) == [
         [0.0, 80.0],
         [2.0, 80.0],
         [5.0, 80.0],

@@ -22,6 +22,7 @@ ROOMS = """
     #b.......2#
     ###########
 """
+SQUARE = [[0, 0], [1, 0], [1, 1], [0, 1]]
 ROOT = Path(__file__).parents[3]
 
 
@@ -60,10 +61,11 @@ def test_a_policy_decides_on_what_is_drawn() -> None:
         assert isinstance(intent, Place)
         assert situation.character_at(intent.x, intent.y) == there
     assert draw_situation(ROOMS, GreedyTarget).decide() == Stay(), "all is fresh"
+    situation = draw_situation(ROOMS)
     with pytest.raises(ValueError, match=r"\(11.5, 1\) is not on the drawing"):
         situation.character_at(11.5, 1.0)
     with pytest.raises(ValueError, match="was given no policy"):
-        draw_situation(ROOMS).decide()
+        situation.decide()
 
 
 @pytest.mark.parametrize("policy", ["committed", "potential-field", "cr", "even-tour"])
@@ -86,6 +88,11 @@ def test_built_in_policies_decide_too(policy: str) -> None:
         ("1.2", {"heard": {"1": 3}}, "heard: 1: is no other robot of the drawing"),
         ("1..", {"side": 0.0}, "side = 0.0: expected the side of a character"),
         ("1..", {"settings": {"robots.sped": 1}}, "robots.sped: unknown key"),
+        (
+            "1..",
+            {"settings": {"closures": [{"name": "d", "polygon": [[0, 0], [1, 0], [1, 1]]}]}},
+            "closures: a situation has none",
+        ),
     ],
 )
 def test_bad_input_names_the_mistake(drawing: str, given: dict[str, Any], problem: str) -> None:
