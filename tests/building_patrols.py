@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from experiments.inprocess import run_in_process
+from fogwatch.grounds.random_building import TEAM, random_building
 from patrol.journal import Status, TickRecord
 from patrol.measures.own_ground import own_grounds
 from patrol.measures.progress import stalest_outside
@@ -18,7 +19,6 @@ from patrol.measures.stays import SAMPLE_S, Stay
 from patrol.prepare import Prepared, prepare
 from patrol.scenario import Scenario, load_scenario
 from patrol.values.types import Kind
-from tests.buildings import TEAM, random_building
 from worldsim.world import World
 
 ROAMS = (4.0, 120.0)

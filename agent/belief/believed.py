@@ -25,6 +25,7 @@ from agent.belief.contacts import Contacts
 from agent.belief.posts import Posts
 from patrol.ground.fog import Box, Fog, Looks
 from patrol.ground.footprint import Footprint
+from patrol.ground.footprint import View as SensorView
 from patrol.ground.terrain import BoolGrid
 from patrol.pose import Pose
 from patrol.radio.inbox import Inboxes, Intake, Peers
@@ -104,9 +105,17 @@ class BelievedFog:
             looks: Tick and pose of each.
             tick: Now.
         """
+        self.take(((looked_at, self._footprint.visible(pose)) for looked_at, pose in looks), tick)
+
+    def take(self, views: Iterable[tuple[int, SensorView]], tick: int) -> None:
+        """Take in what was seen, one view after the other.
+
+        Args:
+            views: Tick and seen points of each.
+            tick: Now.
+        """
         boxes = []
-        for looked_at, pose in looks:
-            view = self._footprint.visible(pose)
+        for looked_at, view in views:
             if self._footprint.leaves_age:
                 view.mark(self.looked, looked_at)
             self.fog.observe(view, looked_at)

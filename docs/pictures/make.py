@@ -5,10 +5,10 @@ A real browser opens the page as anybody would, in light and in dark. An animati
 
 from __future__ import annotations
 
+import argparse
 import io
 import queue
 import shutil
-import sys
 import tempfile
 import threading
 import time
@@ -51,10 +51,11 @@ MOVIE_SIZE = (640, 620)
 VIEWS = (("page-light", 1280, 720, "light"), ("page-dark", 1280, 720, "dark"))
 
 
-def main(given: Path | None) -> None:
-    """Write the pictures beside this file. given: a run's folder, or None to do a run."""
+def main(given: Path | None, out: Path) -> None:
+    """Write the pictures into a folder. given: a run's folder, or None to do a run."""
     from playwright.sync_api import sync_playwright
 
+    out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         player = Player(open_run(given or fogwatch.run(SCENARIO, out=Path(folder) / SCENARIO["name"]).folder))
         ending, addresses = Ending(), queue.Queue[str]()
@@ -72,10 +73,10 @@ def main(given: Path | None) -> None:
                     device_scale_factor=1.5,
                 )
                 look(context.new_page(), address, round((player.static().ticks or 1) * AT))
-                context.pages[0].screenshot(path=Path(__file__).with_name(f"{name}.png"))
+                context.pages[0].screenshot(path=out / f"{name}.png")
                 context.close()
             context = browser.new_context(viewport=dict(zip(("width", "height"), MOVIE_SIZE, strict=True)))
-            animate(context.new_page(), address, Path(__file__).with_name("patrol.webp"))
+            animate(context.new_page(), address, out / "patrol.webp")
             context.close()
         finally:
             browser.close()
@@ -115,4 +116,8 @@ def seek(page: Any, k: int) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else None)
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("run", type=Path, nargs="?", help="folder of a finished run (default: do one)")
+    parser.add_argument("--out", type=Path, default=Path(__file__).parent, metavar="FOLDER", help="of the pictures")
+    arguments = parser.parse_args()
+    main(arguments.run, arguments.out)

@@ -6,6 +6,7 @@ robots use themselves.
 
 from __future__ import annotations
 
+import argparse
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -75,7 +76,7 @@ class DrawnRun:
 
 def main() -> None:
     """Write the pictures."""
-    FOLDER.mkdir(exist_ok=True)
+    FOLDER.mkdir(parents=True, exist_ok=True)
     prepared = prepare(load_scenario(SCENARIO))
     draw_functions()
     draw_psi(prepared.terrain)
@@ -223,4 +224,7 @@ def draw_psi(terrain: Terrain) -> None:
 
 
 if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=FOLDER, metavar="FOLDER", help="folder of the pictures")
+    FOLDER = parser.parse_args().out
     main()

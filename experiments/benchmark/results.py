@@ -9,8 +9,10 @@ from itertools import groupby
 from experiments.benchmark.matrix import BenchmarkCell, Matrix, robots_text
 from experiments.sweeps.casetable import CaseRow, case_rows
 from experiments.sweeps.game_log import game_metric
+from experiments.sweeps.plan import Run
 from experiments.sweeps.results import RunResult
 from experiments.sweeps.runner import SweepOutcome
+from experiments.sweeps.runtable import run_rows, table_lines
 from experiments.sweeps.stats import Estimate
 
 LATE, TOUR, SEEN = "mfow_late_mean_s", "best_tour_s", "seen_share"
@@ -144,23 +146,18 @@ def cell_rows(results: BenchmarkResults) -> list[CaseRow]:
 
 
 def run_lines(results: BenchmarkResults) -> Iterator[Sequence[object]]:
-    """Yield the lines of runs.csv: headings, then the coordinates, numbers and command of each run that has a result.
+    """Yield the lines of runs.csv: headings, then the coordinates, command and numbers of each run that has a result.
 
     Args:
         results: The results.
     """
-    outcome = results.outcome
-    names = list(dict.fromkeys(name for run in outcome.results.values() for name in run.metrics))
-    labels = list(results.cells[0].cell.labels)
-    yield [*labels, "seed", "outcome", "error", *names, "processor_s", "software", "trace_hash", "command"]
-    for result in results.cells:
-        for run in outcome.plan.runs_of(result.cell.name):
-            made = outcome.results.get(run.key)
-            if made is not None:
-                numbers = [made.metrics.get(name) for name in names]
-                begin = [*result.cell.labels.values(), run.seed, made.outcome, made.error]
-                command = result.cell.command(run.seed)
-                yield [*begin, *numbers, made.processor_s, made.software, made.trace_hash, command]
+    cells = {result.cell.name: result.cell for result in results.cells}
+
+    def labels(run: Run) -> Mapping[str, object]:
+        cell = cells[run.case]
+        return {**cell.labels, "command": cell.command(run.seed)}
+
+    return table_lines(run_rows(results.outcome, labels))
 
 
 def number_text(found: Estimate | None, digits: int = 0) -> str:

@@ -23,15 +23,9 @@ KILLED, RESTARTED = "one killed", "one killed and restarted"
 FEWER = "one robot fewer"
 WITH_TRAIL = " with trail"
 
-FINAL: Mapping[str, object] = {
-    "patrol.policy": "potential-field",
-    "patrol.options.random_move_for": "all",
-}
-"""Settings of the paper's final algorithm that differ from our defaults."""
-
 VARIANTS: Mapping[str, Mapping[str, object]] = {
-    "final algorithm": {**FINAL, "patrol.options.separation": "none"},
-    "with claims": {**FINAL, "patrol.options.separation": "claims"},
+    "final algorithm": {"patrol.policy": "potential-field", "patrol.options.separation": "none"},
+    "with claims": {"patrol.policy": "potential-field", "patrol.options.separation": "claims"},
 }
 
 INDEPENDENT = (0.1, 0.25, 0.5, 0.75, 0.9, 1.0)
@@ -96,6 +90,7 @@ class FaultSetup:
             "point": self.point,
             "duration": self.duration,
             "robots.count": self.robots,
+            "patrol.options.random_move_for": "all",
         }
         return {**common, **self.settings}
 

@@ -10,11 +10,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from experiments.sweeps.paired import paired_lines, paired_tests
 from experiments.sweeps.runner import SweepOutcome
+from experiments.sweeps.runtable import case_labels, csv_value, run_rows, table_lines
 from experiments.sweeps.stats import Estimate, estimate
 from experiments.sweeps.worker import software
-from patrol.errors import BadInput, quoted
+from patrol.errors import BadInput
 from patrol.files.whole_file import write_whole
+
+SHOWN = {
+    "mfow_mean_s": "mean MFoW (s)",
+    "mfow_max_s": "largest MFoW (s)",
+    "fog_mean_s": "mean fog (s)",
+    "dead_end_percent": "dead ends (%)",
+    "collisions": "collisions",
+}
+"""Metrics that terminals, notebooks and figures show, and their titles; the files have all metrics."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,14 +92,14 @@ def _change(own: Mapping[int, float], others: Mapping[int, float]) -> Estimate |
 
 
 def write_tables(outcome: SweepOutcome, folder: Path) -> tuple[Path, Path]:
-    """Write summary.csv and summary.json.
+    """Write summary.csv and summary.json, runs.csv with a row a run, and comparisons.csv with the paired tests.
 
     Args:
         outcome: The results of the runs.
         folder: The folder to write to.
 
     Returns:
-        The paths of the two files.
+        The paths of the first two files.
 
     Raises:
         BadInput: A file cannot be written.
@@ -96,6 +107,8 @@ def write_tables(outcome: SweepOutcome, folder: Path) -> tuple[Path, Path]:
     rows = case_rows(outcome)
     as_csv, as_json = folder / "summary.csv", folder / "summary.json"
     write_text(as_csv, csv_text(case_lines(rows)))
+    write_text(folder / "runs.csv", csv_text(table_lines(run_rows(outcome, case_labels(outcome)))))
+    write_text(folder / "comparisons.csv", csv_text(paired_lines(paired_tests(rows))))
     content = {
         "name": outcome.plan.name,
         "software": software(),
@@ -159,6 +172,25 @@ def write_text(path: Path, text: str) -> None:
         raise BadInput(f"{path}: cannot be written ({error.strerror}); choose another --out") from None
 
 
+def told_apart(cases: Sequence[str]) -> tuple[dict[str, str], str]:
+    """Names of cases without the words that all of them share.
+
+    Args:
+        cases: The names, of words between spaces.
+
+    Returns:
+        The shorter names by the whole ones, and the words that they lack. No name is left empty.
+    """
+    words = [case.split() for case in cases]
+    common = [word for word in words[0] if all(word in others for others in words[1:])] if len(cases) > 1 else []
+    if any(all(word in common for word in own) for own in words):
+        common = []
+    short = [" ".join(word for word in own if word not in common) for own in words]
+    if len(set(short)) < len(cases):
+        return {case: case for case in cases}, ""
+    return dict(zip(cases, short, strict=True)), " ".join(common)
+
+
 def case_lines(rows: Sequence[CaseRow]) -> Iterator[Sequence[object]]:
     """Yield the lines of summary.csv.
 
@@ -175,15 +207,11 @@ def case_lines(rows: Sequence[CaseRow]) -> Iterator[Sequence[object]]:
     numbered = [f"{name}{end}" for name in columns for end in ("", "_low", "_high")]
     yield ["case", *fields, "runs", "failed", "warned", *numbered, *(["against"] if changes else [])]
     for row in rows:
-        settings = [_csv_value(row.settings.get(field)) for field in fields]
+        settings = [csv_value(row.settings.get(field)) for field in fields]
         numbers: list[float | None] = []
         for estimated in (*map(row.metrics.get, names), *map(row.change.get, changes)):
             numbers += [None, None, None] if estimated is None else [estimated.mean, estimated.low, estimated.high]
         yield [row.case, *settings, row.runs, row.failed, row.warned, *numbers, *([row.against] if changes else [])]
-
-
-def _csv_value(value: object) -> object:
-    return value if value is None or isinstance(value, str | int | float) else quoted(value)
 
 
 def _json_row(row: CaseRow) -> dict[str, Any]:

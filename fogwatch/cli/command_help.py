@@ -41,6 +41,7 @@ ORDER = (
     "benchmark",
     "experiment",
     "paper",
+    "reproduce",
     "chaos",
     "version",
 )

@@ -17,19 +17,13 @@ from patrol.scenario import BUILTINS, Scenario, as_mapping
 
 if TYPE_CHECKING:
     import pyarrow as pa
+    from matplotlib.figure import Figure
 
     from experiments.sweeps.plan import Run as SweptRun
     from experiments.sweeps.results import RunResult
     from experiments.sweeps.runner import SweepOutcome
 
 NAME = "sweep"
-SHOWN = {
-    "mfow_mean_s": "mean MFoW (s)",
-    "mfow_max_s": "largest MFoW (s)",
-    "fog_mean_s": "mean fog (s)",
-    "collisions": "collisions",
-}
-"""Metrics that a notebook shows of each case, and their headings."""
 
 
 class SweepResult:
@@ -52,30 +46,13 @@ class SweepResult:
 
     @cached_property
     def table(self) -> pa.Table:
-        """Table with a row a run: case, seed, what the case sets, outcome, metrics, trace hash, wall time.
+        """Table with a row a run: case, what the case sets, seed, outcome, metrics, trace hash, wall time.
 
         The metrics are those of docs/sweeps.md; they are null for a run that failed.
         """
-        plan, results = self.outcome.plan, self.outcome.results
-        fields = list(dict.fromkeys(field for case in plan.cases for field in case.settings))
-        rows = []
-        for run in plan.runs:
-            result = results[run.key]
-            rows.append(
-                {
-                    "case": run.case,
-                    "seed": run.seed,
-                    **{field: run.settings.get(field) for field in fields},
-                    "outcome": result.outcome,
-                    "error": result.error,
-                    **result.metrics,
-                    "trace_hash": result.trace_hash,
-                    "wall_s": result.wall_s,
-                    "processor_s": result.processor_s,
-                    "software": result.software,
-                }
-            )
-        return table_of(rows)
+        from experiments.sweeps.runtable import case_labels, run_rows
+
+        return table_of(run_rows(self.outcome, case_labels(self.outcome)))
 
     @cached_property
     def cases(self) -> pa.Table:
@@ -84,6 +61,23 @@ class SweepResult:
 
         heads, *lines = case_lines(case_rows(self.outcome))
         return table_of([dict(zip(map(str, heads), line, strict=True)) for line in lines])
+
+    @cached_property
+    def comparisons(self) -> pa.Table:
+        """Table with a row for each paired test, as in comparisons.csv; empty without `against`."""
+        from experiments.sweeps.casetable import case_rows
+        from experiments.sweeps.paired import paired_lines, paired_tests
+
+        heads, *lines = paired_lines(paired_tests(case_rows(self.outcome)))
+        return table_of([dict(zip(map(str, heads), line, strict=True)) for line in lines])
+
+    @cached_property
+    def figures(self) -> dict[str, Figure]:
+        """The figures of the sweep by name, as the command `fogwatch sweep` writes them."""
+        from experiments.sweeps.casetable import case_rows
+        from fogwatch.pictures.sweep_figures import drawings
+
+        return {drawing.name: drawing.figure for drawing in drawings(case_rows(self.outcome), self.outcome.plan.name)}
 
     @property
     def failed(self) -> list[RunResult]:
@@ -97,7 +91,7 @@ class SweepResult:
 
     def _repr_html_(self) -> str:
         """Show the sweep in a notebook: the means of each case."""
-        from experiments.sweeps.casetable import case_rows
+        from experiments.sweeps.casetable import SHOWN, case_rows
         from experiments.sweeps.stats import with_interval
 
         rows = case_rows(self.outcome)

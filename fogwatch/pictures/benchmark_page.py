@@ -6,7 +6,7 @@ matplotlib is an optional dependency, so it is imported only when something is d
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from experiments.benchmark.matrix import Matrix, robots_text
@@ -26,24 +26,15 @@ from experiments.benchmark.results import (
     shared_settings,
 )
 from experiments.sweeps.game_log import game_metric
+from fogwatch.pictures.estimates import Curve, Dot, draw_curves, draw_dots, look, scale
 from monitor.report import html
 from monitor.report.charts import WIDTH
-from monitor.report.style import GRID, INK, MUTED, Drawing, colour, draw, figure, plain
+from monitor.report.style import INK, MUTED, Drawing, draw, figure, plain
 from patrol.measures.intruders import ATTACKS_S
-from patrol.palette import ROBOTS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-LINES = ("-", "--", ":")
-"""Styles of the policies' lines: one more each time the colours are used up."""
-
-MARKERS = "osD^vPX*"
-"""Markers of the policies, one more each time the colours are used up; of conditions, one each."""
-
-LOGARITHMIC = 8.0
-"""A measure whose means differ by more than this factor is drawn on a logarithmic scale."""
 
 WORST = ShownMetric(INTRUDED, f"attacks of {ATTACK_S:g} s that succeed, best intruder (%)", 1)
 
@@ -207,7 +198,7 @@ def _plane(axes: Axes, results: list[CellResult], matrix: Matrix) -> None:
         x, y = result.row.metrics.get(LATE), result.row.metrics.get(INTRUDED)
         if x is None or y is None:
             continue
-        tone, marker, _ = _look(matrix, result)
+        tone, marker, _ = look(matrix.policies.index(result.cell.policy))
         face = tone if result.seen_all else "none"
         axes.errorbar(
             x.mean,
@@ -224,7 +215,7 @@ def _plane(axes: Axes, results: list[CellResult], matrix: Matrix) -> None:
             result.cell.policy.name, (x.mean, y.mean), (4, 3), textcoords="offset points", fontsize=7, color=INK
         )
     _tour(axes, results)
-    _scale(axes, [result.mean(LATE) for result in results])
+    scale(axes, [result.mean(LATE) for result in results])
     axes.set_xlabel(MEASURES[0].title)
     axes.set_ylabel(f"attacks of {ATTACK_S:g} s\nthat succeed (%)")
     axes.set_ylim(bottom=0.0)
@@ -235,7 +226,7 @@ def _attacks(axes: Axes, results: list[CellResult], matrix: Matrix) -> None:
     for result in results:
         points = [(s, mean) for s in ATTACKS_S if (mean := result.mean(game_metric("worst", s))) is not None]
         if points:
-            tone, _, line = _look(matrix, result)
+            tone, _, line = look(matrix.policies.index(result.cell.policy))
             axes.plot(*zip(*points, strict=True), color=tone, linestyle=line, label=result.cell.policy.name)
     axes.set_xlabel("duration of an attack (s)")
     axes.set_ylabel("attacks that succeed (%)")
@@ -245,43 +236,22 @@ def _attacks(axes: Axes, results: list[CellResult], matrix: Matrix) -> None:
 
 def _dots_drawing(matrix: Matrix, measure: ShownMetric, results: Sequence[CellResult], team: int) -> Drawing:
     policies = [policy.name for policy in matrix.policies]
-
     hollow = measure.metric in (LATE, OVER_TOUR)
 
+    conditions = list(dict.fromkeys(result.cell.condition for result in results))
+
     def fill(axes: Axes, cells: list[CellResult]) -> None:
-        conditions = list(dict.fromkeys(cell.cell.condition for cell in results))
-        for place, condition in enumerate(conditions):
-            shift = 0.6 * ((place + 0.5) / len(conditions) - 0.5)
-            label = condition
-            for cell in cells:
-                found = cell.row.metrics.get(measure.metric)
-                if found is None or cell.cell.condition != condition:
-                    continue
-                y = policies.index(cell.cell.policy.name) + shift
-                axes.errorbar(
-                    found.mean,
-                    y,
-                    xerr=found.half,
-                    color=colour(place),
-                    marker=MARKERS[place % len(MARKERS)],
-                    markerfacecolor="none" if hollow and not cell.seen_all else colour(place),
-                    markersize=4,
-                    linestyle="none",
-                    label=label,
-                    elinewidth=1.0,
-                )
-                label = "_"
+        dots = [
+            Dot(cell.cell.policy.name, found, cell.cell.condition, hollow=hollow and not cell.seen_all)
+            for condition in conditions
+            for cell in cells
+            if cell.cell.condition == condition and (found := cell.row.metrics.get(measure.metric)) is not None
+        ]
         if measure.metric == LATE:
             _tour(axes, cells)
-        _scale(axes, [cell.mean(measure.metric) for cell in cells])
-        axes.set_yticks(range(len(policies)), policies)
-        axes.set_ylim(len(policies) - 0.4, -0.6)
-        axes.set_xlabel(measure.title)
-        plain(axes, grid="x")
-        for y in range(len(policies)):
-            axes.axhline(y, color=GRID, linewidth=0.4, zorder=0)
+        draw_dots(axes, policies, dots, conditions, measure.title)
+        scale(axes, [cell.mean(measure.metric) for cell in cells])
 
-    several = len({result.cell.condition for result in results}) > 1
     height = 0.9 + 0.19 * len(policies)
     more = " Hollow: some ground was never seen." if hollow else ""
     more += " Dotted: the best tour found." if measure.metric == LATE else ""
@@ -289,35 +259,19 @@ def _dots_drawing(matrix: Matrix, measure: ShownMetric, results: Sequence[CellRe
         f"dots-{measure.metric}",
         measure.title[0].upper() + measure.title[1:],
         f"Means over seeds with their 95 % intervals, {robots_text(team)}.{more}",
-        lambda: _facets(results, fill, legend=several, height=height),
+        lambda: _facets(results, fill, legend=len(conditions) > 1, height=height),
     )
 
 
 def _teams_drawing(matrix: Matrix, measure: ShownMetric, results: Sequence[CellResult], condition: str) -> Drawing:
     def fill(axes: Axes, cells: list[CellResult]) -> None:
-        for policy in matrix.policies:
+        curves = []
+        for place, policy in enumerate(matrix.policies):
             own = [cell for cell in cells if cell.cell.policy == policy and measure.metric in cell.row.metrics]
             if own:
-                tone, _, line = _look(matrix, own[0])
-                x = [cell.cell.team for cell in own]
-                found = [cell.row.metrics[measure.metric] for cell in own]
-                means, halves = [one.mean for one in found], [one.half or 0.0 for one in found]
-                axes.errorbar(
-                    x,
-                    means,
-                    halves,
-                    color=tone,
-                    linestyle=line,
-                    marker="o",
-                    markersize=3,
-                    elinewidth=0.6,
-                    label=policy.name,
-                )
-        axes.set_xticks(sorted({cell.cell.team for cell in cells}))
-        axes.set_xlabel("robots")
-        axes.set_ylabel(measure.title)
-        axes.set_ylim(bottom=0.0)
-        plain(axes)
+                points = [(float(cell.cell.team), cell.row.metrics[measure.metric]) for cell in own]
+                curves.append(Curve(policy.name, points, place))
+        draw_curves(axes, curves, "robots", measure.title)
 
     return draw(
         f"teams-{measure.metric}",
@@ -327,33 +281,8 @@ def _teams_drawing(matrix: Matrix, measure: ShownMetric, results: Sequence[CellR
     )
 
 
-def _look(matrix: Matrix, result: CellResult) -> tuple[str, str, str]:
-    """Return colour, marker and line style of a policy."""
-    place = matrix.policies.index(result.cell.policy)
-    again = place // len(ROBOTS)
-    return colour(place), MARKERS[again % len(MARKERS)], LINES[again % len(LINES)]
-
-
 def _tour(axes: Axes, results: Sequence[CellResult]) -> None:
     """Draw the MFoW of the best tour found as a dotted line."""
-    tour = next(_there(result.mean(TOUR) for result in results), None)
+    tour = next((mean for result in results if (mean := result.mean(TOUR)) is not None), None)
     if tour is not None:
         axes.axvline(tour, color=MUTED, linewidth=1.0, linestyle=":", zorder=1)
-
-
-def _scale(axes: Axes, means: Sequence[float | None]) -> None:
-    """Use a logarithmic scale for the x axis where the means differ much, with plain numbers as labels."""
-    values = list(_there(means))
-    if not values or min(values) <= 0.0 or max(values) < LOGARITHMIC * min(values):
-        axes.set_xlim(left=0.0)
-        return
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
-    axes.set_xscale("log")
-    axes.xaxis.set_major_locator(LogLocator(10.0, subs=(1.0, 2.0, 5.0)))
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.xaxis.set_minor_formatter(NullFormatter())
-
-
-def _there(values: Iterator[float | None] | Sequence[float | None]) -> Iterator[float]:
-    return (value for value in values if value is not None)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -11,9 +12,10 @@ from rich.console import Console
 from rich.measure import Measurement
 from rich.table import Table
 
-from experiments.sweeps.casetable import CaseRow, case_rows, write_tables
+from experiments.sweeps.casetable import SHOWN, CaseRow, case_rows, told_apart, write_tables
 from experiments.sweeps.classes import check_classes
 from experiments.sweeps.cluster import ClusterWorkers
+from experiments.sweeps.paired import PAIRING, TEST
 from experiments.sweeps.plan import Plan, read_plan
 from experiments.sweeps.pool import LocalWorkers, WorkerPool
 from experiments.sweeps.runner import SweepOutcome, run_sweep
@@ -21,20 +23,15 @@ from experiments.sweeps.stats import with_interval
 from fogwatch.launch.terminal.live_table import duration_text
 from fogwatch.progress import SweepProgress, print_failures
 from patrol.errors import BadInput
+from patrol.matplotlib_check import check_matplotlib
 
 FAILED = 1
 """The exit code when some of the runs failed."""
 
-SHOWN = {
-    "mfow_mean_s": "mean|MFoW (s)",
-    "mfow_max_s": "largest|MFoW (s)",
-    "fog_mean_s": "mean|fog (s)",
-    "dead_end_percent": "dead|ends (%)",
-    "collisions": "collisions",
-}
-"""Metrics in the table on the terminal, and their titles, each with the place where it may be broken. The files have
-all metrics."""
-CHANGE = "change of|MFoW (%)"
+CHANGE = "change of MFoW (%)"
+
+FIGURE = re.compile(r"(cases|change|curves)-[a-z_]+\.(png|svg)")
+"""File names of the figures of sweeps."""
 
 UNLIMITED = 100_000
 """Width of a terminal on which nothing is wrapped."""
@@ -66,22 +63,41 @@ def sweep(
         int | None, typer.Option(metavar="K", help="Use seeds 1 to K instead of the file's.", show_default=False)
     ] = None,
 ) -> int:
-    """Run a scenario with every combination of some settings and every seed, and tabulate the results.
+    """Run a scenario with every combination of some settings and every seed, and tabulate and draw the results.
 
-    Runs that have a result in the folder are not repeated, so that an interrupted sweep continues when it is started
-    again.
+    The folder gets summary.csv and summary.json (a row a case), runs.csv (a row a run), comparisons.csv (paired tests
+    of the cases that `against` compares) and figures/ as PNG and SVG. Runs that have a result there are not repeated,
+    so that an interrupted sweep continues when it is started again.
     """
     plan = read_plan(file, seeds)
     check_classes(plan)
+    check_matplotlib("experiments")  # before hours of runs, not after them
     folder = out or Path("runs") / file.stem
     console = Console()
     outcome = make_runs(plan, folder, workers_of(workers, cluster), console)
-    as_csv, as_json = write_tables(outcome, folder)
-    print_cases(console, case_rows(outcome))
+    write_tables(outcome, folder)
+    rows = case_rows(outcome)
+    _draw(rows, plan.name, folder / "figures")
+    print_cases(console, rows)
     print_failures(console, outcome)
+    compared = ""
+    if plan.partners:
+        console.print(f"changes are judged by a {TEST}, paired by the {PAIRING}", highlight=False, soft_wrap=True)
+        compared = ", comparisons.csv"
     here = f"{len(outcome.plan.runs)} runs, {outcome.made} made now in {duration_text(outcome.wall_s)}"
-    console.print(f"{here}: {as_csv}, {as_json}", highlight=False, soft_wrap=True)
+    files = f"{folder}: summary.csv, summary.json, runs.csv{compared}, figures"
+    console.print(f"{here}; {files}", highlight=False, soft_wrap=True)
     return FAILED if outcome.failed else 0
+
+
+def _draw(rows: list[CaseRow], name: str, folder: Path) -> None:
+    """Write the figures of a sweep; those of an earlier plan that it no longer has are removed."""
+    from fogwatch.pictures.sweep_figures import drawings  # here: its library is an extra
+
+    written = {file for drawing in drawings(rows, name) for file in drawing.save(folder)}
+    for file in folder.glob("*"):
+        if file not in written and FIGURE.fullmatch(file.name):
+            file.unlink()
 
 
 def workers_of(workers: int | None, cluster: str | None) -> WorkerPool:
@@ -164,7 +180,8 @@ def _cases_table(rows: list[CaseRow], names: Mapping[str, str], between: str) ->
     table = Table("case", "runs", box=None, pad_edge=False, header_style="cyan", padding=(0, 1 if narrow else 2, 0, 0))
     table.columns[1].justify = "right"
     for title in titles:
-        table.add_column(title.replace("|", between), justify="right")
+        head, *unit = title.rsplit(" ", 2)
+        table.add_column(between.join([head, " ".join(unit)]) if unit else title, justify="right")
     if compared:
         table.add_column(f"compared{between}with")
     for row in rows:
@@ -180,22 +197,3 @@ def _cases_table(rows: list[CaseRow], names: Mapping[str, str], between: str) ->
 def _fits(table: Table, console: Console) -> bool:
     """Return True if no cell of a table has to be wrapped or cut."""
     return Measurement.get(console, console.options.update(width=UNLIMITED), table).maximum <= console.width
-
-
-def told_apart(cases: Sequence[str]) -> tuple[dict[str, str], str]:
-    """Names of cases without the words that all of them share.
-
-    Args:
-        cases: The names, of words between spaces.
-
-    Returns:
-        The shorter names by the whole ones, and the words that they lack. No name is left empty.
-    """
-    words = [case.split() for case in cases]
-    common = [word for word in words[0] if all(word in others for others in words[1:])] if len(cases) > 1 else []
-    if any(all(word in common for word in own) for own in words):
-        common = []
-    short = [" ".join(word for word in own if word not in common) for own in words]
-    if len(set(short)) < len(cases):
-        return {case: case for case in cases}, ""
-    return dict(zip(cases, short, strict=True)), " ".join(common)

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from fogwatch.cli.command_help import command
-from fogwatch.cli.grounds import map_align, map_regions
+from fogwatch.cli.grounds import map_align, map_random, map_regions
 from fogwatch.cli.grounds.named_terrain import named_terrain
 from patrol.errors import BadInput
 from patrol.ground.maps.builtins import LAYOUTS
@@ -28,7 +28,8 @@ if TYPE_CHECKING:
     from patrol.prepare import Prepared
 
 app = typer.Typer(
-    help="Check what a robot can reach and see on a map, split it into regions, or find where it lies on another.",
+    help="Check what a robot can reach and see on a map, split it into regions, find where it lies on another, or make "
+    "maps of random buildings.",
     no_args_is_help=True,
 )
 
@@ -102,6 +103,7 @@ def check(
 
 command(app, examples=map_regions.EXAMPLES)(map_regions.regions)
 command(app, examples=map_align.EXAMPLES)(map_align.align)
+command(app, examples=map_random.EXAMPLES)(map_random.random)
 
 
 def plain_lines(report: MapReport) -> Iterator[str]:

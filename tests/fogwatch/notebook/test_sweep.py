@@ -40,7 +40,7 @@ def test_the_table_has_a_row_a_run(swept: fogwatch.SweepResult) -> None:
     for row in table.itertuples():
         run = fogwatch.run(
             BASE,
-            overrides={"seed": row.seed, "robots.count": row[3], "radio.trail": row[4]},
+            overrides={"seed": row.seed, "robots.count": row[2], "radio.trail": row[3]},
             out=swept.folder / f"run-{row.Index}",
             picture=False,
         )
@@ -58,6 +58,15 @@ def test_the_cases_are_those_of_summary_csv(swept: fogwatch.SweepResult) -> None
     assert "mean MFoW (s)" in shown
     assert "compared with" in shown
     assert repr(swept).startswith("<SweepResult sweep-open: 4 cases, 8 runs, in ")
+
+
+def test_comparisons_and_figures_are_those_of_the_command(swept: fogwatch.SweepResult) -> None:
+    tests = swept.comparisons.to_pandas()
+    assert set(tests.against) == {"count=1 trail=0", "count=2 trail=0"}
+    assert set(tests.pairs) == {2}
+    written = pd.read_csv(swept.folder / "comparisons.csv")
+    assert written.difference.tolist() == tests.difference.tolist()
+    assert {"cases-mfow_mean_s", "change-mfow_mean_s"} <= set(swept.figures)
 
 
 def test_a_second_call_repeats_nothing(swept: fogwatch.SweepResult) -> None:

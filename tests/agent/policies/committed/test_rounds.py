@@ -9,8 +9,8 @@ import pytest
 
 from agent.policies.committed.policy import Committed
 from experiments.inprocess import run_in_process
+from fogwatch.grounds.random_building import Building
 from patrol.scenario import load_scenario, open_scenario
-from tests.buildings import Building
 from worldsim.world import World
 
 ROUND = {"robots.count": 3, "robots.model": "holonomic", "point": 1.0, "duration": 400, "sensor.range": 20}

@@ -51,10 +51,6 @@ def test_the_page_tells_everything_and_a_second_start_makes_no_run(
         (("--set", "point=1"), "--set point: the experiment sets this field"),
         (("--set", "patrol.policy=committed"), "--set patrol.policy: the experiment sets this field"),
         (
-            ("--set", "patrol.options.random_move_for=all"),
-            "--set patrol.options.random_move_for: the experiment sets this field",
-        ),
-        (
             ("--set", "patrol.options.separation=none"),
             "--set patrol.options.separation: the experiment sets this field",
         ),

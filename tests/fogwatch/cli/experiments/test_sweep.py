@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import io
 import json
 import os
@@ -18,13 +19,13 @@ import pytest
 import yaml
 from rich.console import Console
 
-from experiments.sweeps.casetable import CaseRow
+from experiments.sweeps.casetable import SHOWN, CaseRow, told_apart
 from experiments.sweeps.plan import Run, read_plan
 from experiments.sweeps.results import RunResult
 from experiments.sweeps.stats import Estimate
 from fogwatch.cli.app import main
 from fogwatch.cli.ending import guarded
-from fogwatch.cli.experiments.sweep import SHOWN, print_cases, told_apart
+from fogwatch.cli.experiments.sweep import print_cases
 from fogwatch.progress import SweepProgress
 from patrol.errors import BadInput
 
@@ -138,6 +139,12 @@ def test_a_sweep_killed_on_its_way_makes_only_the_runs_that_are_missing(
     for name in ("summary.csv", "summary.json"):
         assert (tmp_path / "killed" / name).read_text() == (tmp_path / "whole" / name).read_text()
     assert len((tmp_path / "whole" / "summary.csv").read_text().splitlines()) == 13
+    with (tmp_path / "whole" / "runs.csv").open(encoding="utf-8") as table:
+        rows = list(csv.DictReader(table))
+    assert sorted(one["trace_hash"] for one in rows) == sorted(one["trace_hash"] for one in after)
+    assert {one["robots.count"] for one in rows} == {"1", "2", "3"}
+    figures = {figure.name for figure in (tmp_path / "whole" / "figures").iterdir()}
+    assert {"cases-mfow_mean_s.png", "cases-mfow_mean_s.svg", "curves-mfow_mean_s.png"} <= figures
 
 
 @pytest.mark.processes

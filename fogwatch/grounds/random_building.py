@@ -2,6 +2,7 @@
 
 A building has rooms side by side, along a corridor, or scattered and joined by slanting corridors. In and around its
 rooms are pillars, pockets, slits, closets and dead ends. Many stand askew on the grid, so that every wall is a stair.
+Results name buildings by their seed, so the same seed, radius and point must give the same building in every version.
 """
 
 from __future__ import annotations
@@ -32,6 +33,12 @@ TEAM = 4
 
 OUTSIDE = 0.5
 """Thickness of the solid border, m."""
+
+RADII, POINTS = (0.1, 0.8), (0.05, 0.5)
+"""Least and largest radius of a body and side of a point, m: buildings are 10 to 31 m long whatever the body."""
+
+MOST_TRIES = 1000
+"""Buildings that are drawn at most until one is connected well enough; nearly always fewer than ten."""
 
 Gap = str
 """How wide an opening is: ``wide``, ``fits`` (a few points to spare) or ``narrow`` (a few points too narrow)."""
@@ -94,21 +101,22 @@ class Building:
         """The building as a terrain."""
         return Terrain("building", self.free, self.point)
 
-    def write(self, folder: Path) -> Path:
+    def write(self, folder: Path, name: str = "building") -> Path:
         """Write the building as a map in ROS map_server's format.
 
         Args:
             folder: An existing folder.
+            name: Of the files, without their endings.
 
         Returns:
             The map's YAML file.
         """
         height, width = self.free.shape
         cells = np.where(self.free[::-1], 254, 0).astype(np.uint8)
-        (folder / "building.pgm").write_bytes(b"P5 %d %d 255\n" % (width, height) + cells.tobytes())
-        path = folder / "building.yaml"
+        (folder / f"{name}.pgm").write_bytes(b"P5 %d %d 255\n" % (width, height) + cells.tobytes())
+        path = folder / f"{name}.yaml"
         path.write_text(
-            f"image: building.pgm\nresolution: {self.point}\norigin: [0, 0, 0]\nnegate: 0\n"
+            f"image: {name}.pgm\nresolution: {self.point}\norigin: [0, 0, 0]\nnegate: 0\n"
             "occupied_thresh: 0.65\nfree_thresh: 0.196\n",
             encoding="utf-8",
         )
@@ -116,16 +124,24 @@ class Building:
 
 
 def random_building(seed: int, radius: float, point: float) -> Building:
-    """A building most of which a few robots can patrol.
+    """Draw a building that a few robots can patrol most of.
 
     Args:
         seed: Random seed.
         radius: Of the body, m.
         point: Side of a point, m.
+
+    Raises:
+        BadInput: The seed is negative, radius or point are out of their limits, or no building was good enough.
     """
+    if seed < 0:
+        raise BadInput(f"seed = {seed}: expected an integer from 0")
+    for name, value, (least, most) in (("radius", radius, RADII), ("point", point, POINTS)):
+        if not least <= value <= most:
+            raise BadInput(f"{name} = {value:g}: expected m from {least:g} to {most:g}")
     architect = Architect(np.random.default_rng(seed), radius, point)
     robots = [RobotSpec(n, f"r{n}", "holonomic", 1.0, radius, 1.0, None) for n in range(1, TEAM + 1)]
-    while True:
+    for _ in range(MOST_TRIES):
         building = architect.building()
         try:
             place_starts(building.terrain, robots, seed)
@@ -135,6 +151,10 @@ def random_building(seed: int, radius: float, point: float) -> Building:
         fits = np.count_nonzero(cspace_of(building.terrain, radius))
         if part >= LEAST_PART * fits and part * point * point >= LEAST_AREA:
             return building
+    raise BadInput(
+        f"seed = {seed}, radius = {radius:g}, point = {point:g}: of {MOST_TRIES} buildings none is connected well; "
+        "choose another seed, or a smaller body"
+    )
 
 
 class Architect:

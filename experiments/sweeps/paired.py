@@ -1,0 +1,108 @@
+"""Paired tests of a sweep's cases: does a setting change a metric, judged seed by seed?
+
+Two cases that differ in one setting run with the same seeds: the same starts, faults and draws. The difference of a
+metric is taken within each seed, so what the seeds have in common cancels out. For example, an MFoW of 81, 95 and 88 s
+against one of 90, 99 and 97 s gives the differences -9, -4 and -9 s.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from experiments.sweeps.stats import Estimate, estimate
+
+if TYPE_CHECKING:
+    from experiments.sweeps.casetable import CaseRow
+
+TEST = "two-sided paired t-test"
+"""The test whose p-values tables and figures show; it agrees with the intervals of the differences."""
+
+PAIRING = "same seed"
+
+
+@dataclass(frozen=True, slots=True)
+class PairedTest:
+    """A metric of a case, compared with the same metric of another.
+
+    Attributes:
+        case: Name of the case.
+        against: Name of the case that it is compared with.
+        metric: Name of the metric.
+        difference: Mean difference over the seeds that both have, in the metric's unit, with its 95 % interval.
+        change: The same in percent of the other's mean; None where that is not above 0.
+        p: Probability of a difference as large as this one or larger, if the setting had no effect; None for fewer than
+            two pairs, and where all pairs differ by the same.
+    """
+
+    case: str
+    against: str
+    metric: str
+    difference: Estimate
+    change: Estimate | None
+    p: float | None
+
+    @property
+    def pairs(self) -> int:
+        """Number of seeds that both cases have a value for."""
+        return self.difference.count
+
+
+def paired_tests(rows: Sequence[CaseRow]) -> list[PairedTest]:
+    """Return the tests of all cases that are compared with another.
+
+    The p-values are those of single tests: they are not adjusted for how many there are.
+
+    Args:
+        rows: The results case by case.
+    """
+    by_name = {row.case: row for row in rows}
+    tests = []
+    for row in rows:
+        if row.against is None:
+            continue
+        for metric, own in row.values.items():
+            other = by_name[row.against].values.get(metric, {})
+            differences = [own[seed] - other[seed] for seed in own if seed in other]
+            if differences:
+                found = estimate(differences)
+                p = p_of_no_difference(differences)
+                tests.append(PairedTest(row.case, row.against, metric, found, row.change.get(metric), p))
+    return tests
+
+
+def p_of_no_difference(differences: Sequence[float]) -> float | None:
+    """Return the p-value of a two-sided t-test that the mean of some differences is 0.
+
+    Args:
+        differences: One for each pair.
+
+    Returns:
+        None for fewer than two differences, and where all are the same.
+    """
+    count = len(differences)
+    if count < 2:
+        return None
+    mean = math.fsum(differences) / count
+    variance = math.fsum((value - mean) ** 2 for value in differences) / (count - 1)
+    if variance == 0.0:
+        return None
+    from scipy.special import stdtr  # an optional dependency, and slow to load
+
+    return 2.0 * float(stdtr(count - 1, -abs(mean) / math.sqrt(variance / count)))
+
+
+def paired_lines(tests: Sequence[PairedTest]) -> Iterator[Sequence[object]]:
+    """Yield the lines of comparisons.csv: the headings, then a line for each test.
+
+    Args:
+        tests: The tests.
+    """
+    yield ["case", "against", "metric", "test", "pairing", "pairs", "difference", "low", "high", "change_percent", "p"]
+    for test in tests:
+        found = test.difference
+        change = None if test.change is None else test.change.mean
+        named = [test.case, test.against, test.metric, TEST, PAIRING]
+        yield [*named, test.pairs, found.mean, found.low, found.high, change, test.p]

@@ -1,0 +1,116 @@
+"""``fogwatch reproduce``: make a figure of the documentation again. Raises BadInput; the caller prints it."""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, NoReturn
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+import fogwatch
+from patrol.errors import BadInput, did_you_mean
+from patrol.printable import printable
+
+EXAMPLES = ["fogwatch reproduce", "fogwatch reproduce paper-table-2 --out table-2"]
+EXIT_CODES = "0 done, 1 some runs failed, 2 bad input, 130 interrupted"
+
+CLONE = Path(fogwatch.__file__).parents[1]
+"""Where scripts of the documentation are, in a clone."""
+
+
+@dataclass(frozen=True, slots=True)
+class SiteFigure:
+    """A figure of the documentation, or several that one command makes.
+
+    Attributes:
+        figure: Its name.
+        files: Patterns of its pictures in the folder docs.
+        command: The command line that makes it, without its folder.
+        minutes: Expected computing time on one core, min.
+    """
+
+    figure: str
+    files: tuple[str, ...]
+    command: str
+    minutes: int
+
+    def words(self, out: Path) -> list[str]:
+        """Return the command with the program that runs it and its folder.
+
+        Args:
+            out: Folder of the pictures.
+
+        Raises:
+            BadInput: It is a script of a clone, and there is none.
+        """
+        program, *arguments = shlex.split(self.command)
+        if program == "fogwatch":
+            return [sys.executable, "-m", "fogwatch", *arguments, "--out", str(out)]
+        script = CLONE / arguments[0]
+        if not script.is_file():
+            raise BadInput(f"{self.figure}: needs {arguments[0]}, which only a clone has; run the command in a clone")
+        return [sys.executable, str(script), *arguments[1:], "--out", str(out.absolute())]
+
+
+def site_figures() -> list[SiteFigure]:
+    """Return the figures of the documentation that a command makes, as figures.json lists them."""
+    listed = json.loads(Path(__file__).with_name("figures.json").read_text(encoding="utf-8"))
+    return [SiteFigure(row["figure"], tuple(row["files"]), row["command"], row["minutes"]) for row in listed]
+
+
+def reproduce(
+    name: Annotated[str | None, typer.Argument(metavar="FIGURE", help="Its name; without one, all are listed.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Folder of the pictures (default: runs/FIGURE).")
+    ] = None,
+) -> None:
+    """Make a figure of the documentation again, from the command that made it; without a name, list the figures.
+
+    Long measurements go on where they were interrupted. Numbers that were measured with an earlier version can differ.
+    """
+    figures = site_figures()
+    if name is None:
+        if out is not None:
+            raise BadInput(f"--out {out}: nothing is made without a FIGURE; name one")
+        _list(figures)
+        return
+    if name not in (names := [figure.figure for figure in figures]):
+        raise BadInput(f"{name}: no such figure; {did_you_mean(name, names)}")
+    _become(figures[names.index(name)], out or Path("runs") / name)
+
+
+def _become(figure: SiteFigure, folder: Path) -> NoReturn:
+    """Say what is made, and go on as the command that makes it, so that its signals and exit code are its own."""
+    words = figure.words(folder)
+    typer.echo(printable(f"{figure.command} --out {shlex.quote(str(folder))}"))
+    typer.echo(f"takes about {_time(figure.minutes)} of computing on one core")
+    typer.echo(printable(f"beside it: {', '.join(f'docs/{file}' for file in figure.files)}"))
+    sys.stdout.flush()
+    os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(CLONE), os.environ.get("PYTHONPATH")]))
+    os.execv(words[0], words)
+
+
+def _list(figures: Sequence[SiteFigure]) -> None:
+    """Print the figures: as a table on a terminal, elsewhere a line each."""
+    console = Console()
+    if not console.is_terminal:
+        for figure in figures:
+            typer.echo(f"{figure.figure}: {_time(figure.minutes)}: {figure.command}")
+        return
+    table = Table("figure", "computing", "command", box=None, header_style="cyan")
+    for figure in figures:
+        table.add_row(figure.figure, _time(figure.minutes), figure.command)
+    console.print(table, highlight=False, markup=False)
+
+
+def _time(minutes: int) -> str:
+    """Return a time as text."""
+    return f"{minutes} min" if minutes < 100 else f"{minutes / 60:.1f} h"

@@ -1,0 +1,45 @@
+"""Paired tests: what they compare, and p-values that can be looked up."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping
+
+import pytest
+
+from experiments.sweeps.casetable import CaseRow, csv_text
+from experiments.sweeps.paired import PAIRING, TEST, p_of_no_difference, paired_lines, paired_tests
+from experiments.sweeps.stats import estimate
+
+
+def row(case: str, against: str | None, values: Mapping[int, float]) -> CaseRow:
+    means = {"mfow_mean_s": estimate(list(values.values()))}
+    return CaseRow(case, {}, len(values), 0, 0, means, {"mfow_mean_s": values}, against, {})
+
+
+def test_p_is_that_of_students_table() -> None:
+    # t = 4.303 has p = 0.05 with 2 degrees of freedom, 2.776 with 4.
+    for differences, t in (((1.0, 2.0, 3.0), 4.303), ((1.0, 2.0, 3.0, 4.0, 5.0), 2.776)):
+        spread = estimate(differences).half or 0.0
+        shift = spread - estimate(differences).mean  # then the interval of the mean just touches 0
+        assert p_of_no_difference([value + shift for value in differences]) == pytest.approx(0.05, abs=1e-9), t
+
+
+def test_without_spread_there_is_no_p() -> None:
+    assert p_of_no_difference([3.0]) is None
+    assert p_of_no_difference([2.0, 2.0, 2.0]) is None
+
+
+def test_only_seeds_that_both_cases_have_are_paired() -> None:
+    rows = [
+        row("old", None, {1: 90.0, 2: 99.0, 3: 97.0, 5: 1.0}),
+        row("new", "old", {1: 81.0, 2: 95.0, 3: 88.0, 4: 9.0}),
+    ]
+    (test,) = paired_tests(rows)
+    assert (test.case, test.against, test.pairs) == ("new", "old", 3)
+    assert test.difference.mean == pytest.approx(-22.0 / 3.0)
+    (line,) = csv.DictReader(io.StringIO(csv_text(paired_lines([test]))))
+    assert (line["test"], line["pairing"], line["pairs"]) == (TEST, PAIRING, "3")
+    assert float(line["low"]) < float(line["difference"]) < float(line["high"]) < 0.0
+    assert float(line["p"]) < 0.05, "as the interval does not hold 0"

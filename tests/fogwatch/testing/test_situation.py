@@ -1,0 +1,113 @@
+"""Situations drawn for tests of a policy: the view is that of a mind, with the ages and robots of the drawing."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from agent.ports import Intent, Place, Stay
+from examples.my_policy import GreedyTarget
+from fogwatch.testing import Situation, draw_situation
+from patrol.errors import BadInput
+
+ROOMS = """
+    ###########
+    #1...#...a#
+    #....#....#
+    #b.......2#
+    ###########
+"""
+SQUARE = [[0, 0], [1, 0], [1, 1], [0, 1]]
+ROOT = Path(__file__).parents[3]
+
+
+def test_the_view_has_the_ages_places_and_robots_of_the_drawing() -> None:
+    situation = draw_situation(ROOMS, ages={"a": 300, ".": 10}, heard={"2": 4}, side=0.5, heading=1.0)
+    view = situation.view
+    assert view.ground.terrain.bounds == (0.0, 0.0, 5.5, 2.5)
+    assert not view.ground.terrain.passable[[0, 4, -5, -1]].any()
+    assert situation.places == {"1": (0.75, 1.75), "2": (4.75, 0.75), "a": (4.75, 1.75), "b": (0.75, 0.75)}
+    age_s = view.age * situation.setup.step
+    assert age_s[view.point_of(situation.places["a"])] == 300.0
+    assert age_s[view.point_of(situation.places["b"])] == 0.0
+    assert age_s[view.point_of((1.25, 1.25))] == 10.0
+    assert view.mfow * situation.setup.step == view.time_s == 300.0
+    assert (view.pose.x, view.pose.y, view.pose.heading) == (0.75, 1.75, 1.0)
+    (peer,) = view.peers.values()
+    assert (peer.pose.x, peer.pose.y, view.tick - peer.tick) == (4.75, 0.75, 8)
+    around = view.lengths()
+    assert around[view.point_of(situation.places["a"])] > math.dist(situation.places["1"], situation.places["a"]) + 0.5
+
+
+def test_stale_ages_spread_as_in_a_run() -> None:
+    situation = draw_situation(
+        ROOMS, "potential-field", options={"dilatation": 1.0}, settings={"sensor.range": 3}, ages={"a": 300}
+    )
+    seen, spread = situation.view.fog.last_seen, situation.view.fog.dilated
+    row, col = situation.view.point_of(situation.places["a"])
+    assert seen[row, col - 4] == situation.view.tick
+    assert spread[row, col - 4] == seen[row, col] == 0
+
+
+def test_a_policy_decides_on_what_is_drawn() -> None:
+    for options, ages, there in (({}, {"a": 300, "b": 290}, "b"), ({"near": 100}, {"a": 300, "b": 10}, "a")):
+        situation = draw_situation(ROOMS, GreedyTarget, options=options, ages=ages)
+        intent = situation.decide()
+        assert isinstance(intent, Place)
+        assert situation.character_at(intent.x, intent.y) == there
+    assert draw_situation(ROOMS, GreedyTarget).decide() == Stay(), "all is fresh"
+    situation = draw_situation(ROOMS)
+    with pytest.raises(ValueError, match=r"\(11.5, 1\) is not on the drawing"):
+        situation.character_at(11.5, 1.0)
+    with pytest.raises(ValueError, match="was given no policy"):
+        situation.decide()
+
+
+@pytest.mark.parametrize("policy", ["committed", "potential-field", "cr", "even-tour"])
+def test_built_in_policies_decide_too(policy: str) -> None:
+    assert isinstance(draw_situation(ROOMS, policy, ages={"a": 60}).decide(), Intent)
+
+
+@pytest.mark.parametrize(
+    ("drawing", "given", "problem"),
+    [
+        ("", {}, "drawing: is empty"),
+        ("#1.#\n#..", {}, "drawing: line 2 has 3 characters, line 1 4; make them equal"),
+        ("1!", {}, "drawing: line 1: !: expected #, ., 1 to 9 or a letter"),
+        ("..", {}, r"drawing: has the robots \[\]; draw 1"),
+        ("1.3", {}, r"drawing: has the robots \[1, 3\]; draw 1"),
+        ("1.1", {}, r"drawing: has the robots \[1, 1\]; draw 1"),
+        ("1..", {"ages": {"a": 3}}, "ages: a: is on no floor of the drawing"),
+        ("1a.", {"ages": {"a": -1}}, "ages: a = -1: expected s from 0 to"),
+        ("1a.", {"ages": {"a": math.nan}}, "ages: a = NaN: expected s"),
+        ("1.2", {"heard": {"1": 3}}, "heard: 1: is no other robot of the drawing"),
+        ("1..", {"side": 0.0}, "side = 0.0: expected the side of a character"),
+        ("1..", {"settings": {"robots.sped": 1}}, "robots.sped: unknown key"),
+        (
+            "1..",
+            {"settings": {"closures": [{"name": "d", "polygon": [[0, 0], [1, 0], [1, 1]]}]}},
+            "closures: a situation has none",
+        ),
+    ],
+)
+def test_bad_input_names_the_mistake(drawing: str, given: dict[str, Any], problem: str) -> None:
+    with pytest.raises(BadInput, match=problem):
+        draw_situation(drawing, **given)
+
+
+def test_the_example_of_the_documentation_holds() -> None:
+    text = (ROOT / "docs/policies.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```python\n(from examples.*?draw_situation.*?)```", text, flags=re.DOTALL)
+    names: dict[str, Any] = {}
+    exec(block, names)
+    tests = [value for name, value in names.items() if name.startswith("test_")]
+    assert tests
+    for test in tests:
+        test()
+    assert isinstance(names["draw_situation"]("1.a", ages={"a": 5}), Situation)
+    assert np.all(names["draw_situation"]("1.a").view.age == 0)
