@@ -19,6 +19,7 @@ from fogwatch.launch.terminal.live_table import CallbackDisplay, RunDisplay, Sil
 from fogwatch.notebook.policy import policy_name
 from fogwatch.notebook.run import Run
 from fogwatch.notebook.scenario import scenario_of
+from fogwatch.presets import preset_settings
 from patrol.errors import BadInput
 from patrol.measures.best_tour import round_of
 from patrol.measures.zoned import prepare_zones
@@ -93,6 +94,7 @@ def run(
     out: str | Path | None = None,
     in_process: bool = True,
     progress: Callable[[Metrics], None] | None = None,
+    preset: str | None = None,
     overrides: Mapping[str, object] | None = None,
     policy: type[Any] | None = None,
     picture: bool = True,
@@ -108,7 +110,9 @@ def run(
         out: The run folder, new or empty; ``runs/<name>-<time>`` unless given.
         in_process: Whether to run in this process, or as one process per robot over Zenoh. Both give the same trace.
         progress: Called with the measures so far, at most ten times a second.
-        overrides: Values by dotted field, such as ``{"patrol.options.separation": "none"}``.
+        preset: Settings that belong together, as for ``fogwatch run --preset``: ``paper`` is the paper's algorithm,
+            bodies and sensor without our additions, ``letter`` the same with each rule to the letter.
+        overrides: Values by dotted field, such as ``{"patrol.options.separation": "none"}``; they hold over the preset.
         policy: A policy class (docs/policies.md), instead of a name in ``patrol.policy``; one that was defined in a
             notebook or a script runs in this process only, and its code is no part of the scenario's hash.
         picture: Whether to draw fog.png, the final fog, which takes about a second.
@@ -124,8 +128,9 @@ def run(
         fogwatch.launch.launcher.LaunchFailed: The processes could not be brought to run.
         KeyboardInterrupt: The run was interrupted before its first tick; its folder is gone again.
     """
+    overrides = {**preset_settings(preset), **(overrides or {})}
     if policy is not None:
-        overrides = {**(overrides or {}), "patrol.policy": policy_name(policy, in_process=in_process)}
+        overrides["patrol.policy"] = policy_name(policy, in_process=in_process)
     loaded = scenario_of(scenario, overrides)
     display = SilentDisplay() if progress is None else CallbackDisplay(progress)
     where = None if out is None else Path(out)
@@ -139,7 +144,7 @@ def run(
         recovery=recovery,
     )
     if isinstance(scenario, str | Path):
-        with naming(scenario, overrides or ()):
+        with naming(scenario, overrides):
             return execute(loaded, options)
     return execute(loaded, options)
 

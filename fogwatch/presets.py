@@ -31,7 +31,7 @@ def preset_settings(name: str | None) -> dict[str, object]:
     if name is None:
         return {}
     if name not in PRESETS:
-        raise BadInput(f"--preset {name}: no such preset; choose from {', '.join(PRESETS)}")
+        raise BadInput(f"preset {name}: no such preset; choose from {', '.join(PRESETS)}")
     from experiments.paper.printed import paper
 
     settings = {**paper().settings, "point": POINT_M, "sensor.range": paper().sensor_range(POINT_M).range}

@@ -10,7 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from monitor.replay.run_files import journal_in
+from monitor.replay.run_files import check_runs
 from patrol.errors import BadInput
 from patrol.process.context import ProcessContext, run_with
 from patrol.process.exit_codes import INTERRUPTED
@@ -88,7 +88,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def serve(
-    open_source: Callable[[], Source | None],
+    open_sources: Callable[[], Sequence[Source]],
     host: str,
     port: int,
     key: str,
@@ -102,7 +102,7 @@ def serve(
     """Serve a page until asked to end.
 
     Args:
-        open_source: Opens the source; returns None when asked to end meanwhile.
+        open_sources: Opens the source, or two for replays side by side; returns none when asked to end meanwhile.
         host: Address to serve on.
         port: TCP port; 0 for a free one.
         key: Gives the right to control; empty for a random one.
@@ -130,9 +130,9 @@ def serve(
     try:
         authorisation = Authorisation(host, listening.getsockname()[1], key or os.urandom(16).hex(), local)
         address = authorisation.address_without_key if announced else authorisation.address
-        source = open_source()
-        if source is not None:
-            _run_server(source, authorisation, listening, ending, address, opened, vitals)
+        sources = open_sources()
+        if sources:
+            _run_server(sources, authorisation, listening, ending, address, opened, vitals)
     finally:
         listening.close()
 
@@ -145,7 +145,7 @@ def _check_libraries() -> None:
 
 
 def _run_server(
-    source: Source,
+    sources: Sequence[Source],
     authorisation: Authorisation,
     listening: socket.socket,
     ending: Ending,
@@ -161,11 +161,11 @@ def _run_server(
     from monitor.page.hub import Hub
     from monitor.page.server import MAX_MESSAGE, Server
 
-    hub = Hub(source)
+    hubs = [Hub(source) for source in sources]
     if vitals is not None:
-        hub.show(vitals)
+        hubs[0].show(vitals)
     config = uvicorn.Config(
-        Server(hub, authorisation).app,
+        Server(hubs, authorisation).app,
         ws="websockets-sansio",
         ws_per_message_deflate=False,
         ws_max_size=4 * MAX_MESSAGE,
@@ -183,48 +183,51 @@ def _run_server(
         serving = asyncio.create_task(server._serve([listening]))  # serve() would take over the signals
         while not serving.done():
             notifier.alive()
-            if ending or hub.failure is not None:
+            if ending or any(hub.failure is not None for hub in hubs):
                 server.should_exit = True
             await asyncio.sleep(0.1)
         await serving
 
-    hub.start()
+    for hub in hubs:
+        hub.start()
     Log("monitor", "").announce(f"{READY}{address}")
     opened(address)
     try:
         asyncio.run(run())
     finally:
-        hub.close()
-    if hub.failure is not None:
-        raise hub.failure
+        for hub in hubs:
+            hub.close()
+    for hub in hubs:
+        if hub.failure is not None:
+            raise hub.failure
 
 
-def source_opener(options: argparse.Namespace, ending: Ending) -> Callable[[], Source | None]:
-    """Return a function that opens the source that the options name.
+def source_opener(options: argparse.Namespace, ending: Ending) -> Callable[[], Sequence[Source]]:
+    """Return a function that opens the source that the options name, or the two runs.
 
     Args:
         options: Parsed command line options.
         ending: Says when to stop waiting for a fleet.
 
     Returns:
-        The function; it returns None when asked to end before there is a source, and raises BadInput.
+        The function; it returns none when asked to end before there is a source, and raises BadInput.
     """
 
-    def open_source() -> Source | None:
+    def open_sources() -> Sequence[Source]:
         from patrol.process.starting.warmup import warm
 
         keep_freed_memory(KEPT)
         if options.replay is not None:
-            journal_in(options.replay)
+            check_runs(options.replay)
         warm(("patrol", "monitor"), Log("monitor", "").info)
         if options.replay is not None:
             from monitor.replay.player import open_player
 
-            return open_player(options.replay, options.key)
+            return [open_player(run, options.key) for run in options.replay]
         from monitor.live.attach import open_fleet
 
         os.nice(NICENESS)  # before threads start: they keep their own priority
-        return open_fleet(
+        fleet = open_fleet(
             ending,
             access=options.access,
             credentials=options.credentials,
@@ -235,8 +238,9 @@ def source_opener(options: argparse.Namespace, ending: Ending) -> Callable[[], S
             key=options.key,
             wait_s=options.wait,
         )
+        return [] if fleet is None else [fleet]
 
-    return open_source
+    return open_sources
 
 
 def _listen(host: str, port: int) -> socket.socket:
@@ -267,7 +271,7 @@ def page_parser() -> ProcessParser:
     add("--credentials", "FOLDER", "a viewer's, of a fleet made by: fogwatch fleet init; shows the fleet", type=Path)
     add("--router", "LOCATOR", "router of a running fleet, such as tcp/127.0.0.1:7447; needs --fleet")
     add("--fleet", "NAME", "name of the fleet at the router")
-    add("--replay", "RUN", "folder of a run that is over", type=Path)
+    add("--replay", "RUN", "folder of a run that is over, or of two to be shown side by side", type=Path, nargs="+")
     add("--key", "FILE", "key of the fleet, to check the tags of its messages (default: unchecked)", type=Path)
     add("--scenario", "FILE", "scenario of robots without a world, which are shown by their positions", type=Path)
     add("--radio", "LOCATOR", "where robots without a world exchange positions (default: the router)")

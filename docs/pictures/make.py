@@ -59,7 +59,9 @@ def main(given: Path | None, out: Path) -> None:
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         player = Player(open_run(given or fogwatch.run(SCENARIO, out=Path(folder) / SCENARIO["name"]).folder))
         ending, addresses = Ending(), queue.Queue[str]()
-        page = threading.Thread(target=lambda: serve(lambda: player, "127.0.0.1", 0, "", ending, opened=addresses.put))
+        page = threading.Thread(
+            target=lambda: serve(lambda: [player], "127.0.0.1", 0, "", ending, opened=addresses.put)
+        )
         page.start()
         browser = playwright.chromium.launch(
             executable_path=shutil.which("chromium") or shutil.which("chromium-browser")

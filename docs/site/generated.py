@@ -7,8 +7,9 @@ from collections.abc import Callable, Mapping
 
 from docs.site.commands import commands
 from docs.site.fields import fields
+from docs.site.forces import forces
 
-PARTS: Mapping[str, Callable[[], str]] = {"commands": commands, "fields": fields}
+PARTS: Mapping[str, Callable[[], str]] = {"commands": commands, "fields": fields, "forces": forces}
 
 
 def with_generated(document: str) -> str:

@@ -8,6 +8,8 @@ import map names, and the messages are a script, `run.js`: gzip in base64 of
 The JSON has the messages that a page gets once, the trail of the whole run, and for each frame its state and the
 length of the packet with what has changed since the frame before. Each `KEY`-th frame also has a packet with the whole
 fog, and the links. `recorded.js` plays them.
+
+Two runs are two such folders, within the one that shows them side by side.
 """
 
 from __future__ import annotations
@@ -16,12 +18,12 @@ import base64
 import gzip
 import json
 import re
-from collections.abc import Callable, Iterable
-from contextlib import ExitStack
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from importlib.resources import files
 from itertools import count
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from monitor.observation.fault_bands import bands_of
 from monitor.page.hub import MOST_POINTS
@@ -34,7 +36,7 @@ from monitor.page.messages import (
     static_message,
     trail_message,
 )
-from monitor.page.server import plotly_file
+from monitor.page.server import PAIR, plotly_file
 from monitor.page.survey import survey_of
 from monitor.page.thinning import thinned
 from monitor.page.tiles import TRUTH, TiledMap, terrain_packet
@@ -42,7 +44,6 @@ from monitor.replay.player import Player
 from monitor.replay.run import Run
 from patrol import palette
 from patrol.errors import BadInput
-from patrol.files.whole_file import replacing
 
 MOST_FRAMES = 1500
 """Frames of a saved page; of a longer run every second tick is shown, or every third, ..."""
@@ -53,54 +54,80 @@ KEY = 50
 RECORDED = "run.js"
 """The file with the messages."""
 
-_MAIN = '<script src="main.js" type="module"></script>'
-"""The line of index.html that loads the page's modules."""
+_SCRIPT = re.compile(r'<script src="(\w+\.js)" type="module"></script>')
+"""The line of a page that loads its modules."""
 
 _IMPORT = re.compile(r'(from|import) "\./(\w+\.js)"')
 
 
-def save_page(run: Run, folder: Path, progress: Callable[[Iterable[int]], Iterable[int]] = iter) -> int:
+def save_page(
+    runs: Sequence[Run], folder: Path, progress: Callable[[Iterable[int]], Iterable[int]] = iter
+) -> list[int]:
     """Write the page of a run, with the true fog but without beliefs. After an error, none of its files stays.
 
     Args:
-        run: The run.
+        runs: The run, or two of them, which the page shows side by side.
         folder: New or empty.
         progress: Gets the ticks of the frames and returns them, for example `rich.progress.track`.
 
     Returns:
-        The number of frames.
+        The number of frames of each run.
 
     Raises:
         BadInput: The folder holds files or cannot be written, or plotly is not installed.
     """
-    plotly = plotly_file()
+    plotly_file()  # before long runs are read
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise BadInput(f"{folder}: exists already; name a new or an empty folder")
+    frames, pages = zip(*(_replay(run, progress) for run in runs), strict=True)
+    if len(runs) == 1:
+        _write(folder, pages[0])
+    else:
+        whole = _page("pair.html")
+        for name, page in zip(PAIR, pages, strict=True):
+            whole |= {f"{name}/{file}": content for file, content in page.items()}
+        _write(folder, whole)
+    return list(frames)
+
+
+def _replay(run: Run, progress: Callable[[Iterable[int]], Iterable[int]]) -> tuple[int, dict[str, bytes]]:
+    """Return the number of frames and the files of the page of one run, by name."""
     frames, data = _recorded(run, progress)
-    written: dict[str, bytes] = {
-        "index.html": _index().encode(),
-        "palette.css": palette.css().encode(),
+    return frames, {
+        **_page("index.html"),
         RECORDED: b'globalThis.RECORDED = "%s";\n' % base64.b64encode(gzip.compress(data)),
-        "plotly.min.js": plotly.read_bytes(),
+        "plotly.min.js": plotly_file().read_bytes(),
     }
-    for name in ("page.css", "icon.svg"):
-        written[name] = _static(name).encode()
+
+
+def _page(html: str) -> dict[str, bytes]:
+    """Return the files of a page without what it shows, by name."""
+    files = {"index.html": _index(html), "palette.css": palette.css()}
+    files |= {name: _static(name) for name in ("page.css", "icon.svg")}
+    return {name: text.encode() for name, text in files.items()}
+
+
+def _write(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Write files into a folder and its folders: all of them, or none. The page itself, index.html, comes last."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with ExitStack() as whole:
-            for name, content in written.items():
-                whole.enter_context(replacing(folder / name)).write_bytes(content)
+        with TemporaryDirectory(prefix=".new-", dir=folder) as temporary:
+            part = Path(temporary)
+            for name, content in files.items():
+                (part / name).parent.mkdir(exist_ok=True)
+                (part / name).write_bytes(content)
+            for entry in sorted(part.iterdir(), key=lambda entry: entry.name == "index.html"):
+                entry.rename(folder / entry.name)
     except OSError as error:
         raise BadInput(f"{folder}: cannot be written ({error.strerror}); choose another folder") from None
-    return frames
 
 
 def _static(name: str) -> str:
     return files("monitor.page").joinpath("static", name).read_text(encoding="utf-8")
 
 
-def _index() -> str:
-    """Return index.html with the page's modules in an import map."""
+def _index(html: str) -> str:
+    """Return a page with its modules in an import map."""
     folder = files("monitor.page").joinpath("static")
     modules = {
         entry.name: entry.read_text(encoding="utf-8") for entry in folder.iterdir() if entry.name.endswith(".js")
@@ -110,13 +137,15 @@ def _index() -> str:
     for name, text in sorted(modules.items()):
         named = _IMPORT.sub(r'\1 "fogwatch/\2"', text)
         imports[f"fogwatch/{name}"] = f"data:text/javascript;base64,{base64.b64encode(named.encode()).decode()}"
+    page = _static(html)
+    loads = _SCRIPT.search(page)
+    assert loads is not None
     scripts = (
-        f'<script src="{RECORDED}"></script>\n<script type="importmap">{json.dumps({"imports": imports})}</script>\n'
-        '<script type="module">import "fogwatch/main.js";</script>'
+        f'<script type="importmap">{json.dumps({"imports": imports})}</script>\n'
+        f'<script type="module">import "fogwatch/{loads[1]}";</script>'
     )
-    page = _static("index.html")
-    assert _MAIN in page
-    return page.replace(_MAIN, scripts)
+    recorded = f'<script src="{RECORDED}"></script>\n' if html == "index.html" else ""
+    return page.replace(loads[0], recorded + scripts)
 
 
 def _recorded(run: Run, progress: Callable[[Iterable[int]], Iterable[int]]) -> tuple[int, bytes]:

@@ -1,11 +1,14 @@
-"""The page's server: a few files, and one WebSocket for each viewer."""
+"""The page's server: a few files, and one WebSocket for each viewer.
+
+Two replays side by side are two pages, at `PAIR`, in the frames of a third one (pair.html), which has their clock.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -14,7 +17,7 @@ from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import FileResponse, PlainTextResponse, RedirectResponse, Response
-from starlette.routing import Route, WebSocketRoute
+from starlette.routing import BaseRoute, Mount, Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from monitor.observation.source import Answer
@@ -31,12 +34,17 @@ _MAP_STYLE = "'sha256-ji27qzEtxXZW+7dun6UwjHXJ18e6WAin1VvNtkzIE/o='"
 
 POLICY = (
     f"default-src 'none'; script-src 'self'; style-src 'self' {_EMPTY_STYLE} {_MAP_STYLE}; "
-    "img-src 'self' data:; connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    "img-src 'self' data:; connect-src 'self'; base-uri 'none'; form-action 'none'; "
 )
 """Content security policy: the page may load what this server serves, and nothing else."""
 
+ALONE, FRAMED = "frame-ancestors 'none'", "frame-src 'self'; frame-ancestors 'self'"
+"""The policy's end: no page may show this one in a frame, or only a page of this server."""
+
+PAIR = ("first", "second")
+"""Where the pages of two replays are; pair.html has the same names."""
+
 HEADERS = {
-    "Content-Security-Policy": POLICY,
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
     "Cross-Origin-Opener-Policy": "same-origin",
@@ -67,33 +75,49 @@ class Server:
         app: The ASGI application.
     """
 
-    def __init__(self, hub: Hub, authorisation: Authorisation) -> None:
+    def __init__(self, hubs: Sequence[Hub], authorisation: Authorisation) -> None:
         """Find the static files.
 
         Args:
-            hub: The hub; started and closed by the caller.
+            hubs: One, or two for replays side by side; started and closed by the caller.
             authorisation: The rights to view and to control.
 
         Raises:
             BadInput: plotly is not installed.
         """
-        self._hub = hub
         self._authorisation = authorisation
         self._viewers = {True: 0, False: 0}
         folder = Path(str(files("monitor.page").joinpath("static")))
         self._files = {path.name: path for path in sorted(folder.iterdir()) if path.suffix in _TYPES}
         self._files["plotly.min.js"] = plotly_file()
-        routes = [Route("/", self._index), Route("/{name}", self._file), WebSocketRoute("/live", self._live)]
+        paired = len(hubs) > 1
+        self._headers = {**HEADERS, "Content-Security-Policy": POLICY + (FRAMED if paired else ALONE)}
+        self._first = "pair.html" if paired else "index.html"
+        routes: list[BaseRoute] = [Route("/", self._index), Route("/{name}", self._file)]
+        if paired:
+            routes += [Mount(f"/{name}", routes=self._page(hub)) for name, hub in zip(PAIR, hubs, strict=True)]
+        else:
+            routes += self._page(hubs[0])
         self.app = Starlette(routes=routes)
+
+    def _page(self, hub: Hub) -> list[BaseRoute]:
+        """Return the routes of the page of one hub."""
+
+        async def live(socket: WebSocket) -> None:
+            await self._live(socket, hub)
+
+        return [Route("/{name}", self._file), WebSocketRoute("/live", live)]
 
     async def _index(self, request: Request) -> Response:
         key = request.query_params.get("key")
         if key is None:
-            return self._serve(request, "index.html")
+            return self._serve(request, self._first)
         if not self._authorisation.is_key(key) or not self._authorisation.allows_host(request.headers):
             return _refused("the key is wrong; open the address exactly as printed")
         time = request.query_params.get("t", "")
-        response = RedirectResponse(f"/?t={time}" if _TIME.fullmatch(time) else "/", status_code=303, headers=HEADERS)
+        response = RedirectResponse(
+            f"/?t={time}" if _TIME.fullmatch(time) else "/", status_code=303, headers=self._headers
+        )
         response.set_cookie(self._authorisation.cookie, key, httponly=True, samesite="lax")
         return response
 
@@ -107,13 +131,13 @@ class Server:
         if not (rules.view_without_key or rules.is_key(request.cookies.get(rules.cookie))):
             return _refused("this page needs its token; open the address exactly as printed")
         if (make_file := _MADE.get(name)) is not None:
-            return Response(make_file(), media_type=_TYPES[Path(name).suffix], headers=HEADERS)
+            return Response(make_file(), media_type=_TYPES[Path(name).suffix], headers=self._headers)
         path = self._files.get(name)
         if path is None:
-            return PlainTextResponse("no such file\n", status_code=404, headers=HEADERS)
-        return FileResponse(path, media_type=_TYPES[path.suffix], headers=HEADERS)
+            return PlainTextResponse("no such file\n", status_code=404, headers=self._headers)
+        return FileResponse(path, media_type=_TYPES[path.suffix], headers=self._headers)
 
-    async def _live(self, socket: WebSocket) -> None:
+    async def _live(self, socket: WebSocket, hub: Hub) -> None:
         authorisation = self._authorisation
         may_control = authorisation.is_key(socket.cookies.get(authorisation.cookie))
         ours = authorisation.allows_host(socket.headers) and authorisation.same_origin(socket.headers)
@@ -127,21 +151,21 @@ class Server:
                 await socket.close(FULL)
                 return
             viewer = Viewer(asyncio.get_running_loop())
-            await socket.send_text(static_message(self._hub.static, may_control))
-            await socket.send_bytes(self._hub.terrain)
-            self._hub.add(viewer)
+            await socket.send_text(static_message(hub.static, may_control))
+            await socket.send_bytes(hub.terrain)
+            hub.add(viewer)
             writer = asyncio.create_task(_write(socket, viewer))
             try:
-                await self._read(socket, viewer, may_control)
+                await self._read(socket, hub, viewer, may_control)
             finally:
-                self._hub.remove(viewer)
+                hub.remove(viewer)
                 writer.cancel()
         except (WebSocketDisconnect, RuntimeError):
             pass  # the page was closed
         finally:
             self._viewers[may_control] -= 1
 
-    async def _read(self, socket: WebSocket, viewer: Viewer, may_control: bool) -> None:
+    async def _read(self, socket: WebSocket, hub: Hub, viewer: Viewer, may_control: bool) -> None:
         while True:
             received = await socket.receive()
             if received["type"] == "websocket.disconnect":
@@ -149,25 +173,25 @@ class Server:
             match _parsed(received.get("text")):
                 case {"type": "drawn"}:
                     viewer.drawn = True
-                    self._hub.wake()
+                    hub.wake()
                 case {"type": "show", "layers": list() as numbers}:
-                    self._hub.select(viewer, [number for number in numbers if type(number) is int])
+                    hub.select(viewer, [number for number in numbers if type(number) is int])
                     viewer.drawn = True
-                    self._hub.wake()
+                    hub.wake()
                 case {"type": "control", "id": int() as number, "control": dict() as control}:
-                    answer = await self._answer(control, may_control)
+                    answer = await self._answer(hub, control, may_control)
                     await socket.send_text(answer_message(number, answer))
                 case _:
                     await socket.close(1003)
                     return
 
-    async def _answer(self, control: Mapping[str, Any], may_control: bool) -> Answer:
+    async def _answer(self, hub: Hub, control: Mapping[str, Any], may_control: bool) -> Answer:
         if not may_control:
             return Answer(False, "this page is view-only; to control, open the address exactly as printed")
-        if control.get("do") not in self._hub.static.controls:
+        if control.get("do") not in hub.static.controls:
             return Answer(False, f"{str(control.get('do'))[:40]}: this control is not available here")
         try:
-            return await run_in_threadpool(self._hub.source.control, control)
+            return await run_in_threadpool(hub.source.control, control)
         except BadInput as bad:
             return Answer(False, str(bad))
 
@@ -195,7 +219,9 @@ def _parsed(text: str | None) -> object:
 
 
 def _refused(why: str) -> Response:
-    return PlainTextResponse(f"{why}\n", status_code=403, headers=HEADERS)
+    return PlainTextResponse(
+        f"{why}\n", status_code=403, headers={**HEADERS, "Content-Security-Policy": POLICY + ALONE}
+    )
 
 
 def plotly_file() -> Path:

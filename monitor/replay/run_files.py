@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from patrol.errors import BadInput
@@ -14,6 +15,9 @@ SCENARIO = "scenario.yaml"
 SUMMARY = "summary.json"
 RECORDING = "recording.mcap"
 REPORT = "report.html"
+
+MOST_REPLAYS = 2
+"""Runs that a page shows side by side."""
 
 _MCAP = b"\x89MCAP0\r\n"
 
@@ -32,6 +36,24 @@ def check_out(out: Path, example: str) -> None:
         raise BadInput(f"{out}: is a folder; name a file, such as {out / example}")
     if not out.parent.is_dir():
         raise BadInput(f"{out}: cannot be written (no such folder: {out.parent}); choose another file")
+
+
+def check_runs(folders: Sequence[Path]) -> None:
+    """Check the runs that a page is to show.
+
+    Args:
+        folders: The runs' folders.
+
+    Raises:
+        BadInput: One of them is not the folder of a run, or there are too many.
+    """
+    if len(folders) > MOST_REPLAYS:
+        raise BadInput(
+            f"replay: {len(folders)} runs were named; name one, or two to see them side by side (fogwatch compare "
+            "takes more)"
+        )
+    for folder in folders:
+        journal_in(folder)
 
 
 def journal_in(folder: Path) -> Journal:

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+import fogwatch
 from experiments.paper.printed import paper
 from fogwatch.presets import PRESETS, preset_settings
 from patrol.errors import BadInput
@@ -11,6 +12,7 @@ from patrol.scenario import open_scenario, scenario_hash
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
 
 def test_without_a_preset_nothing_is_set() -> None:
@@ -37,8 +39,19 @@ def test_a_preset_suits_every_terrain(name: str, terrain: str) -> None:
 
 
 def test_an_unknown_preset_is_named_with_those_there_are() -> None:
-    with pytest.raises(BadInput, match="--preset papre: no such preset; choose from paper, letter"):
+    with pytest.raises(BadInput, match=r"^preset papre: no such preset; choose from paper, letter"):
         preset_settings("papre")
+
+
+def test_python_code_gives_a_preset_by_name_too(tmp_path: Path) -> None:
+    settings = {"duration": 1, "robots.count": 1, "robots.model": "holonomic", "sensor.range": 9}
+    run = fogwatch.run("yards", out=tmp_path / "run", preset="letter", overrides=settings, picture=False)
+    assert scenario_hash(run.scenario) == scenario_hash(
+        open_scenario("yards", {**preset_settings("letter"), **settings})
+    )
+    assert run.scenario.sensor.range == 9
+    with pytest.raises(BadInput, match=r"^preset papre: no such preset"):
+        fogwatch.run("yards", preset="papre")
 
 
 def test_other_options_hold_over_the_preset(fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> None:

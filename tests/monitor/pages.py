@@ -14,13 +14,13 @@ PATIENCE_S = 180.0
 
 
 class ServedPage:
-    """Serves a source until close()."""
+    """Serves a source, or two side by side, until close()."""
 
-    def __init__(self, source: Source, key: str = "", host: str = "127.0.0.1") -> None:
+    def __init__(self, *sources: Source, key: str = "", host: str = "127.0.0.1") -> None:
         self._ending = Ending()
         self._addresses: queue.Queue[str] = queue.Queue()
         self._thread = threading.Thread(
-            target=lambda: serve(lambda: source, host, 0, key, self._ending, opened=self._addresses.put)
+            target=lambda: serve(lambda: sources, host, 0, key, self._ending, opened=self._addresses.put)
         )
         self._thread.start()
         self.address = self._addresses.get(timeout=PATIENCE_S)

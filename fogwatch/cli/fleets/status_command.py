@@ -172,5 +172,5 @@ def _open(what: Namespace, silent_s: float, patience_s: float, ending: Ending) -
     if not has_world and not robots and what.scenario is None:
         revoked = ", or these credentials were revoked" if met.revocable else ""
         raise BadInput(f"--fleet {met.keys.fleet}: nothing of this fleet is at {met.router}{revoked}; check both")
-    source = source_opener(what, ending)()
-    return None if source is None else SourceWatch(source, met.router, ending, patience_s)
+    sources = source_opener(what, ending)()
+    return SourceWatch(sources[0], met.router, ending, patience_s) if sources else None

@@ -29,6 +29,7 @@ from patrol.process.exit_codes import INTERRUPTED
 
 REPLAY_EXAMPLES = [
     "fogwatch replay runs/yards-20260101-120000 --browser",
+    "fogwatch replay runs/paper runs/ours",
     "fogwatch replay RUN --static patrol-page",
 ]
 MONITOR_EXAMPLES = [
@@ -52,7 +53,10 @@ BROWSER = typer.Option("--browser/--no-browser", help="Open the page in the defa
 
 
 def replay(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
+    runs: Annotated[
+        list[Path],
+        typer.Argument(metavar="RUN [RUN]", help="Folder of a run; of two, to see them side by side by one clock."),
+    ],
     host: Annotated[str, HOST] = "127.0.0.1",
     port: Annotated[int, PORT] = 0,
     token: Annotated[str, TOKEN] = "",
@@ -65,13 +69,21 @@ def replay(
         ),
     ] = None,
 ) -> int:
-    """Replay a run on a page in the browser, at any speed, forwards or backwards. Ctrl-C ends it."""
+    """Replay a run, or two, on a page in the browser, at any speed, forwards or backwards. Ctrl-C ends it."""
     if static is not None:
         if host != "127.0.0.1" or port or token or browser:
             raise BadInput(f"--static {static}: serves nothing; leave out --host, --page-port, --token and --browser")
-        return _save(run, static, key)
+        return _save(runs, static, key)
     arguments = Namespace(
-        replay=run, key=key, access=None, credentials=None, router=None, fleet=None, scenario=None, radio=None, wait=0.0
+        replay=runs,
+        key=key,
+        access=None,
+        credentials=None,
+        router=None,
+        fleet=None,
+        scenario=None,
+        radio=None,
+        wait=0.0,
     )
     return _page(arguments, host, port, token, browser)
 
@@ -116,9 +128,12 @@ def monitor(
     return _page(arguments, host, port, token, browser)
 
 
-def _save(folder: Path, out: Path, key: Path | None) -> int:
-    """Write the page of a run into a folder."""
-    opened, going = open_folder(folder, key)
+def _save(folders: list[Path], out: Path, key: Path | None) -> int:
+    """Write the page of a run, or of two, into a folder."""
+    from monitor.replay.run_files import check_runs
+
+    check_runs(folders)
+    opened = [open_folder(folder, key) for folder in folders]
     from rich.console import Console
     from rich.progress import TimeRemainingColumn
 
@@ -126,10 +141,12 @@ def _save(folder: Path, out: Path, key: Path | None) -> int:
     from monitor.page.saved import save_page
 
     with bar_on(Console(stderr=True), TimeRemainingColumn()) as bar:
-        frames = save_page(opened, out, lambda ticks: bar.track(ticks, description="frames"))
-    print_state(opened, going)
-    megabytes = sum(file.stat().st_size for file in out.iterdir()) / 1e6
-    typer.echo(printable(f"page: {out / 'index.html'}, {megabytes:.1f} MB, {frames} frames"))
+        frames = save_page([run for run, _ in opened], out, lambda ticks: bar.track(ticks, description="frames"))
+    for run, going in opened:
+        print_state(run, going)
+    megabytes = sum(file.stat().st_size for file in out.rglob("*") if file.is_file()) / 1e6
+    counts = " and ".join(map(str, frames))
+    typer.echo(printable(f"page: {out / 'index.html'}, {megabytes:.1f} MB, {counts} frames"))
     return 0
 
 

@@ -47,14 +47,15 @@ export class Chart {
       gridcolor: colours.grid, zerolinecolor: colours.grid, linecolor: colours.grid, tickfont: { size: 11, color: colours.muted },
       title: { font: { size: 11, color: colours.muted }, standoff: 4 }, fixedrange: true,
     };
-    const end = store.facts.live ? time[time.length - 1] : store.facts.ticks * step;
+    const end = Math.max(store.facts.live ? time[time.length - 1] : store.facts.ticks * step, store.shared.end);
+    const height = store.shared.stalest ? { range: [0, 1.05 * store.oldest] } : { rangemode: "tozero" };
     const layout = {
       margin: { l: 44, r: 10, t: 26, b: 36 }, paper_bgcolor: "transparent", plot_bgcolor: "transparent",
       font: { family: "system-ui, DejaVu Sans, sans-serif", color: colours.ink }, hovermode: "x unified", showlegend: true,
       hoverlabel: { bgcolor: colours.card, bordercolor: colours.grid, font: { color: colours.ink } },
       legend: { orientation: "h", x: 0, y: 1.16, font: { size: 11.5 } },
       xaxis: { ...axis, title: { ...axis.title, text: "time (s)" }, range: [0, Math.max(end, 10)] },
-      yaxis: { ...axis, title: { ...axis.title, text: "fog (s)" }, rangemode: "tozero" },
+      yaxis: { ...axis, title: { ...axis.title, text: "fog (s)" }, ...height },
       shapes: this.#shapes(colours), uirevision: "same",
     };
     const config = { displayModeBar: false, responsive: true };

@@ -3,11 +3,12 @@
 import { AGES, DIFFERENCES, STEPS } from "./colours.js";
 import { Chart } from "./chart.js";
 import { $, write } from "./dom.js";
+import { Framed } from "./framed.js";
 import { isVague, roundUp } from "./fogimage.js";
 import { MapView } from "./map.js";
 import { Panels } from "./panels.js";
 import { RecordedSocket } from "./recorded.js";
-import { Store, clock, seconds } from "./store.js";
+import { Store, clock, seconds, timeOf } from "./store.js";
 import { Transport } from "./transport.js";
 
 const DIFFERENCE = "d";
@@ -19,7 +20,8 @@ const PANELS_MS = 250;
 
 const store = new Store(changed);
 const map = new MapView($("canvas"), store, { hover, redraw, select });
-const transport = new Transport(store, operate);
+const asked = new URLSearchParams(location.search);
+const transport = asked.has("pair") ? new Framed(store, operate, rescale) : new Transport(store, operate);
 const chart = new Chart($("chart"), store, (k) => transport.seek(k));
 const panels = new Panels({ store, map, select, operate });
 
@@ -32,7 +34,7 @@ let unreported = false;
 let panelsTimer = 0, panelsDue = 0;
 let drawn = 0;
 /** The time at which a replay opens, from the page's address (?t=90 or ?t=1:30), s; null without one. */
-let opensAt = timeOf(new URLSearchParams(location.search).get("t"));
+let opensAt = timeOf(asked.get("t"));
 let listed = "";
 
 connect();
@@ -53,7 +55,8 @@ $("help").addEventListener("click", () => $("keys").showModal());
 addEventListener("keydown", onKey);
 
 function connect() {
-  const server = `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live`;
+  const server = new URL("live", location.href);
+  server.protocol = server.protocol === "https:" ? "wss:" : "ws:";
   socket = globalThis.RECORDED ? new RecordedSocket(globalThis.RECORDED) : new WebSocket(server);
   socket.binaryType = "arraybuffer";
   socket.onmessage = ({ data }) => {
@@ -120,6 +123,7 @@ function changed(topic, message) {
       redraw();
       break;
     case "series":
+      if (store.state) transport.update();
       legend();
       chart.renew();
       break;
@@ -137,7 +141,7 @@ function changed(topic, message) {
 function begin() {
   const { facts } = store;
   document.title = `${facts.title} · ${facts.live ? "" : "replay · "}fogwatch`;
-  $("name").textContent = facts.title;
+  $("name").textContent = asked.has("pair") ? facts.name : facts.title;
   $("name").title = facts.name;
   note(facts.note);
   map.reset();
@@ -150,11 +154,6 @@ function begin() {
     transport.seek(Math.round(opensAt / facts.step));
   }
   opensAt = null;
-}
-
-/** A time such as 90, 1:30 or 1:02:03 in s; null for anything else. */
-function timeOf(text) {
-  return /^\d+(:\d+){0,2}(\.\d+)?$/.test(text ?? "") ? text.split(":").reduce((sum, part) => 60 * sum + Number(part), 0) : null;
 }
 
 /** The choice of fogs, and of their errors. */
@@ -220,6 +219,13 @@ function note(text) {
   $("note").hidden = !text;
 }
 
+/** The largest MFoW or the end of the time that scales have room for has changed. */
+function rescale() {
+  legend();
+  chart.renew();
+  redraw();
+}
+
 let shownScale = "";
 /** The scale ends at the largest MFoW of the run, or of the run so far, rounded up. */
 function legend(force = false) {
@@ -227,7 +233,7 @@ function legend(force = false) {
   if (!facts) return;
   caption();
   const { kind } = map.shown;
-  const stalest = Math.max(store.stalest || (state?.time ?? 0), 10);
+  const stalest = Math.max(store.oldest || (state?.time ?? 0), 10);
   const most = roundUp(kind === "difference" ? Math.max(Math.min(stalest / 4, 60), 10) : stalest);
   map.shown.oldest = Math.max(1, Math.round(most / facts.step));
   if (!force && shownScale === `${kind} ${most}`) return;

@@ -1,6 +1,7 @@
-// A run that is part of the page: stands in for the WebSocket of a page's server, and plays as a replay there does
-// (monitor/replay/player.py). What run.js holds: monitor/page/saved.py.
+// A run that is part of the page: stands in for the WebSocket of a page's server. What run.js holds:
+// monitor/page/saved.py.
 
+import { Playback } from "./playback.js";
 import { TRAIL } from "./store.js";
 
 const FRAME_MS = 1000 / 30;
@@ -19,8 +20,7 @@ export class RecordedSocket {
   send(text) {
     const message = JSON.parse(text);
     if (message.type === "control") {
-      this.#advance();
-      this.#obey(message.control);
+      this.playback.obey(message.control);
       this.#post({ type: "answer", id: message.id, done: true, text: "" });
     } else this.ready = true;
   }
@@ -39,10 +39,8 @@ export class RecordedSocket {
       frame.whole = cut(frame.whole);
     }
     const [facts, ...rest] = this.run.once;
-    this.step = facts.step;
-    this.last = facts.ticks - 1;
-    const { pace } = this.run.frames[0].state;
-    Object.assign(this, { place: 0, running: true, pace, asked: performance.now() });
+    const { step, ticks } = facts, { every } = this.run, { pace } = this.run.frames[0].state;
+    this.playback = new Playback({ last: ticks - 1, step, pace, every });
     this.readyState = WebSocket.OPEN;
     this.#post(facts);
     this.onmessage({ data: terrain });
@@ -54,41 +52,10 @@ export class RecordedSocket {
     this.onmessage({ data: JSON.stringify(message) });
   }
 
-  #obey({ do: what, factor, k }) {
-    if (what === "pause") this.running = false;
-    else if (what === "go") {
-      if (this.pace > 0 && this.place >= this.last) this.place = 0;
-      this.running = true;
-    } else if (what === "step") {
-      this.running = false;
-      this.#goTo((this.#frame() + Math.sign(this.pace)) * this.run.every);
-    } else if (what === "pace") this.pace = factor;
-    else if (what === "seek") this.#goTo(k);
-  }
-
-  #goTo(k) {
-    this.place = Math.min(Math.max(k, 0), this.last);
-  }
-
-  /** Advance by the time that has passed. */
-  #advance() {
-    const now = performance.now(), gone = (now - this.asked) / 1000;
-    this.asked = now;
-    if (!this.running) return;
-    this.#goTo(this.place + (gone * this.pace) / this.step);
-    if (this.place === (this.pace > 0 ? this.last : 0)) this.running = false;
-  }
-
-  /** The number of the frame at the present place: the last one that is not later; at the end the last one of all. */
-  #frame() {
-    const { frames, every } = this.run;
-    return this.place >= this.last ? frames.length - 1 : Math.floor(this.place / every);
-  }
-
   /** Send what the page lacks, if it has drawn the frame before. */
   #show() {
-    this.#advance();
-    const number = this.#frame(), { running, pace } = this, { frames, trail, key } = this.run;
+    this.playback.advance();
+    const { frame: number, running, pace, step } = this.playback, { frames, trail, key } = this.run;
     const now = `${number} ${running} ${pace}`;
     if (!this.ready || now === this.sent) return;
     this.ready = false;
@@ -105,6 +72,6 @@ export class RecordedSocket {
     this.#post({ type: "trail", first, rows: trail.rows.slice(first, state.k + 1) });
     if (base !== this.linked && frames[base].links) this.#post(frames[base].links);
     this.linked = base;
-    this.#post({ ...state, running, pace, rate: running ? Math.abs(pace) / this.step : 0 });
+    this.#post({ ...state, running, pace, rate: running ? Math.abs(pace) / step : 0 });
   }
 }

@@ -13,6 +13,8 @@ export class Store {
   /** changed(topic, message): called after each message. */
   constructor(changed) {
     this.changed = changed;
+    /** Of two replays side by side: the largest MFoW and the end of both, s. */
+    this.shared = { stalest: 0, end: 0 };
     this.reset();
   }
 
@@ -127,6 +129,11 @@ export class Store {
     return this.facts.robots.flatMap(({ spare }, place) => (spare && !this.state?.robots[place]?.[0] ? [] : [place]));
   }
 
+  /** The largest MFoW that scales have room for, s. */
+  get oldest() {
+    return Math.max(this.stalest, this.shared.stalest);
+  }
+
   get terrain() {
     return this.layers.get(TERRAIN)?.seen;
   }
@@ -204,6 +211,11 @@ export function stalestAge([, , age, everSeen]) {
 export function seconds(value) {
   if (value === null || value === undefined) return "-";
   return `${value < 10 ? value.toFixed(1) : Math.round(value)} s`;
+}
+
+/** A time such as 90, 1:30 or 1:02:03 in s; null for anything else. */
+export function timeOf(text) {
+  return /^\d+(:\d+){0,2}(\.\d+)?$/.test(text ?? "") ? text.split(":").reduce((sum, part) => 60 * sum + Number(part), 0) : null;
 }
 
 export function clock(value) {

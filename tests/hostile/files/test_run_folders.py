@@ -136,7 +136,7 @@ def test_a_strange_run_folder_gives_one_line(
     from monitor.process import source_opener
     from patrol.process.lifeline import Ending
 
-    one_line(source_opener(Namespace(replay=strange, key=None), Ending()))
+    one_line(source_opener(Namespace(replay=[strange], key=None), Ending()))
 
 
 def test_what_a_strange_scenario_names_is_not_opened(strange: Path, tmp_path: Path) -> None:

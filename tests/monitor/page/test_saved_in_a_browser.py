@@ -26,7 +26,7 @@ def page(faulty: Seen, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("saved") / "page"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(saved, "KEY", 16)
-        assert save_page(faulty.open(), folder) == faulty.open().ticks
+        assert save_page([faulty.open()], folder) == [faulty.open().ticks]
     return folder
 
 
@@ -89,7 +89,7 @@ def test_only_every_nth_tick_of_a_long_run_is_kept(
     monkeypatch.setattr(saved, "MOST_FRAMES", 30)
     run = faulty.open()
     assert run.ticks == 80
-    assert save_page(run, tmp_path) == len(np.unique([*range(0, 80, 3), 79]))
+    assert save_page([run], tmp_path) == [len(np.unique([*range(0, 80, 3), 79]))]
     with Look(chromium, f"{(tmp_path / 'index.html').as_uri()}?t=0") as look:
         look.until("document.body.dataset.frames > 0")
         look.seek(79)

@@ -38,7 +38,7 @@ def open_page(quiet: Seen) -> Iterator[ServedPage]:
 @pytest.fixture(scope="module")
 def closed_page(quiet: Seen) -> Iterator[ServedPage]:
     """One that others could reach: nobody gets anything without the token."""
-    page = ServedPage(Player(quiet.open()), TOKEN, "0.0.0.0")
+    page = ServedPage(Player(quiet.open()), key=TOKEN, host="0.0.0.0")
     yield page
     page.close()
 
