@@ -26,12 +26,12 @@ COMMANDS: Any = get_command(app)
 
 
 def command_lines(path: Path) -> list[str]:
-    """The lines of code that begin with a command of ours, as a shell would join and expand them."""
+    """Return the lines of code that begin with a command of ours, in their order, joined and expanded as by a shell."""
     text = path.read_text(encoding="utf-8").replace("\\\n    ", "")
     variables = dict(re.findall(r"^ {4,}(?:export )?([A-Z]+)=[\"']?([^\"'\n]*)[\"']?$", text, flags=re.MULTILINE))
     lines = re.findall(r"^ {4,}((?:fogwatch|python -m [\w.]+) [^ \n].*)", text, flags=re.MULTILINE)
     expanded = (re.sub(r"\$([A-Z]+)", lambda match: variables[match[1]], line) for line in lines)
-    return sorted({" ".join(re.sub(r"\s#.*", "", line).split()) for line in expanded})
+    return list(dict.fromkeys(" ".join(re.sub(r"\s#.*", "", line).split()) for line in expanded))
 
 
 def check(line: str) -> None:
