@@ -61,3 +61,12 @@ def test_the_conda_package_asks_for_what_all_of_the_project_asks_for() -> None:
     assert RECIPE["package"]["name"] == PROJECT["name"]
     commands = [f"{name} = {function}" for name, function in PROJECT["scripts"].items()]
     assert RECIPE["build"]["python"]["entry_points"] == commands
+
+
+def test_the_paper_cites_what_its_bibliography_has_and_shows_figures_that_exist() -> None:
+    text = (ROOT / "paper" / "paper.md").read_text(encoding="utf-8")
+    entries = re.findall(r"^@\w+\{(\w+),", (ROOT / "paper" / "paper.bib").read_text(encoding="utf-8"), re.MULTILINE)
+    assert set(re.findall(r"\[@(\w+)\]", text)) == set(entries)
+    figures = re.findall(r"\]\((\.\./\S+\.png)\)", text)
+    assert len(figures) == 2
+    assert all((ROOT / "paper" / name).is_file() for name in figures)
