@@ -43,11 +43,8 @@ def __getattr__(name: str) -> Any:
         import warnings
 
         new = _RENAMED[name]
-        warnings.warn(
-            f"fogwatch.{name} is now fogwatch.{new}; the old name goes with fogwatch 2",
-            DeprecationWarning,
-            stacklevel=2,
-        )
+        message = f"fogwatch.{name} is now fogwatch.{new}; the old name goes with fogwatch 2"
+        warnings.warn(message, DeprecationWarning, stacklevel=2)
         name = new
     if name in _HOMES:
         from importlib import import_module
