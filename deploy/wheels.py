@@ -4,8 +4,9 @@
     make wheels                         # into dist/, with the Python of .venv
     make wheels PYTHON=python3.13       # after `make clean`, for another Python
 
-pip takes the second where it fits; with the versions of numba, llvmlite and numpy that are locked here, nothing is
-compiled then (`patrol/kernel_cache.py`). With other versions, and on other machines, the first start compiles.
+pip takes the second where it fits. With the versions of numba, llvmlite and numpy that are locked here, nothing is
+compiled then (`patrol/kernel_cache.py`); with others, and on other machines, the first start compiles. It also holds
+the tours of the built-in terrains for the default body (`patrol/measures/best_tour.py`).
 """
 
 from __future__ import annotations
@@ -25,15 +26,21 @@ from patrol.kernel_cache import SHIPPED, SHIPPED_FOR
 ROOT = Path(__file__).resolve().parents[1]
 TAG = "cp{0}{1}-cp{0}{1}{2}-manylinux_2_28_x86_64"
 """The oldest C library for which numba has wheels: compiled kernels need nothing newer."""
-COMPILE = """
+MAKE = """
 from patrol.process.starting.seldom import SELDOM
 from patrol.process.starting.warmup import warm
 warm(("patrol", "agent", "worldsim", "monitor"), print, SELDOM)
+
+from patrol.measures.best_tour import round_of
+from patrol.prepare import prepare
+from patrol.scenario import BUILTINS, open_scenario
+for name in BUILTINS:
+    round_of(prepare(open_scenario(name, {})), 1)
 """
 
 
 class CompiledWheel(WheelBuilder):
-    """A wheel with entries of the kernel cache.
+    """A wheel with entries of the caches of kernels and tours.
 
     Attributes:
         entries: Their folder.
@@ -48,8 +55,8 @@ class CompiledWheel(WheelBuilder):
         return {**super().get_default_build_data(), "pure_python": False, "tag": tag, "force_include": included}
 
 
-def compile_kernels(folder: Path) -> Path:
-    """Compile all kernels for the processor of wheels.
+def make_entries(folder: Path) -> Path:
+    """Compile all kernels for the processor of wheels, and find the tours.
 
     Args:
         folder: An empty one.
@@ -58,9 +65,10 @@ def compile_kernels(folder: Path) -> Path:
         The folder of the entries.
     """
     kept = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
-    asked = {"NUMBA_CPU_NAME": SHIPPED_FOR, "NUMBA_CPU_FEATURES": "", "NUMBA_CACHE_DIR": str(folder)}
-    environment = {**kept, **asked, "PYTHONPATH": str(ROOT)}
-    subprocess.run([sys.executable, "-P", "-c", COMPILE], cwd=folder, env=environment, check=True)
+    asked = {"NUMBA_CPU_NAME": SHIPPED_FOR, "NUMBA_CPU_FEATURES": ""}
+    caches = {"NUMBA_CACHE_DIR": str(folder), "XDG_CACHE_HOME": str(folder)}
+    environment = {**kept, **asked, **caches, "PYTHONPATH": str(ROOT)}
+    subprocess.run([sys.executable, "-P", "-c", MAKE], cwd=folder, env=environment, check=True)
     entries = folder / "entries"
     shutil.copytree(folder / "fogwatch", entries, ignore=shutil.ignore_patterns("lock"))
     return entries
@@ -76,7 +84,7 @@ def main(out: Path) -> None:
     with tempfile.TemporaryDirectory() as folder:
         if os.uname().machine == "x86_64":
             compiled = CompiledWheel(str(ROOT))
-            compiled.entries = compile_kernels(Path(folder))
+            compiled.entries = make_entries(Path(folder))
             builders.append(compiled)
         for builder in builders:
             print(*builder.build(directory=str(out), versions=["standard"]))
