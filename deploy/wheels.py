@@ -91,4 +91,4 @@ def main(out: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(ROOT / "dist")
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "dist")
