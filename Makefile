@@ -142,6 +142,10 @@ $(VENV)/.documented: requirements-docs.lock | $(VENV)/.developed
 	$(LOCKED) -r requirements-docs.lock
 	@touch $@
 
+.PHONY: wheels
+wheels: install ## build the wheels of a release into dist/: for all machines, and with compiled kernels for this one
+	PYTHONPATH=. $(BIN)/python -P deploy/wheels.py
+
 .PHONY: lint
 lint: develop ## check style, types and layers only
 	$(BIN)/ruff check .

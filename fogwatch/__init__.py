@@ -34,7 +34,7 @@ _HOMES = {
 """The modules of the public names, imported on first use, so that child processes and short commands start quickly."""
 
 _RENAMED = {"Result": "Run"}
-"""Names of version 0.3 that go with a later one."""
+"""Deprecated names and their successors: they warn, and go with version 2."""
 
 
 def __getattr__(name: str) -> Any:
@@ -43,7 +43,8 @@ def __getattr__(name: str) -> Any:
         import warnings
 
         new = _RENAMED[name]
-        warnings.warn(f"fogwatch.{name} is now fogwatch.{new}", DeprecationWarning, stacklevel=2)
+        message = f"fogwatch.{name} is now fogwatch.{new}; the old name goes with fogwatch 2"
+        warnings.warn(message, DeprecationWarning, stacklevel=2)
         name = new
     if name in _HOMES:
         from importlib import import_module

@@ -6,6 +6,9 @@ Theory of operation
     llvmlite and numpy, the processor, and numba's settings. So an entry is never outdated: a changed source gets a new
     path, and the old entry is no longer read.
 
+    Wheels for x86-64 hold entries for the processor `SHIPPED_FOR` (deploy/wheels.py), in the folder `SHIPPED`. They are
+    used on every processor that runs such code, with the same versions; otherwise the user's cache is.
+
     An entry is made in a folder of its own, under a lock, and moved to its path when it is complete. It is not changed
     afterwards, so it can be read without a lock. Files that do not match their digests are deleted and made again.
 
@@ -34,11 +37,21 @@ from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from importlib.metadata import version
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
+from typing import Any
 
 from patrol.errors import BadInput
 
-WITHOUT_EFFECT = ("NUMBA_CACHE_DIR", "NUMBA_DEBUG_CACHE", "NUMBA_NUM_THREADS")
-"""Settings of numba that do not change the code that it makes."""
+NO_SETTINGS = ("NUMBA_CACHE_DIR", "NUMBA_DEBUG_CACHE", "NUMBA_NUM_THREADS", "NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES")
+"""Variables of numba that do not change the code that it makes, and those that name the processor."""
+SHIPPED = Path(__file__).with_name("compiled")
+"""The folder of the entries that come with a wheel; a checkout has none."""
+SHIPPED_FOR = "x86-64-v3"
+"""The processor that they are compiled for, by LLVM's name."""
+_INSTRUCTIONS = (
+    *("cx16", "popcnt", "sahf", "sse3", "ssse3", "sse4.1", "sse4.2"),
+    *("avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe", "xsave"),
+)
+"""What such a processor has beyond the first x86-64, as LLVM names it."""
 UNUSED_S = 90 * 24 * 3600.0
 """Entries that no process has loaded for this long are deleted when another one of the same module is made."""
 _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
@@ -90,8 +103,10 @@ def is_stored(name: str, source: Path) -> bool:
     Raises:
         BadInput: There is no folder for the cache.
     """
+    text = source.read_bytes()
     try:
-        return (_entry(name, source.read_bytes()) / _LIST).is_file()
+        shipped = _shipped_entry(name, text)
+        return (shipped is not None and (shipped / _LIST).is_file()) or (_entry(name, text) / _LIST).is_file()
     except OSError:  # such as a folder that this user may not read
         return False
 
@@ -195,6 +210,10 @@ class _KernelLoader(SourceFileLoader):
     def exec_module(self, module: ModuleType) -> None:
         """Execute the module; compile it first where its entry is missing or damaged."""
         self._source = Path(self.path).read_bytes()
+        shipped = _shipped_entry(self.name, self._source)
+        if shipped is not None and _is_intact(shipped):
+            self._execute(module, shipped)
+            return
         entry = _entry(self.name, self._source)
         if not _is_intact(entry):
             with storing():
@@ -262,14 +281,23 @@ class _KernelLocator:
 
 @cache
 def _register_locator() -> None:
-    """Have numba ask `_KernelLocator` first, and import scipy only for kernels that call BLAS, which none of ours does.
+    """Have numba ask `_KernelLocator` first, leave the processor to the entry's path, and import scipy only for BLAS.
 
-    numba looks for BLAS when it is imported, too, which takes a fifth of a second in every process where scipy is.
+    numba looks for BLAS when it is imported, which takes a fifth of a second in every process where scipy is. It still
+    does when a kernel calls BLAS; none of ours does.
     """
-    from numba.core.caching import CacheImpl
+    from numba.core.caching import Cache, CacheImpl
     from numba.np import linalg
 
     CacheImpl._locator_classes.insert(0, _KernelLocator)
+    numbas: Any = Cache
+    key_of = numbas._index_key
+
+    def index_key(cached: Any, signature: object, codegen: object) -> object:
+        is_ours = isinstance(cached._impl.locator, _KernelLocator)
+        return key_of(cached, signature, _AnyProcessor if is_ours else codegen)
+
+    numbas._index_key = index_key
     ensure_blas, linalg.ensure_blas = linalg.ensure_blas, lambda: None
     try:
         import numba.np.arraymath  # noqa: F401
@@ -277,24 +305,65 @@ def _register_locator() -> None:
         linalg.ensure_blas = ensure_blas
 
 
+class _AnyProcessor:
+    """Stands in for the code generator, which numba asks for its processor."""
+
+    @staticmethod
+    def magic_tuple() -> tuple[()]:
+        """Return no facts."""
+        return ()
+
+
 def _entry(name: str, source: bytes) -> Path:
-    """Return the folder of a module's entry, whether it is there or not."""
-    facts = (name, hashlib.sha256(source).hexdigest(), _platform(), _settings())
-    return cache_home() / name / hashlib.sha256(repr(facts).encode()).hexdigest()[:32]
+    """Return the folder of a module's entry in the user's cache, whether it is there or not."""
+    return cache_home() / _place(name, source, _processor())
+
+
+def _shipped_entry(name: str, source: bytes) -> Path | None:
+    """Return the folder of a module's entry in the wheel; None where there is none, or not for this processor."""
+    if not SHIPPED.is_dir() or not runs_shipped():
+        return None
+    return SHIPPED / _place(name, source, ("x86_64", SHIPPED_FOR, ""))
+
+
+def _place(name: str, source: bytes, processor: tuple[str, str, str]) -> Path:
+    facts = (name, hashlib.sha256(source).hexdigest(), _versions(), processor, _settings())
+    return Path(name, hashlib.sha256(repr(facts).encode()).hexdigest()[:32])
 
 
 @cache
-def _platform() -> tuple[str, ...]:
+def _versions() -> tuple[str, ...]:
+    numpy = ".".join(version("numpy").split(".")[:2])  # numba's code goes by these two
+    python = str(sys.implementation.cache_tag), getattr(sys, "abiflags", "")
+    return (*python, version("numba"), version("llvmlite"), numpy)
+
+
+@cache
+def _processor() -> tuple[str, str, str]:
+    """Return the machine, the processor and its features that numba compiles for."""
     from llvmlite.binding import get_host_cpu_features, get_host_cpu_name  # type: ignore[import-untyped]
 
-    versions = [version(package) for package in ("numba", "llvmlite", "numpy")]
-    cpu = platform.machine(), get_host_cpu_name(), get_host_cpu_features().flatten()
-    return (str(sys.implementation.cache_tag), getattr(sys, "abiflags", ""), *versions, *cpu)
+    name, features = os.environ.get("NUMBA_CPU_NAME"), os.environ.get("NUMBA_CPU_FEATURES")
+    return (
+        platform.machine(),
+        get_host_cpu_name() if name is None else name,
+        get_host_cpu_features().flatten() if features is None else features,
+    )
+
+
+@cache
+def runs_shipped() -> bool:
+    """Return True if this processor runs code for `SHIPPED_FOR`, and numba was asked for no other."""
+    from llvmlite.binding import get_host_cpu_features
+
+    features = get_host_cpu_features()
+    asked = "NUMBA_CPU_NAME" in os.environ or "NUMBA_CPU_FEATURES" in os.environ
+    return platform.machine() == "x86_64" and not asked and all(features.get(name) for name in _INSTRUCTIONS)
 
 
 def _settings() -> tuple[object, ...]:
     """Return numba's settings: variables of the environment, and a file in the current folder."""
-    variables = [item for item in os.environ.items() if item[0].startswith("NUMBA_") and item[0] not in WITHOUT_EFFECT]
+    variables = [item for item in os.environ.items() if item[0].startswith("NUMBA_") and item[0] not in NO_SETTINGS]
     try:
         file = Path(".numba_config.yaml").read_bytes()
     except OSError:

@@ -1,7 +1,7 @@
 """The best tour found: how small a fleet that knew everything could keep the MFoW, as a yardstick for patrols.
 
 A tour is computed once for each ground, body and sensor, and kept in the user's cache folder; a file there that is
-missing or damaged is made again.
+missing or damaged is made again. Wheels for x86-64 hold those of the built-in terrains (deploy/wheels.py).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 
 from patrol.ground.tour.round import Round, lay_out
 from patrol.ground.tour.tour import Tour
-from patrol.kernel_cache import user_cache
+from patrol.kernel_cache import SHIPPED, user_cache
 from patrol.measures.own_ground import OwnGround, own_grounds
 from patrol.prepare import sensor_footprint
 from patrol.scenario.sections import BUILT_IN_SENSORS
@@ -267,7 +267,7 @@ def _tour(
     """Find a tour: known to this process, in the cache, or by a search."""
     digest = _digest(terrain, own.reach, ground, footprint, identity)
     if digest not in _known:
-        file = _cache() / f"{digest}.json"
+        file = _file(f"{digest}.json")
         try:
             tour = _read(file, terrain, own)
         except (OSError, ValueError, LookupError, TypeError):
@@ -304,8 +304,10 @@ def _keep(file: Path, tour: Tour | None) -> None:
         part.replace(file)
 
 
-def _cache() -> Path:
-    return user_cache("tours") or Path(os.devnull)
+def _file(name: str) -> Path:
+    """Return the file of a tour: the wheel's, or else that in the user's cache, which may not be there."""
+    shipped = SHIPPED / "tours" / name
+    return shipped if shipped.is_file() else (user_cache("tours") or Path(os.devnull)) / name
 
 
 def _identity(sensor: SensorSpec) -> tuple[str, ...] | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import resource
 import subprocess
 import sys
@@ -13,6 +14,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+
+from patrol.kernel_cache import runs_shipped
 
 pytestmark = [pytest.mark.accept, pytest.mark.timeout(3600)]
 
@@ -120,6 +123,26 @@ def test_who_misses_an_extra_is_told_which(installed: Installed, folder: Path) -
         (line,) = done.stderr.splitlines()
         assert line.endswith(f"install it with: pip install 'fogwatch[{extra}]'"), (asked, line)
     assert not (folder / "one.mcap").exists()
+
+
+@pytest.mark.skipif(not runs_shipped(), reason="this processor does not run what the wheel for x86-64 holds")
+def test_the_wheel_for_x86_64_runs_a_fleet_without_git_and_make_and_compiles_nothing(folder: Path) -> None:
+    made = run(
+        "env", f"PYTHONPATH={ROOT}", sys.executable, "-P", ROOT / "deploy/wheels.py", folder / "dist", folder=folder
+    )
+    assert made.returncode == 0, made.stderr
+    (wheel,) = (folder / "dist").glob("*x86_64.whl")
+    venv.create(folder / "all", with_pip=True)
+    locked = (ROOT / "requirements-run.lock").read_text(encoding="utf-8")
+    versions = re.sub(r" \\\n +--hash=\S+", "", locked)
+    (folder / "locked.txt").write_text(versions, encoding="utf-8")
+    done = run(folder / "all/bin/pip", "install", "-c", "locked.txt", f"{wheel}[sim,monitor]", folder=folder)
+    assert done.returncode == 0, done.stderr
+    only = ("env", "-i", f"HOME={folder}/home", f"PATH={folder}/all/bin", folder / "all/bin/fogwatch")
+    done = run(*only, "run", "site", "--robots", "2", "--duration", "5", "--out", "first", folder=folder)
+    assert done.returncode == 0, done.stderr
+    assert (folder / "first" / "report.html").is_file()
+    assert not [*(folder / "home").rglob("*.nbc")], "kernels were compiled"
 
 
 @pytest.mark.parametrize("machine", ["aarch64", "x86_64"])

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import re
+from argparse import Namespace
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +16,31 @@ from patrol.scenario import load_scenario
 from tests.deploy.command_lines import DEPLOY, options_in
 
 ROOT = DEPLOY.parent
+CONTAINERFILE = (DEPLOY / "Containerfile").read_text(encoding="utf-8").replace("\\\n", " ")
 COMPOSE: dict[str, Any] = yaml.safe_load((DEPLOY / "compose.yaml").read_text(encoding="utf-8"))
 SERVICES: dict[str, dict[str, Any]] = COMPOSE["services"]
 ROBOTS = ("r1", "r2", "r3")
+ROLES = {"router": "fogwatch.router", "world": "worldsim", "agent": "agent", "page": "monitor"}
+
+
+def stage(role: str) -> dict[str, list[str]]:
+    """What a role's image starts, by instruction."""
+    (text,) = re.findall(rf"^FROM base AS {role}\n((?:[A-Z].*\n)*)", CONTAINERFILE, re.MULTILINE)
+    return {word: json.loads(rest) for word, rest in (line.split(" ", 1) for line in text.splitlines())}
+
+
+def started(role: str, command: list[str] | None = None) -> tuple[str, Namespace]:
+    """The module that a role's image starts and its options, by default or with a service's command."""
+    python, *words = stage(role)["ENTRYPOINT"]
+    assert (python, words[0]) == ("/opt/fogwatch/venv/bin/python", "-P")
+    return options_in([*words[1:], *(command or stage(role)["CMD"])])
+
+
+def options_of(service: str) -> Namespace:
+    """The options of a service's process."""
+    module, options = started(SERVICES[service]["build"]["target"], SERVICES[service].get("command"))
+    assert module == ROLES[SERVICES[service]["build"]["target"]]
+    return options
 
 
 def mounts(service: str) -> dict[str, str]:
@@ -24,24 +48,32 @@ def mounts(service: str) -> dict[str, str]:
     return {where.split(":")[1]: where.split(":")[0] for where in SERVICES[service]["volumes"]}
 
 
+@pytest.mark.parametrize("role", ROLES)
+def test_the_image_of_a_role_starts_its_process_with_the_credentials_that_are_mounted(role: str) -> None:
+    module, options = started(role)
+    assert module == ROLES[role]
+    assert (options.fleet if role == "router" else options.credentials) == Path("/fleet")
+
+
+def test_one_image_has_all_commands() -> None:
+    assert [*stage("fogwatch")["ENTRYPOINT"], *stage("fogwatch")["CMD"]][-3:] == ["-m", "fogwatch", "--help"]
+
+
 def test_there_is_a_service_for_each_process_of_a_fleet() -> None:
-    started = {name: options_in(["-m", *service["command"]])[0] for name, service in SERVICES.items()}
-    assert started == {
-        "router": "fogwatch.router",
-        "world": "worldsim",
-        "monitor": "monitor",
-        **dict.fromkeys(ROBOTS, "agent"),
-    }
+    roles = {name: service["build"]["target"] for name, service in SERVICES.items()}
+    assert roles == {"router": "router", "world": "world", "page": "page", **dict.fromkeys(ROBOTS, "agent")}
 
 
 @pytest.mark.parametrize("name", SERVICES)
 def test_a_service_has_its_own_credentials_and_no_other_s(name: str) -> None:
-    module, options = options_in(["-m", *SERVICES[name]["command"]])
-    folder = Path(str(options.fleet if module == "fogwatch.router" else options.credentials))
+    options = options_of(name)
+    folder = options.fleet if name == "router" else options.credentials
     assert [where for where in mounts(name) if where.startswith("/fleet")] == [str(folder)]
-    assert mounts(name)[str(folder)] == f"./fleet/{folder.name}"
+    member = Path(mounts(name)[str(folder)])
+    assert member.parent == Path("fleet")
+    assert member.name == {"page": "viewer"}.get(name, name)
     if name != "router":
-        assert member_role(folder.name).name == {"monitor": "viewer"}.get(name, name)
+        assert member_role(member.name).name == member.name
 
 
 @pytest.mark.parametrize("name", SERVICES)
@@ -57,15 +89,14 @@ def test_a_service_can_do_no_more_than_it_must(name: str) -> None:
 
 def test_all_run_the_same_scenario_which_names_the_robots() -> None:
     for name in ("world", *ROBOTS):
-        _, options = options_in(["-m", *SERVICES[name]["command"]])
-        assert mounts(name)[str(options.scenario)] == "./scenario.yaml"
+        assert mounts(name)[str(options_of(name).scenario)] == "./scenario.yaml"
     scenario = load_scenario(DEPLOY / "scenario.yaml")
     assert tuple(spec.name for spec in scenario.roster) == ROBOTS
     assert scenario.factor is not None, "a container may be cut off, and lockstep would wait for it"
 
 
 def test_the_container_file_copies_what_exists_and_runs_as_nobody_in_particular() -> None:
-    lines = (DEPLOY / "Containerfile").read_text(encoding="utf-8").replace("\\\n", " ").splitlines()
+    lines = CONTAINERFILE.splitlines()
     copied = [
         word for line in lines if line.startswith("COPY ") and "--from" not in line for word in line.split()[1:-1]
     ]
@@ -73,7 +104,7 @@ def test_the_container_file_copies_what_exists_and_runs_as_nobody_in_particular(
         copied
     )
     assert not [name for name in copied if not (ROOT / name).exists()]
-    assert sum(line.startswith("FROM ") for line in lines) == 2
+    assert len({line.split()[1] for line in lines if line.startswith("FROM ")} - {"base"}) == 1
     users = [line.split()[1] for line in lines if line.startswith("USER ")]
     assert users == ["10001"]
     (locked,) = [line for line in lines if "--requirement requirements-run.lock" in line]
@@ -81,5 +112,3 @@ def test_the_container_file_copies_what_exists_and_runs_as_nobody_in_particular(
     installed = [line for line in lines if "pip install" in line]
     assert len(installed) == 2
     assert all("--no-deps" in line for line in installed), "nothing comes that the lock does not name"
-    started = re.findall(r"ENTRYPOINT \[(.*)\]", "\n".join(lines))
-    assert started == ['"/opt/fogwatch/venv/bin/python", "-P", "-m"']

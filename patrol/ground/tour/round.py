@@ -137,8 +137,11 @@ def _stops(
     owner = np.full(terrain.shape, -1, dtype=np.int64)
     nearest = np.full(terrain.shape, np.iinfo(np.int64).max, dtype=np.int64)
     is_sure = np.zeros(terrain.shape, dtype=np.bool_)
-    for number in np.unique(due[due >= 0]).tolist():
-        if not ((due == number) & (owner < 0)).any():
+    points = np.flatnonzero(due >= 0)
+    points = points[np.argsort(due.flat[points], kind="stable")]
+    numbers, begins = np.unique(due.flat[points], return_index=True)
+    for number, due_there in zip(numbers.tolist(), np.split(points, begins[1:]), strict=True):
+        if (owner.flat[due_there] >= 0).all():
             continue
         rows, cols, seen = looks.window(int(places[number]), 1)
         row, col = divmod(int(places[number]), terrain.width)

@@ -160,7 +160,8 @@ def test_the_old_name_of_the_class_goes_with_a_warning() -> None:
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         assert fogwatch.Result is fogwatch.Run
-    assert [str(one.message) for one in told] == ["fogwatch.Result is now fogwatch.Run"]
+    (one,) = told
+    assert str(one.message) == "fogwatch.Result is now fogwatch.Run; the old name goes with fogwatch 2"
 
 
 class Eastwards:

@@ -143,6 +143,19 @@ def test_a_tour_is_found_once_and_read_afterwards(cache: Path, monkeypatch: pyte
     assert best_tour(prepared()) == tour
 
 
+def test_the_tour_of_a_wheel_is_taken_and_nothing_is_stored(
+    cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tour = best_tour(prepared())
+    (tmp_path / "wheel").mkdir()
+    cache.rename(tmp_path / "wheel" / "tours")
+    monkeypatch.setattr(module, "SHIPPED", tmp_path / "wheel")
+    monkeypatch.setattr(module, "_known", {})
+    monkeypatch.setattr(patrol.ground.tour.search, "find_tour", None)
+    assert best_tour(prepared()) == tour
+    assert not cache.exists()
+
+
 @pytest.mark.parametrize(
     "text",
     [

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from patrol.errors import BadInput
-from patrol.kernel_cache import cache_home, is_stored, make_folder
+from patrol.kernel_cache import SHIPPED_FOR, cache_home, is_stored, make_folder, runs_shipped
 from patrol.process.starting.compiling import Compiled
 from patrol.process.starting.seldom import SELDOM, seldom_kernels
 from patrol.process.starting.warmup import COMPILING, WAITING, kernel_files, progress_line, warm
@@ -166,6 +166,30 @@ def test_a_changed_source_and_other_settings_have_entries_of_their_own(toy: Path
     source.write_text(KERNEL, encoding="utf-8")
     assert said(start()) == []
     assert said(start(NUMBA_BOUNDSCHECK="1")) == []
+
+
+SHIPPED = """
+from pathlib import Path
+import patrol.kernel_cache as kernel_cache
+kernel_cache.SHIPPED = Path({folder!r})
+"""
+FOR_WHEELS = {"NUMBA_CPU_NAME": SHIPPED_FOR, "NUMBA_CPU_FEATURES": ""}
+
+
+@pytest.mark.processes
+@pytest.mark.skipif(not runs_shipped(), reason="this processor does not run what wheels for x86-64 hold")
+def test_what_a_wheel_holds_is_loaded_and_nothing_is_stored(toy: Path) -> None:
+    assert said(start(IMPORT, **FOR_WHEELS)) == COMPILED
+    (toy / "cache" / "fogwatch").rename(toy / "shipped")
+    warm_up, load = (SHIPPED.format(folder=str(toy / "shipped")) + code for code in (WARM, IMPORT))
+    (toy / "cache").rmdir()
+    (toy / "cache").touch()  # so that nothing could be stored
+    assert said(start(warm_up)) == []
+    assert said(start(load)) == LOADED
+    (toy / "cache").unlink()
+    (data,) = (toy / "shipped").rglob("*.nbc")
+    data.write_bytes(data.read_bytes()[:-1])
+    assert said(start(load)) == COMPILED
 
 
 FILES_OF_AN_ENTRY = 3

@@ -1,0 +1,30 @@
+"""What the shell offers for a command line that is not finished."""
+
+from __future__ import annotations
+
+import pytest
+from typer.testing import CliRunner
+
+from fogwatch.cli.app import app
+
+
+@pytest.mark.parametrize(
+    ("words", "offered"),
+    [
+        ("fogwatch re", {"record", "recording", "replay", "report"}),
+        ("fogwatch run --se", {"--seed", "--set"}),
+        ("fogwatch map ch", {"check"}),
+    ],
+)
+def test_commands_and_options_are_completed(words: str, offered: set[str]) -> None:
+    asked = {"_FOGWATCH_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
+    answer = CliRunner().invoke(app, [], env=asked, prog_name="fogwatch")
+    assert answer.exit_code == 0, answer.output
+    assert set(answer.output.split()) == offered
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_there_is_a_script_for_each_shell(shell: str) -> None:
+    answer = CliRunner().invoke(app, [], env={"_FOGWATCH_COMPLETE": f"source_{shell}"}, prog_name="fogwatch")
+    assert answer.exit_code == 0, answer.output
+    assert f"_FOGWATCH_COMPLETE=complete_{shell}" in answer.output
