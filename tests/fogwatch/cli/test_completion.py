@@ -11,7 +11,7 @@ from fogwatch.cli.app import app
 @pytest.mark.parametrize(
     ("words", "offered"),
     [
-        ("fogwatch re", {"record", "recording", "replay", "report"}),
+        ("fogwatch re", {"record", "recording", "replay", "report", "reproduce"}),
         ("fogwatch run --se", {"--seed", "--set"}),
         ("fogwatch map ch", {"check"}),
     ],

@@ -21,7 +21,7 @@ from fogwatch.cli.experiments.reproduce import site_figures
 DOCS = Path(__file__).parents[4] / "docs"
 PICTURE = re.compile(r"(?:!\[[^\]]*\]\(|\bsrc=\"|\bsrcset=\")([^)\"\s]+\.(?:png|svg|webp|gif))")
 
-MADE_BY = re.compile(r"Made by `([^`]*)`")
+MADE_BY = re.compile(r"Made by `([^`]*)`|^    (fogwatch [^#\n]*?) *(?:#.*)?$", re.MULTILINE)
 AS_MEASURED = " --set patrol.random_move_for=holonomic"
 """What a page of faults says must be added today."""
 
@@ -48,7 +48,8 @@ def test_every_picture_of_the_documentation_has_its_command() -> None:
 
 
 def test_the_commands_are_those_that_the_pages_name() -> None:
-    recorded = {line for page in DOCS.rglob("*.md") for line in MADE_BY.findall(page.read_text(encoding="utf-8"))}
+    pages = [page.read_text(encoding="utf-8") for page in DOCS.rglob("*.md")]
+    recorded = {line for page in pages for made_by in MADE_BY.findall(page) for line in made_by}
     for figure in site_figures():
         program, *words = shlex.split(figure.command)
         if program == "python":
