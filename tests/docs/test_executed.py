@@ -37,7 +37,7 @@ NOT_EXECUTED = {
     "fogwatch status --credentials": MEMBERS,
     "fogwatch status --router": MEMBERS,
     "fogwatch benchmark --preset": "needs the map of cumberland, which is not ours",
-    "fogwatch reproduce rules": "goes on as another program; tests/fogwatch/cli/experiments/test_reproduce.py starts it",
+    "fogwatch reproduce rules": "becomes another program; tests/fogwatch/cli/experiments/test_reproduce.py starts it",
     "fogwatch paper all": "runs all cells of seven tables",
     "fogwatch paper calibrate": "runs cells of all tables",
 }
@@ -59,6 +59,7 @@ SHORTER = {
     "fogwatch plan .* --robots": "--robots 1-2 --point 0.25 --duration 60",
     "fogwatch plan": "--point 0.25 --duration 60",
     r"fogwatch replay \S+$": "--static page",
+    r"fogwatch replay \S+ runs/OTHER$": "--static pair",
     "fogwatch benchmark .* plan.yaml": f"{SHORT_TABLE} --policies committed",
     "fogwatch benchmark --quick": f"{SHORT_TABLE} --policies committed,even-tour --terrains open",
     "fogwatch benchmark": f"{SHORT_TABLE} --terrains open --conditions loss-90 --teams 3",
