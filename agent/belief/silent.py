@@ -1,8 +1,8 @@
-"""Where a robot takes those that it no longer hears to stand in its way.
+"""Obstacles at the last poses of robots that are no longer heard.
 
-A robot that has died is still in the way, unless somebody carries it off; others have no sensor for it. So a robot that
-was not heard for a while is an obstacle where it was heard last, and for a limited time: then the place counts as free
-until this robot bumps there, as a body that still stands there makes it do.
+The body of a robot that has died stays where it is until it is removed, and others have no sensor for it. So a robot
+that was not heard for a while is an obstacle where it was heard last, for a limited time. Then the place counts as free
+until this robot bumps there.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from patrol.radio.inbox import Peers
 
 
 class Silent:
-    """The silent robots that one robot takes to be in its way."""
+    """The obstacles that one robot makes of robots that it no longer hears."""
 
     def __init__(self, radii: Mapping[int, float], margin: float, near: float, patience: int, memory: int) -> None:
-        """Begin with nobody bumped into.
+        """Begin without a bump.
 
         Args:
             radii: Radius in m of each robot, by number.

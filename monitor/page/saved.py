@@ -108,7 +108,7 @@ def _page(html: str) -> dict[str, bytes]:
 
 
 def _write(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write files into a folder and its folders: all of them, or none. The page itself, index.html, comes last."""
+    """Write files into a folder and its folders, each as a whole; the page itself, index.html, comes last."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with TemporaryDirectory(prefix=".new-", dir=folder) as temporary:
