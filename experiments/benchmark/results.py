@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import groupby
 
 from experiments.benchmark.matrix import BenchmarkCell, Matrix, robots_text
-from experiments.sweeps.casetable import CaseRow, case_rows
+from experiments.sweeps.caserows import CaseRow, case_rows
 from experiments.sweeps.game_log import game_metric
 from experiments.sweeps.plan import Run
 from experiments.sweeps.results import RunResult

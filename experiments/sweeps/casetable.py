@@ -5,15 +5,14 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from experiments.sweeps.caserows import CaseRow, case_rows
 from experiments.sweeps.paired import paired_lines, paired_tests
 from experiments.sweeps.runner import SweepOutcome
 from experiments.sweeps.runtable import case_labels, csv_value, run_rows, table_lines
-from experiments.sweeps.stats import Estimate, estimate
 from experiments.sweeps.worker import software
 from patrol.errors import BadInput
 from patrol.files.whole_file import write_whole
@@ -26,69 +25,6 @@ SHOWN = {
     "collisions": "collisions",
 }
 """Metrics that terminals, notebooks and figures show, and their titles; the files have all metrics."""
-
-
-@dataclass(frozen=True, slots=True)
-class CaseRow:
-    """The results of one case.
-
-    Attributes:
-        case: The case's name.
-        settings: What it sets in the base scenario, by dotted field.
-        runs: Number of its runs that have results.
-        failed: Number of its runs that failed.
-        warned: Number of its runs whose verdict has warnings.
-        metrics: Mean of each metric over the seeds.
-        values: Values of each metric by seed.
-        against: The case that it is compared with, or None.
-        change: By how many percent each metric's mean is above that case's, with the interval of the differences seed
-            by seed.
-    """
-
-    case: str
-    settings: Mapping[str, object]
-    runs: int
-    failed: int
-    warned: int
-    metrics: Mapping[str, Estimate]
-    values: Mapping[str, Mapping[int, float]]
-    against: str | None
-    change: Mapping[str, Estimate]
-
-
-def case_rows(outcome: SweepOutcome) -> list[CaseRow]:
-    """Return the results of a sweep, one row per case.
-
-    Args:
-        outcome: The results of the runs.
-
-    Returns:
-        The rows in the plan's order; metrics that no run has are left out.
-    """
-    names = dict.fromkeys(name for result in outcome.results.values() if result.ok for name in result.metrics)
-    rows = []
-    for case in outcome.plan.cases:
-        other = outcome.plan.partner(case)
-        runs = [outcome.results[run.key] for run in outcome.plan.runs_of(case.name) if run.key in outcome.results]
-        good = sum(result.ok for result in runs)
-        values = {name: own for name in names if (own := outcome.values(case.name, name))}
-        metrics = {name: estimate(list(own.values())) for name, own in values.items()}
-        change = {
-            name: difference
-            for name, own in values.items()
-            if other is not None and (difference := _change(own, outcome.values(other.name, name))) is not None
-        }
-        named = other.name if other is not None else None
-        warned = sum(value > 0.0 for value in values.get("warnings", {}).values())
-        rows.append(CaseRow(case.name, case.settings, good, len(runs) - good, warned, metrics, values, named, change))
-    return rows
-
-
-def _change(own: Mapping[int, float], others: Mapping[int, float]) -> Estimate | None:
-    """Return by how many percent the mean over the seeds that both have is above the other's."""
-    seeds = [seed for seed in own if seed in others]
-    base = sum(others[seed] for seed in seeds) / max(len(seeds), 1)
-    return estimate([100.0 * (own[seed] - others[seed]) / base for seed in seeds]) if base > 0.0 else None
 
 
 def write_tables(outcome: SweepOutcome, folder: Path) -> tuple[Path, Path]:

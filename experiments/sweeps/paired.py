@@ -10,12 +10,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+from experiments.sweeps.caserows import CaseRow
 from experiments.sweeps.stats import Estimate, estimate
-
-if TYPE_CHECKING:
-    from experiments.sweeps.casetable import CaseRow
 
 TEST = "two-sided paired t-test"
 """The test whose p-values tables and figures show; it agrees with the intervals of the differences."""

@@ -57,7 +57,8 @@ class SweepResult:
     @cached_property
     def cases(self) -> pa.Table:
         """Table with a row a case: means over seeds with 95 % intervals, as in summary.csv (docs/sweeps.md)."""
-        from experiments.sweeps.casetable import case_lines, case_rows
+        from experiments.sweeps.caserows import case_rows
+        from experiments.sweeps.casetable import case_lines
 
         heads, *lines = case_lines(case_rows(self.outcome))
         return table_of([dict(zip(map(str, heads), line, strict=True)) for line in lines])
@@ -65,7 +66,7 @@ class SweepResult:
     @cached_property
     def comparisons(self) -> pa.Table:
         """Table with a row for each paired test, as in comparisons.csv; empty without `against`."""
-        from experiments.sweeps.casetable import case_rows
+        from experiments.sweeps.caserows import case_rows
         from experiments.sweeps.paired import paired_lines, paired_tests
 
         heads, *lines = paired_lines(paired_tests(case_rows(self.outcome)))
@@ -74,7 +75,7 @@ class SweepResult:
     @cached_property
     def figures(self) -> dict[str, Figure]:
         """The figures of the sweep by name, as the command `fogwatch sweep` writes them."""
-        from experiments.sweeps.casetable import case_rows
+        from experiments.sweeps.caserows import case_rows
         from fogwatch.pictures.sweep_figures import drawings
 
         return {drawing.name: drawing.figure for drawing in drawings(case_rows(self.outcome), self.outcome.plan.name)}
@@ -91,7 +92,8 @@ class SweepResult:
 
     def _repr_html_(self) -> str:
         """Show the sweep in a notebook: the means of each case."""
-        from experiments.sweeps.casetable import SHOWN, case_rows
+        from experiments.sweeps.caserows import case_rows
+        from experiments.sweeps.casetable import SHOWN
         from experiments.sweeps.stats import with_interval
 
         rows = case_rows(self.outcome)

@@ -10,7 +10,8 @@ import textwrap
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from experiments.sweeps.casetable import SHOWN, CaseRow, told_apart
+from experiments.sweeps.caserows import CaseRow
+from experiments.sweeps.casetable import SHOWN, told_apart
 from experiments.sweeps.paired import PAIRING, TEST, PairedTest, paired_tests
 from fogwatch.pictures.estimates import Curve, Dot, draw_curves, draw_dots, scale
 from monitor.report.charts import WIDTH

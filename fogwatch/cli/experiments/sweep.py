@@ -12,7 +12,8 @@ from rich.console import Console
 from rich.measure import Measurement
 from rich.table import Table
 
-from experiments.sweeps.casetable import SHOWN, CaseRow, case_rows, told_apart, write_tables
+from experiments.sweeps.caserows import CaseRow, case_rows
+from experiments.sweeps.casetable import SHOWN, told_apart, write_tables
 from experiments.sweeps.classes import check_classes
 from experiments.sweeps.cluster import ClusterWorkers
 from experiments.sweeps.paired import PAIRING, TEST

@@ -8,7 +8,8 @@ from collections.abc import Mapping
 
 import pytest
 
-from experiments.sweeps.casetable import CaseRow, csv_text
+from experiments.sweeps.caserows import CaseRow
+from experiments.sweeps.casetable import csv_text
 from experiments.sweeps.paired import PAIRING, TEST, p_of_no_difference, paired_lines, paired_tests
 from experiments.sweeps.stats import estimate
 

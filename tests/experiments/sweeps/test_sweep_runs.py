@@ -19,7 +19,8 @@ import pytest
 from agent.mind import Mind
 from experiments.inprocess import Outcome, run_in_process
 from experiments.sweeps.belief_error import BeliefError
-from experiments.sweeps.casetable import case_rows, write_tables
+from experiments.sweeps.caserows import case_rows
+from experiments.sweeps.casetable import write_tables
 from experiments.sweeps.cluster import ClusterWorkers
 from experiments.sweeps.plan import Base, Case, Plan, Run, make_plan
 from experiments.sweeps.pool import LocalWorkers

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.sweeps.casetable import CaseRow
+from experiments.sweeps.caserows import CaseRow
 from experiments.sweeps.stats import estimate
 from fogwatch.pictures.sweep_figures import MOST_ROWS, drawings
 

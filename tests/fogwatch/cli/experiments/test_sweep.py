@@ -19,7 +19,8 @@ import pytest
 import yaml
 from rich.console import Console
 
-from experiments.sweeps.casetable import SHOWN, CaseRow, told_apart
+from experiments.sweeps.caserows import CaseRow
+from experiments.sweeps.casetable import SHOWN, told_apart
 from experiments.sweeps.plan import Run, read_plan
 from experiments.sweeps.results import RunResult
 from experiments.sweeps.stats import Estimate
