@@ -131,8 +131,8 @@ class FleetStatus:
 class FleetWatch(Protocol):
     """Looks at a fleet, again and again."""
 
-    def look(self, seconds: float) -> FleetStatus:
-        """Listen, then return the state.
+    def look(self, seconds: float) -> FleetStatus | None:
+        """Listen, then return the state; None when asked to end before there was one.
 
         Args:
             seconds: How long to listen, s.

@@ -76,7 +76,7 @@ class SourceWatch:
         self._look: Look | None = None
         self._first_s: float | None = None
 
-    def look(self, seconds: float) -> FleetStatus:
+    def look(self, seconds: float) -> FleetStatus | None:
         """See `FleetWatch`."""
         until = self._now() + seconds
         longest = until + self._patience_s
@@ -87,10 +87,9 @@ class SourceWatch:
                 if self._first_s is None:
                     self._first_s = state.time_s
                 self._look = Look(self._static, state, state.time_s - self._first_s)
-            if self._ending and self._look is not None:
+            if self._ending:
                 break
-        assert self._look is not None
-        return fleet_status(self._look, self._router)
+        return None if self._look is None else fleet_status(self._look, self._router)
 
     def _is_undecided(self, may_wait: bool) -> bool:
         """Return whether to look on: there is no state yet, or a robot may be silent in a fleet that goes on."""

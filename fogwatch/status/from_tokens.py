@@ -26,7 +26,8 @@ _TAKE_S = 0.1
 class _Heard:
     """What was heard of a robot."""
 
-    def __init__(self, link: Link, air: Air, keys: FleetKeys, name: str) -> None:
+    def __init__(self, link: Link, air: Air, keys: FleetKeys, name: str, now: float) -> None:
+        self.followed_since = now
         position, telemetry = keys.position(name), keys.telemetry(name)
         self._frames: Mailbox[Position] = Mailbox([position], _position, MAX_FRAME)
         self._reports: Mailbox[Telemetry] = Mailbox([telemetry], partial(read, Telemetry), MAX_TELEMETRY)
@@ -78,14 +79,18 @@ class TokenWatch:
         there = robots_there(self._link, self._keys)
         for name in there:
             if name not in self._robots:
-                self._robots[name] = _Heard(self._link, self._air, self._keys, name)
+                self._robots[name] = _Heard(self._link, self._air, self._keys, name, self._now())
         until = self._now() + seconds
         while (left := until - self._now()) > 0.0 and not self._ending.wait(min(left, _TAKE_S)):
             self._take()
         self._take()
         there = robots_there(self._link, self._keys)
         robots = tuple(self._robot(name, heard, name in there) for name, heard in sorted(self._robots.items()))
-        return FleetStatus(self._keys.fleet, self._router, None, None, robots, unknown=_UNKNOWN)
+        new = [robot.name for robot in robots if robot.heard_s is None and not robot.wrong]
+        too_new = (
+            (f"whether {', '.join(new)} can be heard: followed for less than {self._silent_s:g} s",) if new else ()
+        )
+        return FleetStatus(self._keys.fleet, self._router, None, None, robots, unknown=(*too_new, *_UNKNOWN))
 
     def close(self) -> None:
         """See `FleetWatch`."""
@@ -99,10 +104,14 @@ class TokenWatch:
 
     def _robot(self, name: str, heard: _Heard, is_there: bool) -> RobotStatus:
         position, report = heard.position, heard.report
-        heard_s = None if position is None else self._now() - heard.position_at
+        now = self._now()
+        heard_s = None if position is None else now - heard.position_at
+        is_new = position is None and now - heard.followed_since < self._silent_s
         wrong = ""
         if not is_there:
             wrong = "its process has gone"
+        elif is_new:
+            pass
         elif position is None and report is None:
             wrong = f"has sent nothing for {self._silent_s:g} s"
         elif heard_s is None or heard_s > self._silent_s:

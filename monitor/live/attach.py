@@ -105,7 +105,14 @@ def open_fleet(
 
 
 def find_fleet(
-    ending: Ending, access: Path | None, credentials: Path | None, router: str | None, fleet: str | None, wait_s: float
+    ending: Ending,
+    access: Path | None,
+    credentials: Path | None,
+    router: str | None,
+    fleet: str | None,
+    wait_s: float,
+    *,
+    shown: str = "--access",
 ) -> tuple[Meeting, str | None] | None:
     """Find out where a running fleet meets, without connecting to it.
 
@@ -116,6 +123,7 @@ def find_fleet(
         router: As for `open_fleet`.
         fleet: As for `open_fleet`.
         wait_s: How long to wait for the file `access`, s.
+        shown: What errors call the argument `access`.
 
     Returns:
         Where the fleet meets, and the token that gives the right to control it, or None without that right; None when
@@ -130,8 +138,8 @@ def find_fleet(
     if not ending.wait_for(file, wait_s):
         if ending:
             return None
-        raise BadInput(f"--access {access}: no such file; a run's {FILE} is removed when the run is over")
-    control = read_access(file, "--access")
+        raise BadInput(f"{shown} {access}: no such file; a run's {FILE} is removed when the run is over")
+    control = read_access(file, shown)
     return Meeting(control.router, fleet_keys(control.fleet), control.credentials), control.token
 
 

@@ -1,4 +1,4 @@
-"""The options that name a running fleet, which `fogwatch monitor` and `fogwatch record` have in common."""
+"""The options that name a running fleet, which `fogwatch monitor`, `record` and `status` have in common."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import typer
 from patrol.errors import BadInput
 
 WAIT_S = 60.0
+LONGEST_WAIT_S = 86400.0
 
 CredentialsOption = Annotated[
     Path | None,
@@ -31,7 +32,15 @@ Radio = Annotated[
         metavar="LOCATOR", help="Multicast group, serial line or router of the direct radio of a fleet without a world."
     ),
 ]
-Wait = Annotated[float, typer.Option(metavar="S", help="How long to wait for the fleet, in s.")]
+
+
+def _checked_wait(wait_s: float) -> float:
+    if not 0.0 <= wait_s <= LONGEST_WAIT_S:
+        raise BadInput(f"--wait {wait_s:g}: expected 0 to {LONGEST_WAIT_S:g} (a day)")
+    return wait_s
+
+
+Wait = Annotated[float, typer.Option(metavar="S", help="How long to wait for the fleet, in s.", callback=_checked_wait)]
 
 
 def check_one_fleet(

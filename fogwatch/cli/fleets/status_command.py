@@ -68,12 +68,15 @@ def status(
     silent that sends no position for --seconds.
     """
     from patrol.process.lifeline import heed
+    from patrol.scenario import load_scenario
 
     check_one_fleet("status", run, credentials, router, fleet)
     if scenario is not None and run is not None:
         raise BadInput("status: --scenario is for robots without a world; name their --router and --fleet as well")
     if not 0.1 <= seconds <= 600.0:
         raise BadInput(f"--seconds {seconds:g}: expected 0.1 to 600")
+    if scenario is not None:
+        load_scenario(scenario)
     ending = heed(None, patience=1)
     what = Namespace(
         replay=None,
@@ -90,13 +93,27 @@ def status(
     if fleet_watch is None:
         return INTERRUPTED
     try:
-        return follow(fleet_watch, seconds, ending, as_json=as_json) if watch else _once(fleet_watch, seconds, as_json)
+        look = follow if watch else once
+        return look(fleet_watch, seconds, ending, as_json=as_json)
     finally:
         fleet_watch.close()
 
 
-def _once(fleet_watch: FleetWatch, seconds: float, as_json: bool) -> int:
+def once(fleet_watch: FleetWatch, seconds: float, ending: Ending, *, as_json: bool) -> int:
+    """Print the state of a fleet.
+
+    Args:
+        fleet_watch: Of the fleet.
+        seconds: How long to listen, s.
+        ending: Says when to end before that.
+        as_json: Whether to print JSON.
+
+    Returns:
+        The exit code.
+    """
     seen = fleet_watch.look(seconds)
+    if ending or seen is None:
+        return INTERRUPTED
     typer.echo(json.dumps(seen.as_json()) if as_json else seen.as_text())
     return 0 if seen.well else WRONG
 
@@ -131,7 +148,7 @@ def follow(fleet_watch: FleetWatch, seconds: float, ending: Ending, *, as_json: 
     try:
         while True:
             seen = fleet_watch.look(seconds)
-            if ending:
+            if ending or seen is None:
                 return INTERRUPTED
             show(seen)
             if seen.is_over:
@@ -154,7 +171,7 @@ def _open(what: Namespace, silent_s: float, patience_s: float, ending: Ending) -
     from patrol.net.open_links import open_links
     from patrol.process.reporting.logs import Log
 
-    found = find_fleet(ending, what.access, what.credentials, what.router, what.fleet, what.wait)
+    found = find_fleet(ending, what.access, what.credentials, what.router, what.fleet, what.wait, shown="status")
     if found is None:
         return None
     met: Meeting = found[0]

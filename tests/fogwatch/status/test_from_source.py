@@ -123,5 +123,18 @@ def test_a_look_takes_longer_only_while_a_robot_may_be_silent(
 ) -> None:
     story: Any = Story(heard_from)
     watch = SourceWatch(story, "tcp/r:1", Ending(), patience_s, lambda: story.now_s)
-    assert watch.look(0.9).well is well
+    status = watch.look(0.9)
+    assert status is not None
+    assert status.well is well
     assert story.k == ticks
+
+
+def test_a_look_without_a_state_ends_when_asked_to() -> None:
+    class Mute(Story):
+        def wait(self, timeout_s: float) -> Any:
+            self.now_s += timeout_s
+            ending.ask("SIGINT")
+
+    ending, mute = Ending(), Mute(0)
+    source: Any = mute
+    assert SourceWatch(source, "tcp/r:1", ending, 30.0, lambda: mute.now_s).look(0.9) is None

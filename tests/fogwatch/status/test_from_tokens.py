@@ -115,7 +115,10 @@ def test_robots_that_come_later_are_followed_too() -> None:
 def test_only_its_own_positions_count(speak: Any, wrong: str) -> None:
     fleet = Fleet("anna")
     speak(fleet.air)
-    assert [robot.wrong for robot in fleet.look().robots] == [wrong]
+    status = fleet.look(2.9)
+    assert [robot.wrong for robot in status.robots] == [""]
+    assert status.unknown[0] == "whether anna can be heard: followed for less than 3 s"
+    assert [robot.wrong for robot in fleet.look(0.2).robots] == [wrong]
 
 
 def test_names_of_strangers_do_not_act_on_a_terminal() -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from fogwatch.cli.fleets.status_command import follow
+from fogwatch.cli.fleets.status_command import follow, once
 from fogwatch.status.fleet_status import FleetStatus, WorldStatus
 from patrol.net.keys import FleetKeys, fleet_keys
 from patrol.net.link import open_link
@@ -113,6 +113,14 @@ def test_watching_ends_with_the_run(warnings: tuple[str, ...], code: int, capsys
     assert [(look["world"]["ended"], look["well"]) for look in looks] == [(None, True), ("duration", code == 0)]
 
 
+@pytest.mark.parametrize("look", [once, follow])
+def test_an_interrupted_look_says_nothing(look: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> None:
+    ending = Ending()
+    ending.ask("SIGINT")
+    assert look(Looks(FleetStatus("f", "tcp/r:1", None, None, ())), 1.0, ending, as_json=True) == 130
+    assert capsys.readouterr().out == ""
+
+
 @pytest.mark.parametrize(
     ("words", "why"),
     [
@@ -121,6 +129,9 @@ def test_watching_ends_with_the_run(warnings: tuple[str, ...], code: int, capsys
         ((".",), "status .: holds no control.json, so no fleet is running there"),
         ((".", "--scenario", "a.yaml"), "status: --scenario is for robots without a world"),
         (("--credentials", "v", "--seconds", "nan"), "--seconds nan: expected 0.1 to 600"),
+        (("--credentials", "v", "--wait", "nan"), "--wait nan: expected 0 to 86400"),
+        (("--credentials", "v", "--wait", "-1"), "--wait -1: expected 0 to 86400"),
+        (("--router", "tcp/127.0.0.1:1", "--fleet", "f", "--scenario", "none.yaml"), "none.yaml"),
     ],
 )
 def test_bad_arguments(
