@@ -9,6 +9,7 @@ import argparse
 import io
 import queue
 import shutil
+import sys
 import tempfile
 import threading
 import time
@@ -18,9 +19,11 @@ from typing import Any
 from PIL import Image
 
 import fogwatch
+from fogwatch.cli.ending import guarded
 from monitor.process import serve
 from monitor.replay.player import Player
 from monitor.replay.run import open_run
+from patrol.errors import BadInput
 from patrol.process.lifeline import Ending
 
 SCENARIO: dict[str, Any] = {
@@ -53,8 +56,10 @@ VIEWS = (("page-light", 1280, 720, "light"), ("page-dark", 1280, 720, "dark"))
 
 def main(given: Path | None, out: Path) -> None:
     """Write the pictures into a folder. given: a run's folder, or None to do a run."""
-    from playwright.sync_api import sync_playwright
-
+    try:
+        from playwright.sync_api import sync_playwright
+    except ModuleNotFoundError:
+        raise BadInput("needs a browser and the library that drives it: make develop browser") from None
     out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         player = Player(open_run(given or fogwatch.run(SCENARIO, out=Path(folder) / SCENARIO["name"]).folder))
@@ -122,4 +127,4 @@ if __name__ == "__main__":
     parser.add_argument("run", type=Path, nargs="?", help="folder of a finished run (default: do one)")
     parser.add_argument("--out", type=Path, default=Path(__file__).parent, metavar="FOLDER", help="of the pictures")
     arguments = parser.parse_args()
-    main(arguments.run, arguments.out)
+    sys.exit(guarded(lambda: main(arguments.run, arguments.out)))

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from fogwatch.grounds.random_limits import check_building
 from patrol.errors import BadInput
 from patrol.ground.cspace import cspace_of
 from patrol.ground.terrain import BoolGrid, Terrain
@@ -33,9 +34,6 @@ TEAM = 4
 
 OUTSIDE = 0.5
 """Thickness of the solid border, m."""
-
-RADII, POINTS = (0.1, 0.8), (0.05, 0.5)
-"""Least and largest radius of a body and side of a point, m: buildings are 10 to 31 m long whatever the body."""
 
 MOST_TRIES = 1000
 """Buildings that are drawn at most until one is connected well enough; nearly always fewer than ten."""
@@ -110,16 +108,24 @@ class Building:
 
         Returns:
             The map's YAML file.
+
+        Raises:
+            BadInput: A file of this name holds something else.
         """
         height, width = self.free.shape
         cells = np.where(self.free[::-1], 254, 0).astype(np.uint8)
-        (folder / f"{name}.pgm").write_bytes(b"P5 %d %d 255\n" % (width, height) + cells.tobytes())
-        path = folder / f"{name}.yaml"
-        path.write_text(
+        description = (
             f"image: {name}.pgm\nresolution: {self.point}\norigin: [0, 0, 0]\nnegate: 0\n"
-            "occupied_thresh: 0.65\nfree_thresh: 0.196\n",
-            encoding="utf-8",
+            "occupied_thresh: 0.65\nfree_thresh: 0.196\n"
         )
+        path = folder / f"{name}.yaml"
+        image = b"P5 %d %d 255\n" % (width, height) + cells.tobytes()
+        files = {folder / f"{name}.pgm": image, path: description.encode()}
+        for file, content in files.items():
+            if file.exists() and file.read_bytes() != content:
+                raise BadInput(f"{file}: exists already, with other content; choose another folder")
+        for file, content in files.items():
+            file.write_bytes(content)
         return path
 
 
@@ -134,11 +140,7 @@ def random_building(seed: int, radius: float, point: float) -> Building:
     Raises:
         BadInput: The seed is negative, radius or point are out of their limits, or no building was good enough.
     """
-    if seed < 0:
-        raise BadInput(f"seed = {seed}: expected an integer from 0")
-    for name, value, (least, most) in (("radius", radius, RADII), ("point", point, POINTS)):
-        if not least <= value <= most:
-            raise BadInput(f"{name} = {value:g}: expected m from {least:g} to {most:g}")
+    check_building(seed, radius, point)
     architect = Architect(np.random.default_rng(seed), radius, point)
     robots = [RobotSpec(n, f"r{n}", "holonomic", 1.0, radius, 1.0, None) for n in range(1, TEAM + 1)]
     for _ in range(MOST_TRIES):

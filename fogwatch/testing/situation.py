@@ -41,6 +41,15 @@ POINTS = 5
 MOST_AGE_S = 1e6
 BODY = 0.3
 """Radius of the robots in sides of a character, unless given."""
+GIVEN_OTHERWISE = {
+    "terrain": "draw it",
+    "point": "give side",
+    "robots.count": "draw the robots",
+    "robots.starts": "draw the robots",
+    "patrol.policy": "give policy",
+    "closures": "draw what is closed as walls",
+}
+"""Fields that no setting may name, and what to do instead."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,8 +163,6 @@ def draw_situation(
     places = {name: _middle(grid, name, side) for name in sorted(set(map(str, grid.flat)) - {WALL, FLOOR})}
     poses = {number: Pose(*places[str(number)], heading) for number in robots}
     scenario = _scenario(policy, options, poses, side, settings)
-    if scenario.closures:
-        raise BadInput("closures: a situation has none; draw what is closed as walls")
     prepared = prepare(scenario, _terrain(grid, scenario.point))
     kept: list[PolicySetup] = []
     kind = policy_of(scenario)
@@ -209,6 +216,8 @@ def _blind(footprint: Footprint) -> Footprint:
 
 def _grid(drawing: str) -> Drawn:
     """Return the characters of a drawing, row 0 at the top."""
+    if not isinstance(drawing, str):
+        raise BadInput(f"drawing: {quoted(drawing)}: expected a text with a line for each row, such as '#1..a#'")
     lines = [line.strip() for line in drawing.strip().splitlines()]
     if not lines or not lines[0]:
         raise BadInput("drawing: is empty; draw a line for each row, such as '#1..a#'")
@@ -260,6 +269,10 @@ def _scenario(
 
     if not (math.isfinite(side) and side > 0.0):
         raise BadInput(f"side = {side}: expected the side of a character in m, above 0")
+    for field in settings or {}:
+        for given, instead in GIVEN_OTHERWISE.items():
+            if f"{given}.".startswith(f"{field}.") or f"{field}.".startswith(f"{given}."):
+                raise BadInput(f"settings: {field}: a situation has this from elsewhere; {instead}")
     starts = [[pose.x, pose.y, pose.heading] for pose in poses.values()]
     mapping = {
         "terrain": {"builtin": "open"},  # the drawing is handed to `prepare`
@@ -279,7 +292,7 @@ def _ticks(age_s: float, what: str, name: str, grid: Drawn, scenario: Scenario) 
     """Return an age in ticks."""
     if not isinstance(name, str) or name == WALL or not (grid == name).any():
         raise BadInput(f"{what}: {name}: is on no floor of the drawing; name a character that is")
-    if not isinstance(age_s, int | float) or not 0.0 <= age_s <= MOST_AGE_S:
+    if isinstance(age_s, bool) or not isinstance(age_s, int | float) or not 0.0 <= age_s <= MOST_AGE_S:
         raise BadInput(f"{what}: {name} = {quoted(age_s)}: expected s from 0 to {MOST_AGE_S:g}")
     return round(age_s / scenario.step)
 

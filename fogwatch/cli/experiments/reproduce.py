@@ -90,11 +90,16 @@ def reproduce(
 def _become(figure: SiteFigure, folder: Path) -> NoReturn:
     """Say what is made, and go on as the command that makes it, so that its signals and exit code are its own."""
     words = figure.words(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadInput(f"--out {folder}: {error.strerror}; choose another folder") from None
     typer.echo(printable(f"{figure.command} --out {shlex.quote(str(folder))}"))
     typer.echo(f"takes about {_time(figure.minutes)} of computing on one core")
     typer.echo(printable(f"beside it: {', '.join(f'docs/{file}' for file in figure.files)}"))
     sys.stdout.flush()
-    os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(CLONE), os.environ.get("PYTHONPATH")]))
+    if not figure.command.startswith("fogwatch "):  # a script of a clone
+        os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(CLONE), os.environ.get("PYTHONPATH")]))
     os.execv(words[0], words)
 
 

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from fogwatch.grounds.random_limits import check_building
 from patrol.errors import BadInput
 from patrol.printable import printable
 from patrol.process.starting.seldom import SELDOM
@@ -31,7 +32,8 @@ def random(
     grid as terrain.map, in fogwatch benchmark with --terrains.
     """
     if not 1 <= count <= MOST_BUILDINGS:
-        raise BadInput(f"--count = {count}: expected a number of buildings from 1 to {MOST_BUILDINGS}")
+        raise BadInput(f"--count {count}: expected a number of buildings from 1 to {MOST_BUILDINGS}")
+    check_building(seed, radius, point, shown="--{}")
     warm(("patrol",), lambda line: typer.echo(line, err=True), SELDOM)
     from fogwatch.grounds.random_building import random_building  # here: it imports kernels, which are compiled first
 

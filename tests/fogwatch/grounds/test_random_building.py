@@ -60,9 +60,9 @@ def test_the_command_writes_the_maps_of_consecutive_seeds(tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("given", "problem"),
     [
-        (["--count", "0"], "--count = 0: expected a number of buildings"),
+        (["--count", "0"], "--count 0: expected a number of buildings"),
         (["--seed", "-1"], "--seed -1: expected an integer from 0"),
-        (["--radius", "9"], "radius = 9: expected m from 0.1 to 0.8"),
+        (["--radius", "9"], "--radius 9: expected m from 0.1 to 0.8"),
         (["--point", "nan"], "--point nan: expected m from 0.05 to 0.5"),
     ],
 )
@@ -70,3 +70,13 @@ def test_bad_input_names_the_option(given: list[str], problem: str, tmp_path: Pa
     with pytest.raises(BadInput, match=problem):
         CliRunner().invoke(app, ["random", str(tmp_path / "maps"), *given], catch_exceptions=False)
     assert not (tmp_path / "maps").exists()
+
+
+def test_a_map_of_another_building_is_not_overwritten(tmp_path: Path) -> None:
+    words = ["random", str(tmp_path), "--seed", "13", "--point", "0.25"]
+    for _ in range(2):
+        assert CliRunner().invoke(app, words, catch_exceptions=False).exit_code == 0
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    with pytest.raises(BadInput, match=r"random13\.pgm: exists already, with other content; choose another folder"):
+        CliRunner().invoke(app, [*words, "--radius", "0.2"], catch_exceptions=False)
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before

@@ -91,11 +91,17 @@ def test_built_in_policies_decide_too(policy: str) -> None:
         (
             "1..",
             {"settings": {"closures": [{"name": "d", "polygon": [[0, 0], [1, 0], [1, 1]]}]}},
-            "closures: a situation has none",
+            "settings: closures: .*; draw what is closed as walls",
         ),
+        ("1..", {"settings": {"patrol.policy": "random"}}, "settings: patrol.policy: .*; give policy"),
+        ("1..", {"settings": {"robots": {"count": 5}}}, "settings: robots: .*; draw the robots"),
+        ("1..", {"settings": {"terrain.map": "a.yaml"}}, "settings: terrain.map: .*; draw it"),
+        ("1..", {"settings": {"point": 0.1}}, "settings: point: .*; give side"),
+        ("1a.", {"ages": {"a": True}}, "ages: a = .rue: expected s"),
+        (5, {}, "drawing: 5: expected a text"),
     ],
 )
-def test_bad_input_names_the_mistake(drawing: str, given: dict[str, Any], problem: str) -> None:
+def test_bad_input_names_the_mistake(drawing: Any, given: dict[str, Any], problem: str) -> None:
     with pytest.raises(BadInput, match=problem):
         draw_situation(drawing, **given)
 

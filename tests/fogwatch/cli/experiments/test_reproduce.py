@@ -75,6 +75,7 @@ def test_the_list_has_times_and_commands(capsys: pytest.CaptureFixture[str]) -> 
     [
         (("paper-table-1",), "paper-table-1: no such figure; did you mean paper-table-"),
         (("--out", "x"), "--out x: nothing is made without a FIGURE"),
+        (("page", "--out", "/dev/null/x"), "--out /dev/null/x: Not a directory; choose another folder"),
     ],
 )
 def test_bad_input_is_one_line(words: tuple[str, ...], says: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,0 +1,27 @@
+"""What can be asked of random buildings; apart from them, so that it is checked before any kernel is compiled."""
+
+from __future__ import annotations
+
+from patrol.errors import BadInput
+
+RADII, POINTS = (0.1, 0.8), (0.05, 0.5)
+"""Least and largest radius of a body and side of a point, m: buildings are 10 to 31 m long whatever the body."""
+
+
+def check_building(seed: int, radius: float, point: float, shown: str = "{} =") -> None:
+    """Check what is asked of a random building.
+
+    Args:
+        seed: Random seed.
+        radius: Of the body, m.
+        point: Side of a point, m.
+        shown: How an error shows an argument's name.
+
+    Raises:
+        BadInput: The seed is negative, or radius or point are out of their limits.
+    """
+    if seed < 0:
+        raise BadInput(f"{shown.format('seed')} {seed}: expected an integer from 0")
+    for name, value, (least, most) in (("radius", radius, RADII), ("point", point, POINTS)):
+        if not least <= value <= most:
+            raise BadInput(f"{shown.format(name)} {value:g}: expected m from {least:g} to {most:g}")
