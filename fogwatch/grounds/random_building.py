@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from fogwatch.grounds.random_limits import check_building
 from patrol.errors import BadInput
+from patrol.files.untrusted import IMAGE, MAP, read_untrusted
 from patrol.ground.cspace import cspace_of
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.scenario import RobotSpec
@@ -120,11 +121,11 @@ class Building:
         )
         path = folder / f"{name}.yaml"
         image = b"P5 %d %d 255\n" % (width, height) + cells.tobytes()
-        files = {folder / f"{name}.pgm": image, path: description.encode()}
-        for file, content in files.items():
-            if file.exists() and file.read_bytes() != content:
+        files = {folder / f"{name}.pgm": (IMAGE, image), path: (MAP, description.encode())}
+        for file, (kind, content) in files.items():
+            if file.exists() and read_untrusted(file, kind) != content:
                 raise BadInput(f"{file}: exists already, with other content; choose another folder")
-        for file, content in files.items():
+        for file, (_, content) in files.items():
             file.write_bytes(content)
         return path
 
