@@ -162,9 +162,7 @@ class View:
 
     def point_of(self, place: Spot) -> tuple[int, int]:
         """Return the terrain's point (row, col) on which a place (x, y) in m lies; off the terrain, the nearest one."""
-        row, col = self.ground.terrain.point_at(*place)
-        rows, cols = self.ground.terrain.shape
-        return min(max(row, 0), rows - 1), min(max(col, 0), cols - 1)
+        return self.ground.terrain.nearest_point(*place)
 
     def place_of(self, point: tuple[int, int]) -> Spot:
         """Return the centre (x, y) in m of the terrain's point (row, col)."""

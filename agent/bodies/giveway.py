@@ -3,7 +3,8 @@
 The paper's robots block each other until random moves part them, which takes very long in a doorway. Here, of two
 robots that bumped, the one with the higher number gives way: for a while it treats the other as an obstacle, so that
 the force that pulled it through the other now pulls it round, or elsewhere. A robot that has been blocked for long
-gives way in any case, because the other may have nowhere to go.
+gives way in any case, because the other may have nowhere to go. Where no way leads round the other, neither gives way:
+one of them goes back (`agent.bodies.passing`).
 """
 
 from __future__ import annotations
@@ -135,6 +136,15 @@ class GiveWay:
         if gap <= self._radii[self._number] + near and (other < self._number or self._bumps > PATIENCE):
             spell = SHORTEST_S + (LONGEST_S - SHORTEST_S) * draw(*self._identity, tick)
             self._until[other] = tick + round(spell / self._step)
+
+    def stop(self, other: int) -> None:
+        """Give way to a robot no longer.
+
+        Args:
+            other: Its number.
+        """
+        self._until.pop(other, None)
+        self._bumps = 0
 
     def discs(self, tick: int, pose: Pose, peers: Mapping[int, Peer], point: float) -> list[Disc]:
         """Return the peers that are obstacles now.

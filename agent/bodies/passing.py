@@ -30,7 +30,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from agent.bodies.giveway import Bumps, disc_round, nearest
-from agent.ports import Place
+from agent.ports import Intent, Place
 from agent.routes.ground import Ground
 from agent.routes.routes import Routes
 from patrol.ground.kernels.components import label_parts
@@ -38,6 +38,8 @@ from patrol.ground.kernels.components import label_parts
 if TYPE_CHECKING:
     from agent.routes.ground import Disc, Spot
     from agent.view import View
+    from patrol.pose import Pose
+    from patrol.radio.peers import Peer
 
 PATIENCE = 2
 """Number of bumps after which a robot drives round another that it could get past."""
@@ -98,6 +100,7 @@ class Passing:
         self._step = step
         self._stride = stride
         self._bumps = Bumps(CALM_S / step)
+        self._place: Place | None = None
         self._other = 0
         self._refuge: Spot = (0.0, 0.0)
         self._begun = 0
@@ -107,13 +110,28 @@ class Passing:
         self._seen: Spot = (0.0, 0.0)
         self._moved_at = 0
 
-    def lead(self, place: Place, view: View) -> Place:
-        """Return where to go instead of a place, or the place itself where nobody is in the way.
+    def blocker(self, pose: Pose, peers: Mapping[int, Peer]) -> int | None:
+        """Return the number of a robot so near that the two collide, if it leaves no way round it to the last place.
 
         Args:
-            place: Where the policy wants to be.
+            pose: The robot's own.
+            peers: The robots heard so far, by number.
+        """
+        if self._place is None:
+            return None
+        other = self._in_reach(pose, peers)
+        return other if other is not None and self._is_blocked(self._place, pose, peers[other].pose, other) else None
+
+    def lead(self, intent: Intent, view: View) -> Intent:
+        """Return where to go instead of a place, or the intent itself where nobody is in the way.
+
+        Args:
+            intent: The policy's.
             view: Of this tick.
         """
+        self._place = place = intent if isinstance(intent, Place) and view.start is not None else None
+        if place is None:
+            return intent
         if view.bumped:
             self._bumps.add(view.tick)
         if self.role is not None and self._is_over(view):
@@ -123,11 +141,11 @@ class Passing:
         if self.role is None:
             return place
         if self.role is Role.GOES_BACK:
-            if self._is_blocked(place, view, self._other):
+            if self._is_blocked(place, view.pose, view.peers[self._other].pose, self._other):
                 x, y = self._refuge
                 return replace(place, x=x, y=y, bend=None, lean=None, wander=None, exact=True)
             self.role = Role.GOES_FIRST
-        view.ground.close([self._disc(view, self._other)])
+        view.ground.close([self._disc(view.pose, view.peers[self._other].pose, self._other)])
         return replace(place, bend=None, lean=None, wander=None)
 
     def _is_over(self, view: View) -> bool:
@@ -147,13 +165,13 @@ class Passing:
 
     def _settle(self, place: Place, view: View) -> None:
         """Take a role if the nearest robot blocks the way to a place."""
-        gap, other = nearest(view.pose, view.peers, self._radii)
-        if gap > self._radii[self._number] + 2.0 * self._stride:
+        other = self._in_reach(view.pose, view.peers)
+        if other is None:
             return
         peer = view.peers[other].pose
         here, there = (view.reported.x, view.reported.y), (peer.x, peer.y)
         refuge = self._refuge
-        if not self._is_blocked(place, view, other):
+        if not self._is_blocked(place, view.pose, peer, other):
             role = Role.GOES_FIRST if self._bumps.count >= PATIENCE else None
         else:
             lately = view.tick - self._settled.get(other, -math.inf) <= AGAIN_S / self._step
@@ -175,13 +193,25 @@ class Passing:
         self.role, self._refuge, self._other, self._seen = role, refuge, other, there
         self._begun = self._moved_at = view.tick
 
-    def _is_blocked(self, place: Place, view: View, other: int) -> bool:
-        """Return True if no way leads to a place round another robot."""
-        row, col = view.point_of((place.x, place.y))
+    def _in_reach(self, pose: Pose, peers: Mapping[int, Peer]) -> int | None:
+        """Return the number of the nearest robot if two strides lead into it."""
+        gap, other = nearest(pose, peers, self._radii)
+        return other if gap <= self._radii[self._number] + 2.0 * self._stride else None
+
+    def _is_blocked(self, place: Place, pose: Pose, there: Pose, other: int) -> bool:
+        """Return True if no way leads to a place round another robot.
+
+        Args:
+            place: Where the robot wants to be.
+            pose: The robot's own.
+            there: The other robot's.
+            other: The other robot's number.
+        """
+        row, col = self._ground.terrain.nearest_point(place.x, place.y)
         if not self._ground.static.open_now[row, col]:
             return False
-        ground = self._closed([self._disc(view, other)])
-        start = ground.join(view.pose.x, view.pose.y)
+        ground = self._closed([self._disc(pose, there, other)])
+        start = ground.join(pose.x, pose.y)
         if start is None:
             return True
         target = row + 1, col + 1
@@ -238,8 +268,7 @@ class Passing:
         ground.begin(discs)
         return ground
 
-    def _disc(self, view: View, other: int) -> Disc:
-        there, here = view.peers[other].pose, view.pose
+    def _disc(self, here: Pose, there: Pose, other: int) -> Disc:
         return disc_round((there.x, there.y), (here.x, here.y), self._both(other), self._ground.terrain.point)
 
     def _both(self, other: int) -> float:

@@ -90,9 +90,13 @@ class BodyBase(ABC):
 
     def obstacles(self, tick: int, pose: Pose, bumped: bool, peers: Mapping[int, Peer]) -> Sequence[Disc]:
         """Return the robots that this one gives way to (`agent.ports.Body.obstacles`)."""
-        if self._give_way is None:
+        if self._give_way is None or self._passing is None:
             return ()
-        self._give_way.update(tick, pose, bumped, peers, 2.0 * self.stride)
+        blocker = self._passing.blocker(pose, peers) if bumped else None
+        if blocker is None:
+            self._give_way.update(tick, pose, bumped, peers, 2.0 * self.stride)
+        else:
+            self._give_way.stop(blocker)
         return self._give_way.discs(tick, pose, peers, self._point)
 
     def obey(self, intent: Intent, view: View) -> Choice:
@@ -102,9 +106,7 @@ class BodyBase(ABC):
 
     def _led(self, intent: Intent, view: View) -> Intent:
         """Return the intent, or another one for a robot that cannot get past another on its way to a place."""
-        if self._passing is None or not isinstance(intent, Place) or view.start is None:
-            return intent
-        return self._passing.lead(intent, view)
+        return intent if self._passing is None else self._passing.lead(intent, view)
 
     def _carry_out(self, intent: Intent, view: View) -> Choice:
         match intent:

@@ -160,6 +160,17 @@ class Terrain:
         point = self.point
         return math.floor((y - oy) / point), math.floor((x - ox) / point)
 
+    def nearest_point(self, x: float, y: float) -> tuple[int, int]:
+        """(row, col) of the point that covers a place, or of the nearest one to a place outside the grid.
+
+        Args:
+            x: m.
+            y: m.
+        """
+        row, col = self.point_at(x, y)
+        rows, cols = self.shape
+        return min(max(row, 0), rows - 1), min(max(col, 0), cols - 1)
+
     def centre(self, row: int, col: int) -> tuple[float, float]:
         """(x, y) in m of the centre of a point.
 

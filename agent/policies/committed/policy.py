@@ -11,6 +11,7 @@ its target:
   another robot has the shorter way counts a tenth.
 - *Commitment*: it keeps the target until half of its age or more has gone, because a robot has seen it.
 - *Giving up*: a target that comes no nearer for a while is left out for some time, with what lies around it.
+- *Blocked*: while no way leads on along the round, choices are free; after a while the robot goes on from there.
 
 The option `unpredictability` and the experience with the round decide how much of the time choices are free
 (`agent.policies.committed.periods`). Where there is no round, because the ground is too large for a tour or the sensor
@@ -134,6 +135,7 @@ class Committed:
         self._least_age = 0
         self._progress_at = 0
         self._on_round = False
+        self._blocked_since: int | None = None
         self._was_at: tuple[float, float] | None = None
         self._may_be_away = bool(setup.docks)
         self._left_out_at: int | None = None
@@ -280,22 +282,33 @@ class Committed:
         ahead, spacing = self.ahead, self.spacing
         if not self._on_round or ahead is None or spacing is None:
             return self._free_choice(view, start)
-        if ahead.cursor is not None and (way := self._next_on_round(view, start, ahead, spacing)) is not None:
-            return way
-        # A robot that joins the others on the round begins where most is to be seen. So does one that finds the round
-        # ahead blocked, for example by a robot that has died there.
+        if ahead.cursor is not None:
+            way = self._next_on_round(view, start, ahead, spacing)
+            if way is not None:
+                self._blocked_since = None
+                return way
+            if self._blocked_since is None:
+                self._blocked_since = view.tick
+        # A robot that joins the others on the round begins where most is to be seen. So does one that has found the
+        # round ahead blocked for long, for example by a robot that has died there. Robots that meet part before.
         way = self._free_choice(view, start)
-        if self.target is not None:
+        if self.target is not None and (ahead.cursor is None or self._is_blocked_for_long(view)):
             ahead.go_to(spacing.along_m(spacing.nearest(view.place_of(self.target.stand))))
         return way
 
+    def _is_blocked_for_long(self, view: View) -> bool:
+        """Return True if no way has led on along the round for a while."""
+        return self._blocked_since is not None and (view.tick - self._blocked_since) * self._step >= NO_NEARER_S
+
     def _next_on_round(self, view: View, start: Element, ahead: RoundAhead, spacing: Spacing) -> Way | None:
-        """Commit to the first stale point ahead on the round, and return the way there."""
+        """Commit to the first stale point ahead on the round, and return the way there; None where none leads there."""
         for _ in range(TRIES):
             stop = ahead.next(view, spacing.team, self.given_up.now(view.tick))
             self._expected = 0
             way = self._way_to(view, start, stop.stand)
             if way is None:
+                if not self._is_blocked_for_long(view):
+                    return None
                 self.given_up.add(view.tick, stop.stand)
                 continue
             # A car comes no nearer to where it parks. It goes on from there, because nothing is stale.

@@ -54,6 +54,18 @@ def test_a_move_that_succeeds_restores_patience() -> None:
         assert rule.discs(tick, HERE, others, 0.1) == []
 
 
+def test_a_robot_can_stop_giving_way_at_once() -> None:
+    others = peers(r1=(5.7, 5.0), r3=(5.0, 5.75))
+    rule = GiveWay(7, 2, 1, RADII, 0.5)
+    for tick in range(PATIENCE):
+        rule.update(tick, HERE, True, others, 0.5)
+    rule.stop(1)
+    assert rule.discs(PATIENCE, HERE, others, 0.1) == []
+    # It is patient again, too.
+    rule.update(PATIENCE, HERE, True, peers(r3=(5.7, 5.0)), 0.5)
+    assert rule.discs(PATIENCE, HERE, peers(r3=(5.7, 5.0)), 0.1) == []
+
+
 def test_nobody_gives_way_to_a_distant_peer_or_to_none() -> None:
     rule = GiveWay(7, 2, 1, RADII, 0.5)
     rule.update(0, HERE, True, peers(r1=(8.0, 5.0)), 0.5)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from agent.bodies.kernels.manoeuvre import CLEARANCE, _fits, _is_free, search
@@ -223,6 +223,7 @@ def test_every_arc_that_is_found_is_free_and_they_lead_nearer(
 ) -> None:
     terrain = cluttered(seed, point)
     pose = Pose(x, y, heading)
+    assume(_fits(terrain.blocked, point, *terrain.origin, x, y, radius))
     rows, cols = np.mgrid[0 : terrain.height, 0 : terrain.width]
     left = np.hypot((rows + 0.5) * point - 7.0, (cols + 0.5) * point - 7.0)
     start = pose

@@ -200,6 +200,36 @@ def test_a_target_to_which_no_way_leads_any_more_is_dropped_at_once() -> None:
     assert now.point[1] * POINT < 11.0
 
 
+def test_a_robot_keeps_its_place_on_the_round_while_the_way_ahead_is_blocked_for_a_short_time() -> None:
+    prepared = prepared_in(
+        two_rooms(),
+        [CORNER],
+        {**BASE, "model": "holonomic"},
+        patrol={"options": {"random_move": 0.0}},
+        sensor={"range": 3.0},
+    )
+    robots = Robots(prepared)
+    policy, mind = policy_of(robots), robots.minds[0]
+    ahead = policy.ahead
+    assert ahead is not None
+
+    def leaves_the_room() -> bool:
+        target = policy.target
+        return target is not None and target.stand[1] * POINT > 9.6 and robots.bodies[0].pose.x < 9.0
+
+    robots.until(leaves_the_room, 100)
+    place = ahead.cursor
+    assert place is not None
+    mind.body.obstacles = lambda *_: [(11.0, 4.0, 1.5)]  # type: ignore[method-assign]
+    for _ in range(round(NO_NEARER_S / STEP)):
+        robots.tick()
+        target = policy.target
+        # Meanwhile it looks at its own room.
+        assert target is None or target.stand[1] * POINT < 9.6
+        assert ahead.cursor == place
+    robots.until(lambda: ahead.cursor != place, 100)
+
+
 # --- claims ----------------------------------------------------------------------------------------------------------
 
 
