@@ -5,8 +5,8 @@ alone does not say which way the robot is going. So each robot follows all other
 that fit the positions heard so far, it takes the likeliest (`agent.policies.committed.kernels.track`).
 
 - *Beginning*: all robots work out the same places, at equal distances on the tour, and which robot goes to which.
-- *Waiting*: a robot that is nearer to the one ahead than to the one behind stands still until it no longer is. So gaps
-  become equal again after a death, and open for a newcomer.
+- *Waiting*: once all are there, a robot that is nearer to the one ahead than to the one behind stands still until it
+  no longer is. So gaps become equal again after a death, and open for a newcomer.
 
 For example, three robots on a tour of 90 m, at 0, 20 and 60 m: the gaps ahead are 20, 40 and 30 m. The first robot has
 30 m behind it and 20 m ahead, so it waits.
@@ -59,6 +59,9 @@ MEMORY = 0.5
 
 PLAUSIBLE = 2.0
 """Positions of a robot that are farther apart than so many strides a tick are taken as forged."""
+
+ON_THE_WAY = 2.0
+"""After a beginning nobody waits for so many times the time of the longest way to a first place, as the crow flies."""
 
 LONG_BUMPED_S = 5.0
 """Time after a bump in which a robot does not wait, so that it does not block others, s."""
@@ -120,6 +123,7 @@ class Spacing:
     heard: dict[int, Heard] = field(default_factory=dict)
     _scratch: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     _bumped: int = -(2**30)
+    _all_there: int = -(2**30)
     _waited: int = 0
     _rests: bool = True
 
@@ -242,6 +246,7 @@ class Spacing:
             if (max(lengths), sum(lengths)) < best:
                 best = max(lengths), sum(lengths)
                 chosen = {number: slots[slot] for number, slot in zip(numbers, pairs, strict=True)}
+        self._all_there = view.tick + math.ceil(ON_THE_WAY * best[0] / view.stride)
         for number in numbers:
             self._enter(number, heard[number].spot, view.tick, chosen[number])
         return chosen[self.number]
@@ -314,7 +319,7 @@ class Spacing:
 
     def _is_too_near(self, view: View) -> bool:
         own = self.robots.get(self.number)
-        if own is None or len(self.robots) < 2:
+        if own is None or len(self.robots) < 2 or view.tick < self._all_there:
             return False
         if view.tick - self._bumped < LONG_BUMPED_S * view.spec.speed / view.stride:
             return False

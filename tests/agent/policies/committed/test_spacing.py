@@ -162,6 +162,17 @@ def spacing_at(number: int, places: Mapping[int, tuple[float, float]]) -> Spacin
     return spacing
 
 
+def test_nobody_waits_while_robots_may_be_on_the_way_to_their_first_places() -> None:
+    apart = {1: (10.5, 0.5), 2: (20.5, 0.5), 3: (20.5, 10.5)}
+    spacing = spacing_on(RING)
+    first_m = begin(spacing, at(0, apart))
+    place = spacing.tour[round(first_m * spacing.count / spacing.round.length_m), :2]
+    own_way = round(math.dist(place, apart[1]) / STRIDE)
+    waited = [tick for tick in range(1, 200) if waits(spacing, at(tick, apart))]
+    assert own_way > 0
+    assert min(waited) >= 2 * own_way
+
+
 def test_two_at_the_same_place_do_not_both_wait() -> None:
     together = {1: (10.5, 0.5), 2: (10.5, 0.5)}
     both = [waits(spacing_at(number, together), at(6, together, number)) for number in together]
