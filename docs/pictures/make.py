@@ -30,14 +30,13 @@ SCENARIO: dict[str, Any] = {
     "name": "site-eight",
     "terrain": {"builtin": "site"},
     "point": 0.25,
-    "duration": 340,
+    "duration": 740,
     "seed": 3,
     "robots": {"count": 8, "model": "car"},
-    "patrol": {"options": {"separation": "none"}},
     "faults": [
-        {"kind": "kill", "who": "r3", "at": 180},
-        {"kind": "loss", "rate": 0.5, "at": 220, "for": 80},
-        {"kind": "silence", "who": "r5", "at": 315, "for": 20},
+        {"kind": "kill", "who": "r3", "at": 560},
+        {"kind": "loss", "rate": 0.5, "at": 600, "for": 80},
+        {"kind": "silence", "who": "r5", "at": 715, "for": 20},
     ],
 }
 AT = 0.97
@@ -93,7 +92,7 @@ def main(given: Path | None, out: Path) -> None:
 
 def look(page: Any, address: str, moment: int) -> None:
     """Play up to the wanted tick, and wait until everything is drawn."""
-    page.goto(address)
+    begin(page, address)
     for k in range(max(moment - TRAIL, 0), moment + 1, 2):
         seek(page, k)
     while not page.evaluate("document.querySelectorAll('#chart .scatterlayer .trace').length"):
@@ -103,7 +102,7 @@ def look(page: Any, address: str, moment: int) -> None:
 
 def animate(page: Any, address: str, out: Path) -> None:
     """Write an animation of the map."""
-    page.goto(address)
+    begin(page, address)
     frames = []
     for k in MOVIE_TICKS:
         seek(page, k)
@@ -111,6 +110,13 @@ def animate(page: Any, address: str, out: Path) -> None:
         shot = page.locator("#map").screenshot()
         frames.append(Image.open(io.BytesIO(shot)).convert("RGB"))
     frames[0].save(out, save_all=True, append_images=frames[1:], duration=FRAME_MS, loop=0, quality=45, method=6)
+
+
+def begin(page: Any, address: str) -> None:
+    """Open the page, and wait until it shows a tick: before, it could not ask for another."""
+    page.goto(address)
+    while not page.evaluate("document.getElementById('clock').title"):
+        time.sleep(0.02)
 
 
 def seek(page: Any, k: int) -> None:

@@ -140,9 +140,10 @@ def cluster() -> Iterator[str]:
         yield made.scheduler_address
 
 
-def run_in_here(words: list[str]) -> None:
+def run_in_here(words: list[str]) -> str:
     result = CliRunner().invoke(app, words, catch_exceptions=False)
     assert result.exit_code == 0, f"{shlex.join(words)}: {result.output}"
+    return result.output
 
 
 def hall(closed: tuple[range, range]) -> str:
