@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 import tempfile
 from collections.abc import Callable, Iterable, Mapping
 from itertools import groupby
@@ -30,6 +31,7 @@ from agent.policies.potential_field.policy import PotentialField
 from agent.ports import Intent
 from agent.view import View
 from experiments.inprocess import run_in_process
+from fogwatch.cli.ending import guarded
 from fogwatch.notebook.run import Run
 from fogwatch.presets import preset_settings
 from patrol.ground.terrain import Terrain
@@ -384,4 +386,4 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=FOLDER, metavar="FOLDER", help="folder of the pictures")
     FOLDER = parser.parse_args().out
-    main()
+    sys.exit(guarded(main))
