@@ -80,12 +80,16 @@ class Look:
         return image
 
     def seek(self, k: int) -> None:
-        """Have a replay's page show a tick."""
+        """Have a replay's page show a tick, and wait until the map is drawn, one frame after the numbers above it."""
+        shown = f"document.getElementById('clock').title === 'tick {k}'"
+        if self.evaluate(shown):
+            return
+        drawn = self.evaluate("Number(document.body.dataset.frames ?? 0)")
         self.evaluate(
             f"""() => {{ const s = document.getElementById('seek'); s.value = {k};
                 s.dispatchEvent(new Event('input')); }}"""
         )
-        self.until(f"document.getElementById('clock').title === 'tick {k}'")
+        self.until(f"{shown} && Number(document.body.dataset.frames) > {drawn}")
 
     def until(self, script: str, limit_s: float = PATIENCE_S) -> None:
         """Wait until a script says yes; the page's policy forbids Playwright's own way of waiting."""

@@ -294,7 +294,7 @@ def headline(metrics: Metrics) -> str:
         f"{rate:.1f} ticks/s, {rate * step:.1f} x real time",
     ]
     left = metrics.ticks - metrics.k
-    if left and left <= rate * LONGEST_S:
+    if metrics.k > 1 and left and left <= rate * LONGEST_S:  # the first tick says little about the others
         parts.append(f"{duration_text(left / rate)} to go")
     return "; ".join(parts)
 

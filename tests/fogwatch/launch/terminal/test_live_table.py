@@ -291,6 +291,8 @@ def test_names_and_rates_that_make_no_sense_are_shown_all_the_same() -> None:
     table.close()
     assert "[/red]" in text.getvalue()
     assert "to go" not in headline(odd)
+    assert "to go" in headline(METRICS)
+    assert "to go" not in headline(replace(METRICS, k=1)), "the first tick says little about the others"
 
 
 def test_the_report_says_what_matters(tmp_path: Path) -> None:
