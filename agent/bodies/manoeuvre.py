@@ -335,6 +335,7 @@ class Manoeuvres:
         pose, terrain = view.pose, self._terrain
         found = np.zeros(MOST_ARCS, dtype=np.int64)
         closed = self._closed(view)
+        begins = np.array([self._is_free(pose, move.command) for move in self._moves], dtype=np.uint8)
         count = 0
         # A gap that is exactly as wide as the body leaves no clearance.
         for clearance in (CLEARANCE, 0.0):
@@ -354,6 +355,7 @@ class Manoeuvres:
                     pose.heading,
                     first,
                     self._arcs,
+                    begins,
                     GEAR_CHANGE * self._turning,
                     self._cell,
                     self._radius,

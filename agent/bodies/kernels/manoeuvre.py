@@ -10,6 +10,7 @@ from numba import njit, types
 MASK = types.Array(types.uint8, 2, "C", readonly=True)
 LENGTHS = types.Array(types.int32, 2, "C", readonly=True)
 ARCS = types.Array(types.float64, 2, "C", readonly=True)
+FLAGS = types.Array(types.uint8, 1, "C", readonly=True)
 FOUND = types.Array(types.int64, 1, "C")
 float64 = types.float64
 int64 = types.int64
@@ -94,14 +95,14 @@ def _is_free(blocked, room, closed, point, ox, oy, x, y, heading, distance, curv
 @njit(
     int64(
         MASK, MASK, MASK, LENGTHS, int64, int64, int64, float64, float64, float64, float64, float64, float64,
-        float64, ARCS, float64, float64, float64, float64, float64, float64, float64, float64, int64, FOUND,
+        float64, ARCS, FLAGS, float64, float64, float64, float64, float64, float64, float64, float64, int64, FOUND,
     ),
     cache=True,
     nogil=True,
 )
 def search(
-    blocked, room, closed, left, row0, col0, limit, point, ox, oy, x, y, heading, first_left, arcs, gear_change, cell,
-    radius, clearance, turning, near, progress, units, most, found,
+    blocked, room, closed, left, row0, col0, limit, point, ox, oy, x, y, heading, first_left, arcs, begins, gear_change,
+    cell, radius, clearance, turning, near, progress, units, most, found,
 ):
     """Find arcs that bring a body nearer to its goal.
 
@@ -127,6 +128,8 @@ def search(
         first_left: The way left from where the body is, m.
         arcs: float64 (n, 4), the arcs to drive: length (m, negative in reverse), curvature (1/m), turn on the spot
             (rad, of an arc without length) and cost.
+        begins: uint8 (n,), 1 where the body can begin the arc where it is: it may stand nearer to a wall than the gap
+            that is kept at the samples of an arc.
         gear_change: Cost of a change between forward and reverse.
         cell: Side of the grid that tells nodes apart, m.
         radius: Of the body, m.
@@ -199,6 +202,8 @@ def search(
             distance, half = arcs[index, 0], halves[index]
             if like[index] == index:
                 across[index], up[index] = math.cos(ph[node] + half), math.sin(ph[node] + half)
+            if node == 0 and begins[index] == 0:
+                continue
             nx = px[node] + chords[index] * across[like[index]]
             ny = py[node] + chords[index] * up[like[index]]
             nh = ph[node] + 2.0 * half

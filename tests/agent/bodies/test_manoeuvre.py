@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from agent.bodies.kernels.manoeuvre import CLEARANCE, _fits, _is_free, search
@@ -203,8 +203,9 @@ def found_in(
     arcs = [(*arc, 0.0, 0.5) for arc in ARCS] + [(0.0, 0.0, turn, 0.5) for turn in (ON_THE_SPOT if turns else ())]
     sizes = (0.3, 0.2, radius, CLEARANCE, 1.0, 0.1, 2.0, CM_PER_M)
     grids = (terrain.blocked, terrain.room, nothing, lengths, 0, 0, limit)
-    count = search(*grids, *place, np.array(arcs), *sizes, MOST_NODES, found)
-    moves = [Drive(*arc) for arc in ARCS] + [Twist(0.0, turn) for turn in ON_THE_SPOT]
+    moves = [Drive(*arc) for arc in ARCS] + [Twist(0.0, turn) for turn in (ON_THE_SPOT if turns else ())]
+    begins = np.array([path_is_free(terrain, pose, move, 1.0, radius) for move in moves], dtype=np.uint8)
+    count = search(*grids, *place, np.array(arcs), begins, *sizes, MOST_NODES, found)
     return [moves[index] for index in found[:count]]
 
 
@@ -218,6 +219,7 @@ def found_in(
     y=st.floats(1.0, 7.0),
     turns=st.booleans(),
 )
+@example(seed=2097153, point=0.1, radius=0.2, heading=0.0, x=1.0, y=1.0, turns=False)  # the body touches a wall
 def test_every_arc_that_is_found_is_free_and_they_lead_nearer(
     seed: int, point: float, radius: float, heading: float, x: float, y: float, turns: bool
 ) -> None:
