@@ -67,7 +67,7 @@ class Look:
             assert asked == {self._host}, asked
 
     def evaluate(self, script: str) -> Any:
-        """What a script comes to in the page."""
+        """Return the value of a script in the page."""
         return self.page.evaluate(script)
 
     def press(self, key: str) -> None:

@@ -180,9 +180,8 @@ def _doors_headline(report: MapReport) -> str:
         return "doors: none; no narrow passage limits what can be reached"
     shown = f", the narrowest {MOST_LINES}" if len(report.doors) > MOST_LINES else ", narrowest first"
     return (
-        f"doors: {len(report.doors)}{shown}; of two ways between the same rooms only the wider counts; widths count "
-        "whole free points, and a body needs half a point more than its radius, so a smaller --point may open a narrow "
-        "door"
+        f"doors: {len(report.doors)}{shown}; narrower ways between the same rooms are left out; widths count whole "
+        "free points, and a body needs half a point more than its radius, so a smaller --point may open a narrow door"
     )
 
 
