@@ -208,7 +208,7 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions)
     from worldsim.run_record import Unwritten, recording
 
     prepared = prepare(scenario)
-    _announce(scenario, folder, options)
+    _announce(prepared, folder, options)
     progresses: list[LiveProgress] = []
     _begin(options)
     baseline_s = _baseline(prepared, options)
@@ -292,7 +292,7 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
         try:
             launch.start()
             prepared = prepared or prepare(scenario)
-            _announce(scenario, folder, options)
+            _announce(prepared, folder, options)
             _write_static(prepared, folder)
             _begin(options)
             _unfinished(folder.static).rename(folder.static)
@@ -356,13 +356,18 @@ def _ended_as_processes(
     return _result(folder, operated, journal, verdict, summary, options, clerk if judged is not None else None)
 
 
-def _announce(scenario: Scenario, folder: RunFolder, options: RunOptions) -> None:
-    """Show what is about to run, once its input is known to be right."""
+def _announce(prepared: Prepared, folder: RunFolder, options: RunOptions) -> None:
+    """Show what is about to run, once its input is known to be right, and what to know of its ground."""
+    from fogwatch.grounds.ground_notes import ground_notes
+
+    scenario = prepared.scenario
     count = scenario.team
     robots = "1 robot" if count == 1 else f"{count} robots"
     if scenario.spares:
         robots += f" ({len(scenario.spares)} more may join)"
     options.display.say(f"{scenario.name}: {robots} for {scenario.duration:g} s; run folder {folder.path}")
+    for line in ground_notes(prepared):
+        options.display.say(f"warning: {line}")
 
 
 def _baseline(prepared: Prepared, options: RunOptions) -> float | None:

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from patrol.regions.split import RegionSplit
     from patrol.scenario import ClosureSpec, IntruderSpec, Scenario
     from patrol.scenario.zones import Weighing
+    from patrol.summary.model import LeftOut
 
 TICKS_APART = 4
 """Most ticks between two robots of a fleet where the world waits for none of them."""
@@ -88,6 +89,13 @@ class Prepared:
         """bool (height, width), read-only: points that some robot of the fleet can see; what MFoW counts."""
         distinct = list({id(fields): fields for fields in self.fields.values()}.values())
         return frozen_grid(np.logical_or.reduce([fields.patrolled for fields in distinct]))
+
+    @cached_property
+    def left_out(self) -> LeftOut | None:
+        """The free ground that no robot of the fleet sees from where it gets; None where there is none."""
+        from patrol.measures.left_out import left_out  # here: robots do not need it
+
+        return left_out(self)
 
     @cached_property
     def graph(self) -> Graph:

@@ -27,6 +27,9 @@ def answer_lines(plan: FleetPlan) -> Iterator[str]:
     areas = [size.area_m2 for size in plan.sizes]
     if max(areas) > 1.01 * min(areas):
         yield f"ground: fewer robots start in fewer parts and reach less of it, {min(areas):.0f} to {max(areas):.0f} m²"
+    least = plan.sizes[-1].left_out
+    if least is not None:
+        yield f"left out: {least.text}"
     yield from _on_patrol(plan)
     if plan.wanted_s is not None:
         yield from _answer(plan, plan.wanted_s)

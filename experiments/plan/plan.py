@@ -25,6 +25,7 @@ from patrol.measures.best_tour import MOST_ROBOTS, BestTour, best_tour
 from patrol.prepare import Prepared, prepare
 from patrol.scenario import RobotGroup, as_mapping, load_scenario
 from patrol.scenario.policies import CommittedPatrol
+from patrol.summary.model import LeftOut
 from worldsim.output.record import lower_bound
 
 if TYPE_CHECKING:
@@ -112,6 +113,7 @@ class FleetSize:
         simulated: The fleet with the scenario's policy; None if it was not run.
         one_dead: The same with one robot dead from the middle of the run; None too for one robot.
         stochastic: The same with free choices alone; None too for other policies than `committed`.
+        left_out: The free ground that none of the robots sees; None where there is none.
     """
 
     robots: int
@@ -124,6 +126,7 @@ class FleetSize:
     simulated: AgeKept | None = None
     one_dead: AgeKept | None = None
     stochastic: AgeKept | None = None
+    left_out: LeftOut | None = None
 
     @property
     def age_s(self) -> float | None:
@@ -395,6 +398,7 @@ def _size_facts(size: FleetSize, wanted_s: float | None) -> dict[str, Any]:
     return {
         "robots": size.robots,
         "patrolled_area_m2": size.area_m2,
+        "left_out": None if size.left_out is None else size.left_out.document(),
         "bound_s": size.bound_s,
         "tour_s": size.tour_s,
         "tour_m": size.tours.length_m,
@@ -435,6 +439,7 @@ def _size_of(number: int, prepared: Prepared, tours: BestTour, territories: tupl
         tours.bound_of_fleet_s(scenario),
         territories,
         own_s,
+        left_out=prepared.left_out,
     )
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from patrol.ground.doors.rooms import LISTED_AREA, Door, Rooms
 from patrol.ground.fields import StaticFields, compute_fields
 from patrol.ground.kernels.doors import FIRST, ROOM, SADDLE, SECOND
+from patrol.ground.maps.doubts import perhaps_unknown
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import Pose
 from patrol.starts import starting_part
@@ -74,6 +75,8 @@ class MapReport:
         small_area: Their area in total, m².
         doors: The doors between the starts and the free space around them, narrowest first.
         sealed: int32 (height, width): the number of the listed part at a point, from 1, or 0.
+        perhaps_unknown: bool (height, width), passable points with cells of a grey that is read as free, and that means
+            unknown in most maps.
     """
 
     terrain: Terrain
@@ -92,6 +95,7 @@ class MapReport:
     small_area: float
     doors: tuple[Door, ...]
     sealed: NDArray[np.int32]
+    perhaps_unknown: BoolGrid
 
 
 def check_map(
@@ -146,6 +150,7 @@ def check_map(
         small_area=sum(small) + _area(terrain, rooms.crumbs),
         doors=tuple(rooms.doors()),
         sealed=sealed,
+        perhaps_unknown=perhaps_unknown(terrain),
     )
 
 

@@ -43,6 +43,7 @@ SEEN = "#8fc3dd"
 SEALED_SEEN = "#f6e3a1"
 SEALED = "#e79f3c"
 KEEP_OUT = "#9c8fb5"
+PERHAPS_UNKNOWN = "#c9a7d8"
 PASSES = "#1d5f8a"
 SHUT = LIGHT["alert"]
 
@@ -78,6 +79,7 @@ def map_picture(report: MapReport, out: Path) -> None:
         Layer(SEALED_SEEN, "sealed off, but seen", sealed & seen),
         Layer(SEALED, "sealed off and never seen", sealed & unseen),
         Layer(NEVER_SEEN, "never seen: small parts, blind corners", unseen & ~sealed),
+        Layer(PERHAPS_UNKNOWN, "read as free, perhaps unknown", report.perhaps_unknown),
     ]
     title = f"{terrain.name}: a body of {report.radius:g} m radius, a sensor of {report.sensor_range:g} m"
     figure, axes = canvas(terrain, title)

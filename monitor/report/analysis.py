@@ -18,7 +18,7 @@ from patrol.errors import quoted
 from patrol.measures.best_tour import NO_BOUND, best_tour
 from patrol.prepare import sensor_footprint
 from patrol.summary.metric import Metric, metrics_of
-from patrol.summary.model import RobotFigures, Summary, unsettled
+from patrol.summary.model import RobotFigures, Summary, ground_text, unsettled
 
 NO_TOUR = "no tour for this ground or sensor"
 """Note beside the best tour found where there is none."""
@@ -116,10 +116,11 @@ def measures(run: Run) -> list[Measure]:
     figures = run.figures.model_copy(
         update={"best_tour_s": best_tour(run.prepared).bound_of_fleet_s(run.prepared.scenario)}
     )
+    left_out = run.prepared.left_out
     notes = {
         "mfow_mean_s": f"lower bound {figures.bound_s:.1f} s" if figures.bound_s else f"lower bound 0: {NO_BOUND}",
         "best_tour_s": NO_TOUR if figures.best_tour_s is None else _tour_note(run),
-        "seen_share": f"of {figures.patrolled_area_m2:.0f} m²",
+        "seen_share": f"of {ground_text(figures)}{'' if left_out is None else f'; left out: {left_out.text}'}",
     }
     of_run = {
         key: Measure(metric, getattr(figures, key), notes.get(key, metric.note))

@@ -51,6 +51,16 @@ class _Loader(yaml.SafeLoader):
         self._whole: dict[str, int] = {}
         """By anchor, the nodes that it names, once they are complete."""
 
+    def scan_to_next_token(self) -> None:
+        """Skip tabs between tokens too, as YAML 1.2 and yaml-cpp do; PyYAML only skips spaces. None may indent."""
+        super().scan_to_next_token()  # type: ignore[no-untyped-call]
+        while self.peek() == "\t" and (
+            self.flow_level or self.buffer[self.buffer.rfind("\n", 0, self.pointer) + 1 : self.pointer].strip()
+        ):
+            while self.peek() in ("\t", " "):
+                self.forward()
+            super().scan_to_next_token()  # type: ignore[no-untyped-call]
+
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
         event = self.peek_event()  # type: ignore[no-untyped-call]
         if isinstance(event, yaml.AliasEvent):

@@ -43,6 +43,27 @@ class Stalests(_Part):
     end: Stalest | None = None
 
 
+class LeftOut(_Part):
+    """The free ground that no robot sees from where it gets; see `patrol.measures.left_out`."""
+
+    area_m2: float
+    parts: int
+    largest_m2: float
+    x: float
+    y: float
+    why: str
+
+    @property
+    def text(self) -> str:
+        """How much it is, where and why, for example "23 m² of free ground in 2 parts; the largest, ..."."""
+        parts = "" if self.parts == 1 else f" in {self.parts} parts"
+        largest = "it is" if self.parts == 1 else f"the largest, {self.largest_m2:.0f} m², is"
+        return (
+            f"{self.area_m2:.0f} m² of free ground{parts}, which no robot sees; {largest} around ({self.x:.1f}, "
+            f"{self.y:.1f}), {self.why}"
+        )
+
+
 class CheckFacts(_Part):
     """The result of one check of the verdict."""
 
@@ -420,6 +441,16 @@ class Summary(_Part):
         ),
     ] = Stalests()
     patrolled_area_m2: Annotated[float, Metric("the ground that counts", sweep="once")] = 0.0
+    patrolled_vertices: Annotated[
+        int | None, Metric("with `terrain.patrolled: vertices` only: the vertices, in place of ground, that count")
+    ] = None
+    left_out: Annotated[
+        LeftOut | None,
+        Metric(
+            "free ground that no robot sees from where it gets, and that does not count: its area, its parts of at "
+            "least 1 m², and the place of the largest and why it is left out; null where there is none"
+        ),
+    ] = None
     point_m: Annotated[float, Metric("side of a point")] = 0.0
     sensor_range_m: Annotated[float, Metric("range of the sensor")] = 0.0
     messages: Annotated[Messages, Metric("[frames](#frames) of the whole fleet")] = Messages()
@@ -459,6 +490,16 @@ class Summary(_Part):
         dict[str, int | None],
         Metric("as processes only: how each process ended, as the launcher saw it; no journal holds this"),
     ] = {}
+
+
+def ground_text(summary: Summary) -> str:
+    """Return what a fleet is to see, for example "18 m²" or "12 vertices".
+
+    Args:
+        summary: The summary.
+    """
+    vertices = summary.patrolled_vertices
+    return f"{summary.patrolled_area_m2:.0f} m²" if vertices is None else f"{vertices} vertices"
 
 
 def unsettled(summary: Summary, yardstick_s: float) -> str:

@@ -9,13 +9,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from patrol.journal.links import drops_of, links_of
 from patrol.journal.records import DEAD_END, FORGED, Status, standing_after
 from patrol.pose import command_of
+from patrol.scenario.sections import VERTICES
 from patrol.summary.model import Messages, RobotFigures, Summary
 
 if TYPE_CHECKING:
@@ -157,10 +158,16 @@ class RunTotals:
             seen_share=self._seen / self._patrolled,
             bound_s=header.bound_s,
             patrolled_area_m2=header.patrolled_area_m2,
+            **self._vertices(),
             point_m=header.terrain.point,
             messages=self._messages(),
             robots={facts.name: self._robots[facts.number].figures() for facts in header.robots},
         )
+
+    def _vertices(self) -> dict[str, Any]:
+        """Return the number of vertices that count; nothing where ground does."""
+        terrain = self._header.scenario.get("terrain", {})
+        return {"patrolled_vertices": len(terrain["graph"]["vertices"])} if terrain.get("patrolled") == VERTICES else {}
 
     def _messages(self) -> Messages:
         robots = list(self._robots.values())

@@ -72,6 +72,7 @@ class Totals:
             "realtime_factor": document["simulated_s"] / wall_s if wall_s else None,
             "sensor_range_m": float(header.scenario["sensor"]["range"]),
             **_tour(prepared),
+            **_left_out(prepared),
             **({} if self._nodes is None else {"nodes": self._nodes.figures()}),
             **_progress(verdict.progress),
             **_zones(verdict.zones),
@@ -122,6 +123,14 @@ def _tour(prepared: Prepared | None) -> dict[str, float | None]:
         return {"best_tour_s": None, "best_tour_m": None}
     tour = best_tour(prepared)
     return {"best_tour_s": tour.bound_of_fleet_s(prepared.scenario), "best_tour_m": tour.length_m}
+
+
+def _left_out(prepared: Prepared | None) -> dict[str, Any]:
+    """Return the free ground that no robot sees; nothing where the ground is not known."""
+    if prepared is None:
+        return {}
+    left_out = prepared.left_out
+    return {"left_out": None if left_out is None else left_out.document()}
 
 
 def _progress(progress: RunProgress | None) -> dict[str, Any]:

@@ -68,6 +68,7 @@ def check(
     starts = [_start(text) for text in start or []]
     warm(("patrol",), lambda line: typer.echo(line, err=True), SELDOM)
     from fogwatch.grounds.map_check import check_map  # here: it imports kernels, which are compiled first
+    from patrol.ground.maps.doubts import doubts
 
     terrain = named_terrain(what, point)
     report = check_map(terrain, radius, sensor_range, line_of_sight, starts)
@@ -84,8 +85,8 @@ def check(
         about += closure_lines(
             _fleet(what, "closures", closures, point, robots, speed, radius, sensor_range, line_of_sight, starts)
         )
-    if why := _suspicious(terrain):
-        typer.echo(printable(f"{what}: is this what the map shows? {why}"), err=True)
+    for line in doubts(terrain):
+        typer.echo(printable(f"warning: {line}"), err=True)
     console = Console()
     if console.is_terminal:
         _print_tables(console, report)
@@ -274,15 +275,6 @@ def _fleet(
     scenario = load_scenario(says, called="options", aliases=options)
     with naming(f"--{listed} {file}", says.keys() - {listed}):
         return prepare(scenario)
-
-
-def _suspicious(terrain: Terrain) -> str:
-    """Describe what the map's settings make of its cells, where they seem wrong."""
-    if terrain.source is None:
-        return ""
-    from patrol.ground.maps.load import suspicious_reading
-
-    return suspicious_reading(terrain)
 
 
 def _start(text: str) -> Pose:

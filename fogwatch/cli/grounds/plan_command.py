@@ -114,6 +114,7 @@ def plan(
     from experiments.plan.answer import answer_lines  # here: these import kernels, which are compiled first
     from experiments.plan.plan import make_plan
     from fogwatch.plan_folder import plan_folder, write_plan
+    from patrol.ground.maps.doubts import doubts
 
     folder = plan_folder(out, scenario.name)
     shown = _Shown(Console(stderr=True))
@@ -121,6 +122,8 @@ def plan(
         made = make_plan(scenario, age, numbers, shown, duration_s=duration, quick=quick)
         shown.begin("pictures")
         write_plan(made, folder)
+    for line in doubts(made.terrain):
+        typer.echo(printable(f"warning: {line}"), err=True)
     console = Console()
     console.print(_table(made), highlight=False, markup=False)
     for line in answer_lines(made):

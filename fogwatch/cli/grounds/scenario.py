@@ -25,7 +25,7 @@ from patrol.scenario import (
 )
 from patrol.scenario.policies import BUILT_IN, LearnedPatrol
 from patrol.scenario.radio_spec import MODELS
-from patrol.scenario.sections import BUILT_IN_SENSORS
+from patrol.scenario.sections import BUILT_IN_SENSORS, VERTICES
 
 if TYPE_CHECKING:
     from worldsim.faults.timeline import Timeline
@@ -72,6 +72,7 @@ def check(what: What, settings: Settings = None) -> None:
     scenario = open_scenario(what, overrides)
     digest = scenario_hash(scenario)
     fleet_key(scenario.radio.key)
+    from fogwatch.grounds.ground_notes import ground_notes
     from patrol.classes.static_check import check_without_running
     from patrol.own_sensor import sensor_named  # here: needs libraries that `fogwatch scenario show` does without
     from patrol.prepare import prepare
@@ -93,7 +94,6 @@ def check(what: What, settings: Settings = None) -> None:
         from worldsim.radio.models.found import model_named
 
         check_without_running(model_named(scenario))
-    area = float(prepared.patrolled.sum()) * scenario.point**2
     given = sum(spec.start is not None for spec in scenario.roster)
     typer.echo(printable(f"{what}: can run"))
     typer.echo(f"  {_starts(len(scenario.roster), given)}")
@@ -103,7 +103,12 @@ def check(what: What, settings: Settings = None) -> None:
         typer.echo(f"  sensor {printable(scenario.sensor.kind)}, not run: a run checks its options")
     if scenario.radio.model not in MODELS:
         typer.echo(f"  radio model {printable(scenario.radio.model)}, not run: a run checks its options")
-    typer.echo(f"  {area:.0f} m² to patrol on {prepared.terrain.name}, points of {scenario.point:g} m")
+    ground = f"{float(prepared.patrolled.sum()) * scenario.point**2:.0f} m²"
+    if scenario.terrain.graph is not None and scenario.terrain.patrolled == VERTICES:
+        ground = f"{len(scenario.terrain.graph.vertices)} vertices"
+    typer.echo(f"  {ground} to patrol on {prepared.terrain.name}, points of {scenario.point:g} m")
+    for line in ground_notes(prepared):
+        typer.echo(printable(f"  warning: {line}"))
     ticks = "1 tick" if scenario.ticks == 1 else f"{scenario.ticks} ticks"
     typer.echo(f"  {scenario.duration:g} s in {ticks} of {scenario.step:g} s")
     if not scenario.docks and any(spec.battery is not None for spec in scenario.roster):

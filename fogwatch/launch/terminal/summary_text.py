@@ -15,7 +15,7 @@ from patrol.measures.best_tour import NO_BOUND
 from patrol.printable import printable
 from patrol.scenario.zones import ELSEWHERE
 from patrol.summary.metric import metrics_of
-from patrol.summary.model import IntruderFacts, RobotFigures, Summary, VerdictFacts, unsettled
+from patrol.summary.model import IntruderFacts, RobotFigures, Summary, VerdictFacts, ground_text, unsettled
 
 _VERDICTS = {"valid": "bold green", "invalid": "bold red", "unknown": "bold yellow"}
 MOST_ROBOTS = 40
@@ -91,7 +91,9 @@ def measures(summary: Summary) -> list[str]:
     lines += _zones(summary)
     lines += _closures(summary)
     lines += _stalest(summary)
-    coverage = f"coverage    {text.pop('seen_share')} of {summary.patrolled_area_m2:.0f} m² to patrol"
+    coverage = f"coverage    {text.pop('seen_share')} of {ground_text(summary)} to patrol"
+    if summary.left_out is not None:
+        coverage += f"; left out: {summary.left_out.text}"
     lines += [f"{metric.title:<11} {text[key]}" for key, metric in metrics_of(Summary) if key in text]
     lines.append(coverage)
     lines += _radio(summary)

@@ -96,9 +96,14 @@ def _named(radius: float, default: bool) -> str:
 
 def _map_to_blame(terrain: Terrain, what: str) -> str:
     """Return the error where not the body but the settings of the terrain's map seem to be wrong; empty otherwise."""
-    from patrol.ground.maps.load import suspicious_reading  # here: it needs the image library
+    if terrain.source is None:
+        return ""
+    from patrol.ground.maps.cells import read_image  # here: they need the image library
+    from patrol.ground.maps.doubts import wrong_settings
+    from patrol.ground.maps.map_file import read_map_file
 
-    why = suspicious_reading(terrain)
+    says = read_map_file(terrain.source)
+    why = wrong_settings(says, read_image(says))
     return f"{terrain.source}: leaves no room for {what}: {why}" if why else ""
 
 

@@ -1,12 +1,20 @@
-"""The cells of a map: which pixels of its image are free, and what its settings make of all of them."""
+"""The cells of a map: which pixels of its image are free, and what its settings make of all of them.
+
+The rule is that of Nav2's `map_server` of 2026 (`nav2_map_server/src/map_io.cpp`). A pixel is first made grey, 0 to
+255, as GraphicsMagick does: 0.299 red + 0.587 green + 0.114 blue. Its occupancy is 1 - grey / 255, or grey / 255 where
+negate is set. A cell is free up to free_thresh, occupied from occupied_thresh on, and unknown between them; a pixel
+that is not opaque is unknown, whatever its grey. For example, grey 205, which means unknown in maps of `map_saver`, has
+the occupancy 0.19608: it is unknown with free_thresh 0.196, and free with 0.25. In mode raw the grey itself is the
+occupancy in percent, and more than 100 is unknown.
+"""
 
 from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import BinaryIO, cast
 
 import numpy as np
@@ -20,13 +28,17 @@ from patrol.ground.maps.map_file import MapFile
 from patrol.ground.terrain import BoolGrid
 
 FORMATS = ("PPM", "PNG", "BMP", "JPEG")
-MAX_CELLS = 100_000_000
+MAX_CELLS = 400_000_000
+"""The most pixels of a grey image of 8 bits; of other images a quarter, since each takes four bytes."""
 
 TOLERANCE = 1e-6
 """Overlaps thinner than this (in cells) are rounding and do not count."""
 
-QUANTA = 65535
-"""The scale on which the map server adds a pixel's channels."""
+LEVELS = 256
+"""Greys that are told apart."""
+
+FULL = 65535
+"""The greatest level of a 16-bit image, whose greys are 257 levels each."""
 
 MOST_READS = 1 << 16
 """Times that a decoder may read from an image, and once more for each `BYTES_A_READ` of the file. Decoders read
@@ -34,22 +46,85 @@ comments and markers byte by byte, or a few bytes at a time, in Python: a megaby
 
 BYTES_A_READ = 256
 
-BLOCK = 256
-"""Rows of an image that are judged at a time."""
+Levels = NDArray[np.bool_]
+"""For each grey whether it has some meaning, such as free."""
 
-NEARLY_NOTHING = 0.05
-"""Share of free cells below which a map's settings rather than its walls are to blame."""
 
-SEVERAL = 4.0
-"""Factor of more free cells that makes another value of a setting more likely than the one given."""
+@dataclass(frozen=True, eq=False, slots=True)
+class MapImage:
+    """The pixels of a map's image, the lowest row (that of the lowest y) first.
+
+    Attributes:
+        greys: uint8 (rows, columns).
+        opaque: bool (rows, columns); None where all pixels are.
+        is_jpeg: Whether the image is a JPEG, whose greys are inexact.
+    """
+
+    greys: NDArray[np.uint8]
+    opaque: BoolGrid | None
+    is_jpeg: bool
+
+    def cells(self, levels: Levels) -> BoolGrid:
+        """Return the opaque cells whose grey is among some, bool (rows, columns).
+
+        Args:
+            levels: bool (256,).
+        """
+        cells = levels[self.greys]
+        if self.opaque is not None:
+            cells &= self.opaque
+        return cells
+
+    def rows(self, first: int, after: int) -> MapImage:
+        """Return some rows.
+
+        Args:
+            first: The lowest of them.
+            after: The one above the highest of them.
+        """
+        opaque = None if self.opaque is None else self.opaque[first:after]
+        return MapImage(self.greys[first:after], opaque, self.is_jpeg)
+
+    def histogram(self) -> NDArray[np.int64]:
+        """Return the number of opaque pixels of each grey, int64 (256,)."""
+        greys = self.greys if self.opaque is None else self.greys[self.opaque]
+        return np.bincount(greys.reshape(-1), minlength=LEVELS)
+
+
+def free_levels(says: MapFile) -> Levels:
+    """Return the greys that are free, bool (256,).
+
+    Args:
+        says: The map's YAML file.
+    """
+    return occupancy_of(says) <= np.float32(says.free_thresh)
+
+
+def occupied_levels(says: MapFile) -> Levels:
+    """Return the greys that are occupied, bool (256,).
+
+    Args:
+        says: The map's YAML file.
+    """
+    occupancy = occupancy_of(says)
+    return (occupancy >= np.float32(says.occupied_thresh)) & (occupancy <= 1.0) & ~free_levels(says)
+
+
+def occupancy_of(says: MapFile) -> NDArray[np.float32]:
+    """Return the occupancy of each grey, float32 (256,): 0 to 1, and above 1 for unknown in mode raw.
+
+    Args:
+        says: The map's YAML file.
+    """
+    greys = np.arange(LEVELS, dtype=np.float32)
+    if says.mode == "raw":
+        return np.where(greys <= 100.0, greys / np.float32(100.0), np.float32(np.inf))
+    shade = greys / np.float32(255.0)
+    return shade if says.negate else np.float32(1.0) - shade
 
 
 def free_cells(says: MapFile) -> BoolGrid:
     """Return the cells of a map that are free, that is neither occupied nor unknown.
-
-    As nav2: a pixel's shade is the mean of its channels (with alpha in mode trinary) and its occupancy 1 - shade, or
-    shade where negate is set; free is what lies below free_thresh. In mode scale a pixel that is not opaque is unknown.
-    In mode raw the pixel itself, 0 to 100, is the occupancy in percent, and more is unknown.
 
     Args:
         says: The map's YAML file.
@@ -60,7 +135,7 @@ def free_cells(says: MapFile) -> BoolGrid:
     Raises:
         BadInput: When the image cannot be read.
     """
-    return _cells_of(says, lambda occupancy: occupancy < says.free_thresh)
+    return read_image(says).cells(free_levels(says))
 
 
 def marked_cells(says: MapFile) -> BoolGrid:
@@ -78,26 +153,51 @@ def marked_cells(says: MapFile) -> BoolGrid:
     Raises:
         BadInput: When the image cannot be read.
     """
-    span = says.occupied_thresh - says.free_thresh
+    marked = occupied_levels(says)
+    occupancy = occupancy_of(says)
+    if says.mode == "raw":
+        marked = (occupancy > 0.0) & (occupancy <= 1.0)
+    elif says.mode == "scale":
+        free, occupied = np.float32(says.free_thresh), np.float32(says.occupied_thresh)
+        between = (occupancy > free) & (occupancy < occupied)
+        marked |= between & (np.float32(100.0) * (occupancy - free) >= np.float32(0.5) * (occupied - free))
+    return read_image(says).cells(marked)
 
-    def is_marked(occupancy: NDArray[np.float64]) -> BoolGrid:
-        if says.mode == "trinary":
-            return occupancy > says.occupied_thresh
-        if says.mode == "scale":
-            return np.asarray(np.rint(100.0 * (occupancy - says.free_thresh) / span) >= 1.0)
-        return occupancy >= 0.01
 
-    return _cells_of(says, is_marked)
+def single_unknown_cells(image: MapImage, says: MapFile) -> BoolGrid:
+    """Return the single unknown cells at the edge of free ground or in it; they are no obstacles.
+
+    Mapping leaves such cells where no beam happened to pass. All cells around one are free or occupied, and the free
+    ones lie side by side, so that taking the cell as free opens no way through a wall. Beyond the image all is
+    occupied. Of these three unknown cells (?) the first two are specks, and the third is a gap in a wall (#):
+
+        . . .   # # #   . . .
+        . ? .   . ? .   # ? #
+        . . .   . . .   . . .
+
+    Args:
+        image: The map's image.
+        says: The map's YAML file.
+
+    Returns:
+        bool (rows, columns), the lowest y first.
+    """
+    free, occupied = image.cells(free_levels(says)), image.cells(occupied_levels(says))
+    unknown = np.pad(~free & ~occupied, 1)
+    inner = slice(1, -1)
+    beside = unknown[:-2, inner] | unknown[2:, inner] | unknown[inner, :-2] | unknown[inner, 2:]
+    rows, columns = np.nonzero(unknown[inner, inner] & ~beside)
+    ring = [(rows + 1 + up, columns + 1 + right) for up, right in _RING]
+    is_free = np.stack([np.pad(free, 1)[place] for place in ring])
+    runs = np.count_nonzero(is_free & ~np.roll(is_free, 1, axis=0), axis=0)
+    alone = ~np.logical_or.reduce([unknown[place] for place in ring]) & ((runs == 1) | is_free.all(axis=0))
+    specks = np.zeros(free.shape, dtype=np.bool_)
+    specks[rows[alone], columns[alone]] = True
+    return specks
 
 
-def _cells_of(says: MapFile, holds: Callable[[NDArray[np.float64]], BoolGrid]) -> BoolGrid:
-    """Return the cells whose occupancy is known and holds, bool (rows, columns), the lowest y first."""
-    pixels = _pixels(says)
-    cells = np.empty(pixels.levels.shape[:2], dtype=np.bool_)
-    for first, block in pixels.blocks():
-        known, occupancy = _occupancy(says, block, pixels.has_alpha)
-        cells[first : first + BLOCK] = known & holds(occupancy)
-    return cells[::-1]
+_RING = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))
+"""The cells around one, side by side: rows up and columns to the right."""
 
 
 def touched_points(
@@ -147,123 +247,29 @@ def image_size(says: MapFile) -> tuple[int, int]:
         return image.height, image.width
 
 
-def _occupancy(says: MapFile, block: NDArray[np.float64], has_alpha: bool) -> tuple[BoolGrid, NDArray[np.float64]]:
-    """Return the known cells of some rows, as far as the image tells, and the occupancy of each, 0 to 1."""
-    alpha = block[..., -1] if has_alpha else np.full(block.shape[:2], float(QUANTA))
-    colours = block[..., :-1] if has_alpha and says.mode != "trinary" else block
-    shade = colours.sum(axis=-1) / colours.shape[-1] / QUANTA
-    if says.mode == "raw":
-        percent = np.floor(shade * 255.0 + 0.5)
-        return percent <= 100.0, percent / 100.0
-    return (alpha == QUANTA) | (says.mode == "trinary"), shade if says.negate else 1.0 - shade
-
-
-@dataclass(frozen=True, slots=True)
-class CellShares:
-    """The shares of free and of occupied cells under a map's settings.
-
-    Attributes:
-        free: Share of the free cells, 0 to 1.
-        occupied: Share of those whose occupancy is above occupied_thresh.
-    """
-
-    free: float
-    occupied: float
-
-    def __str__(self) -> str:
-        """Return the three shares in percent."""
-        unknown = max(1.0 - self.free - self.occupied, 0.0)
-        free, occupied = _percent(self.free), _percent(self.occupied)
-        return f"{free} of its cells free, {occupied} occupied and {_percent(unknown)} unknown"
-
-
-def cell_shares(says: MapFile) -> CellShares:
-    """Return the shares of free and occupied cells.
+def read_image(says: MapFile) -> MapImage:
+    """Return the pixels of a map's image.
 
     Args:
         says: The map's YAML file.
 
     Raises:
-        BadInput: When the image cannot be read.
+        BadInput: When the image cannot be read, or has more than MAX_CELLS pixels.
     """
-    pixels = _pixels(says)
-    free = occupied = 0
-    for _, block in pixels.blocks():
-        known, occupancy = _occupancy(says, block, pixels.has_alpha)
-        free += int(np.count_nonzero(known & (occupancy < says.free_thresh)))
-        occupied += int(np.count_nonzero(known & (occupancy > says.occupied_thresh)))
-    cells = pixels.levels.shape[0] * pixels.levels.shape[1]
-    return CellShares(free / cells, occupied / cells)
-
-
-def suspicious(says: MapFile) -> str:
-    """Describe the cells under a map's settings and the setting to correct, where they seem wrong.
-
-    They seem wrong where nearly nothing is free, and where another value of one of them would free several times more.
-
-    Args:
-        says: The map's YAML file.
-
-    Returns:
-        The end of an error, empty where nothing seems wrong.
-
-    Raises:
-        BadInput: When the image cannot be read.
-    """
-    shares = cell_shares(says)
-    others = {
-        f"negate: {int(not says.negate)}": replace(says, negate=not says.negate),
-        "mode: trinary": replace(says, mode="trinary"),
-        "free_thresh: 0.196 and occupied_thresh: 0.65": replace(says, free_thresh=0.196, occupied_thresh=0.65),
-    }
-    freed = {spelled: cell_shares(other).free for spelled, other in others.items()}
-    best = max(freed, key=lambda spelled: freed[spelled])
-    better = freed[best] > max(SEVERAL * shares.free, NEARLY_NOTHING)
-    if shares.free >= NEARLY_NOTHING and not better:
-        return ""
-    remedy = "correct negate, mode or the thresholds"
-    if shares.free >= NEARLY_NOTHING:
-        remedy = f"if the image shows something else, {remedy}"
-    if better:
-        remedy += f" ({best} would make {_percent(freed[best])} free)"
-    return (
-        f"negate = {str(says.negate).lower()}, mode = {says.mode}, free_thresh = {says.free_thresh:g} and "
-        f"occupied_thresh = {says.occupied_thresh:g} make {shares}; {remedy}"
-    )
-
-
-def _percent(share: float) -> str:
-    return f"{100.0 * share:.1f} %"
-
-
-@dataclass(frozen=True, slots=True)
-class _Pixels:
-    """An image.
-
-    Attributes:
-        levels: uint8 or uint16 (rows, columns, channels).
-        has_alpha: Whether the last channel is opacity.
-        scale: What a level is multiplied by, so that the greatest is QUANTA.
-    """
-
-    levels: NDArray[np.uint8] | NDArray[np.uint16]
-    has_alpha: bool
-    scale: float
-
-    def blocks(self) -> Iterator[tuple[int, NDArray[np.float64]]]:
-        """The first row of each block of rows, and its pixels as float64 (rows, columns, channels), 0 to QUANTA."""
-        for first in range(0, self.levels.shape[0], BLOCK):
-            yield first, self.levels[first : first + BLOCK].astype(np.float64) * self.scale
-
-
-def _pixels(says: MapFile) -> _Pixels:
     with _image(says) as image:
         image.load()
-        return _channels(image, _where(says))
+        return _pixels_of(image, _where(says))
 
 
 def _where(says: MapFile) -> str:
     return f"{says.path}: image = {says.image}"
+
+
+_SMALLER = (
+    "crop it, save it in 8-bit grey, or shrink it, for example to the darkest pixel of each 2 x 2, with 'resolution' "
+    "doubled"
+)
+"""The remedy for an image that is too large."""
 
 
 @contextmanager
@@ -272,14 +278,16 @@ def _image(says: MapFile) -> Iterator[Image.Image]:
     where = _where(says)
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of sizes, which MAX_CELLS judges, and of oddities in what can be read
+            warnings.simplefilter("ignore")  # of oddities in what can be read
             with (
+                _any_size(),
                 open_untrusted(says.image, IMAGE) as file,
                 Image.open(cast(BinaryIO, metered := _Metered(file)), formats=FORMATS) as image,
             ):
                 metered.is_plain = isinstance(image, ImageFile) and image.tile[0][0] == "ppm_plain"
-                if image.width * image.height > MAX_CELLS:
-                    raise BadInput(f"{where}: {image.width} x {image.height} pixels, more than {MAX_CELLS}; crop it")
+                most = MAX_CELLS if image.mode in ("1", "L") else MAX_CELLS // 4
+                if image.width * image.height > most:
+                    raise BadInput(f"{where}: {image.width} x {image.height} pixels, more than {most}; {_SMALLER}")
                 yield image
     except FileNotFoundError:
         raise BadInput(f"{where}: no such file; correct 'image', which is relative to the YAML file") from None
@@ -287,8 +295,6 @@ def _image(says: MapFile) -> Iterator[Image.Image]:
         raise BadInput(f"{where}: is not a PGM, PNG, BMP or JPEG image; give one") from None
     except _Laborious as error:
         raise BadInput(f"{where}: {error}; save it as a PNG") from None
-    except Image.DecompressionBombError:
-        raise BadInput(f"{where}: more than {MAX_CELLS} pixels; crop it") from None
     except BadInput:
         raise
     except Exception as error:  # noqa: BLE001 - a broken file can make an image decoder raise anything
@@ -329,15 +335,30 @@ class _Metered:
         return self._file.tell()
 
 
-def _channels(image: Image.Image, where: str) -> _Pixels:
+def _pixels_of(image: Image.Image, where: str) -> MapImage:
+    is_jpeg = image.format == "JPEG"
     if image.mode.startswith("I"):
-        return _Pixels(np.clip(np.asarray(image), 0, QUANTA).astype(np.uint16)[..., None], False, 1.0)
+        levels = np.clip(np.asarray(image), 0, FULL).astype(np.uint32)
+        return MapImage(((levels + 128) // 257).astype(np.uint8)[::-1], None, is_jpeg)
     if image.mode == "F":
         raise BadInput(f"{where}: has floating-point pixels; give a grey or colour image of 8 or 16 bits")
-    has_alpha = image.mode in ("LA", "PA", "RGBA", "RGBa", "La") or "transparency" in image.info
-    if has_alpha:
+    opaque = None
+    if image.mode in ("LA", "PA", "RGBA", "RGBa", "La") or "transparency" in image.info:
         image = image.convert("RGBA")
-    elif image.mode != "L":
-        image = image.convert("L" if image.mode == "1" else "RGB")
-    levels = np.asarray(image, dtype=np.uint8)
-    return _Pixels(levels[..., None] if levels.ndim == 2 else levels, has_alpha, QUANTA / 255)
+        opaque = np.asarray(image.getchannel("A"))[::-1] == LEVELS - 1
+    elif image.mode not in ("L", "1"):
+        image = image.convert("RGB")
+    if image.mode != "L":
+        image = image.convert("L")
+    return MapImage(np.asarray(image)[::-1], opaque, is_jpeg)
+
+
+@contextmanager
+def _any_size() -> Iterator[None]:
+    """Let MAX_CELLS judge the size of images in place of Pillow's own limit, which is smaller."""
+    limit = Image.MAX_IMAGE_PIXELS
+    Image.MAX_IMAGE_PIXELS = None
+    try:
+        yield
+    finally:
+        Image.MAX_IMAGE_PIXELS = limit

@@ -6,6 +6,7 @@ upper row at the highest y.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Protocol
@@ -14,12 +15,23 @@ import numpy as np
 
 from patrol.errors import BadInput, NotPrepared
 from patrol.ground.maps.builtins import builtin_terrain
-from patrol.ground.maps.cells import free_cells, image_size, suspicious, touched_points
-from patrol.ground.maps.map_file import read_map_file
+from patrol.ground.maps.cells import (
+    MapImage,
+    free_levels,
+    image_size,
+    read_image,
+    single_unknown_cells,
+    touched_points,
+)
+from patrol.ground.maps.doubts import settings_text, wrong_settings
+from patrol.ground.maps.map_file import MapFile, read_map_file
 from patrol.ground.shapes import cover
 from patrol.ground.terrain import MAX_POINTS, BoolGrid, Terrain, whole_points
 from patrol.ground.zones import Zone, with_zones
 from patrol.printable import printable
+
+CELLS_AT_ONCE = 16_000_000
+"""Cells of a map that are made points at a time, which bounds the memory that this takes."""
 
 
 class TerrainSource(Protocol):
@@ -97,43 +109,29 @@ def read_terrain(path: Path, point: float, within: Path | None = None) -> Terrai
             f"{where}: makes the map {extent}, more than {MAX_POINTS} points of {point:g} m; "
             "correct it or choose a larger point"
         )
-    cells = free_cells(says)
-    if not cells.any():
-        raise BadInput(f"{path}: leaves no free cell in {says.image.name}: {suspicious(says)}")
-    passable = resample(cells, says.resolution, point)
+    image = read_image(says)
+    passable = _passable(image, says, point, (shape[0], shape[1]))
     if not passable.any():
+        if not image.histogram()[free_levels(says)].any():
+            raise BadInput(f"{path}: leaves no free cell in {says.image.name}: {settings_text(says, image)}")
         where = f"{path}: no free point of {point:g} m"
-        if why := suspicious(says):
+        if why := wrong_settings(says, image):
             raise BadInput(f"{where}: {why}")
         raise BadInput(f"{where}; the free space is too narrow, choose a smaller point")
     return Terrain(printable(path.stem), passable, point, says.origin, source=path)
 
 
-def suspicious_reading(terrain: Terrain) -> str:
-    """Describe the cells under the settings of a terrain's map, where they seem wrong.
-
-    Args:
-        terrain: As read.
-
-    Returns:
-        The end of an error; empty where nothing seems wrong, and for a terrain that is read from no map.
-
-    Raises:
-        BadInput: When the map cannot be read again.
-    """
-    return "" if terrain.source is None else suspicious(read_map_file(terrain.source))
-
-
-def resample(cells: BoolGrid, resolution: float, point: float) -> BoolGrid:
-    """Return the points on which every cell that they share some area with is free.
-
-    Args:
-        cells: bool (rows, columns), free cells.
-        resolution: Side of one cell, m.
-        point: Side of one point, m; it may be smaller or larger than a cell.
-
-    Returns:
-        bool (height, width), from the same corner as the cells.
-    """
-    shape = whole_points(cells.shape[0] * resolution, point), whole_points(cells.shape[1] * resolution, point)
-    return ~touched_points(~cells, resolution, point, shape)
+def _passable(image: MapImage, says: MapFile, point: float, shape: tuple[int, int]) -> BoolGrid:
+    """Return the points on which no cell but free ones and single unknown ones lie, some rows of points at a time."""
+    passable = np.empty(shape, dtype=np.bool_)
+    cells_a_row = point / says.resolution * image.greys.shape[1]
+    rows = max(int(CELLS_AT_ONCE / cells_a_row), 1)
+    for first in range(0, shape[0], rows):
+        strip = passable[first : first + rows]
+        low = max(math.floor(first * point / says.resolution) - 1, 0)
+        after = math.ceil((first + len(strip)) * point / says.resolution) + 1
+        cells = image.rows(low, after)
+        free = cells.cells(free_levels(says)) | single_unknown_cells(cells, says)
+        above_low = first * point - low * says.resolution
+        strip[:] = ~touched_points(~free, says.resolution, point, strip.shape, (0.0, above_low))
+    return passable

@@ -15,8 +15,14 @@ from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.files.untrusted import MAP, leads_out
 from patrol.files.yaml_text import parse_yaml, read_text
 
+IMAGE_ENDINGS = (".pgm", ".png", ".bmp", ".jpg", ".jpeg")
+IS_IMAGE = "is an image; give the map's YAML file, which names the image and its resolution"
+
 Mode = Literal["trinary", "scale", "raw"]
 MODES: tuple[Mode, ...] = ("trinary", "scale", "raw")
+
+TURN_TOLERANCE = 1e-4
+"""Largest yaw of an origin that is read as none, rad: a centimetre on a map of 100 m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,17 +31,20 @@ class MapFile:
 
     Attributes:
         path: The YAML file.
-        image: The image that it names.
+        image: The image that it names, or the file of that name beside it where there is no such image: maps are copied
+            from other computers with absolute paths in them.
+        named_image: The image's name in the YAML file.
         resolution: m per cell.
         origin: (x, y) in m of the lower left corner.
         negate: Whether dark pixels are free.
-        occupied_thresh: Occupancy from which a cell is occupied, 0 to 1.
-        free_thresh: Occupancy below which a cell is free, 0 to 1.
-        mode: How pixels are read; see `patrol.ground.maps.cells.free_cells`.
+        occupied_thresh: Occupancy from which on a cell is occupied, 0 to 1.
+        free_thresh: Occupancy up to which a cell is free, 0 to 1.
+        mode: The meaning of pixels; see `patrol.ground.maps.cells`.
     """
 
     path: Path
     image: Path
+    named_image: str
     resolution: float
     origin: tuple[float, float]
     negate: bool
@@ -56,29 +65,34 @@ def read_map_file(path: Path, within: Path | None = None) -> MapFile:
     """
     if within is not None and leads_out(within, path):
         raise BadInput(f"{path}: this map lies outside of {within} and is not read; copy its files into that folder")
+    if path.suffix.lower() in IMAGE_ENDINGS:
+        raise BadInput(f"{path}: {IS_IMAGE}")
     says = parse_yaml(read_text(path, MAP), str(path))
     if not isinstance(says, dict):
         raise BadInput(f"{path}: is not a map; expected keys and values such as 'image: map.pgm'")
     image = _value(path, says, "image", "the image's file name")
     if not isinstance(image, str) or not image or "\0" in image:
         raise BadInput(f"{path}: image = {quoted(image)}: expected the image's file name")
-    if within is not None and leads_out(within, path.parent / image):
+    image_path = _existing_image(path, image)
+    if within is not None and leads_out(within, image_path):
         raise BadInput(f"{path}: image = {quoted(image)}: lies outside of {within} and is not read; copy it there")
     resolution = _number(path, says, "resolution", "a finite number above 0 (m per cell)")
     if resolution <= 0.0:
         raise BadInput(f"{path}: resolution = {resolution:g}: expected a finite number above 0 (m per cell)")
-    mode = says.get("mode", "trinary")
-    if mode not in MODES:
-        raise BadInput(f"{path}: mode = {quoted(mode)}: unknown; {did_you_mean(str(mode), MODES)}")
+    given_mode = says.get("mode", "trinary")
+    mode = next((mode for mode in MODES if mode == str(given_mode).lower()), None)
+    if mode is None:
+        raise BadInput(f"{path}: mode = {quoted(given_mode)}: unknown; {did_you_mean(str(given_mode), MODES)}")
     occupied, free = (_number(path, says, f"{name}_thresh", "a number from 0 to 1") for name in ("occupied", "free"))
-    if not 0.0 <= free < occupied <= 1.0:
+    if not 0.0 <= free <= occupied <= 1.0:
         raise BadInput(
-            f"{path}: free_thresh = {free:g}, occupied_thresh = {occupied:g}: expected 0 <= free_thresh < "
+            f"{path}: free_thresh = {free:g}, occupied_thresh = {occupied:g}: expected 0 <= free_thresh <= "
             "occupied_thresh <= 1"
         )
     return MapFile(
         path=path,
-        image=path.parent / image,
+        image=image_path,
+        named_image=image,
         resolution=resolution,
         origin=_origin(path, says),
         negate=_negate(path, says),
@@ -86,6 +100,16 @@ def read_map_file(path: Path, within: Path | None = None) -> MapFile:
         free_thresh=free,
         mode=mode,
     )
+
+
+def _existing_image(path: Path, image: str) -> Path:
+    """Return the image that a YAML file names, or the one of that name beside it where there is none."""
+    named = path.parent / image
+    beside = path.parent / image.replace("\\", "/").rsplit("/", 1)[-1]
+    try:
+        return beside if not named.exists() and beside.is_file() else named
+    except OSError:  # such as a name that is too long
+        return named
 
 
 def _value(path: Path, says: Mapping[str, Any], key: str, what: str) -> Any:
@@ -114,14 +138,14 @@ def _origin(path: Path, says: Mapping[str, Any]) -> tuple[float, float]:
     if not isinstance(value, list) or len(value) != 3:
         raise BadInput(f"{path}: origin = {quoted(value)}: expected {what}")
     x, y, yaw = (_finite(path, "origin", part, what) for part in value)
-    if yaw != 0.0:
+    if abs(math.remainder(yaw, math.tau)) > TURN_TOLERANCE:
         raise BadInput(f"{path}: origin = {quoted(value)}: yaw must be 0; rotate the image instead")
     return x, y
 
 
 def _negate(path: Path, says: Mapping[str, Any]) -> bool:
     value = _value(path, says, "negate", "0 or 1")
-    words = {"0": False, "false": False, "no": False, "1": True, "true": True, "yes": True}
+    words = {"0": False, "false": False, "no": False, "off": False, "1": True, "true": True, "yes": True, "on": True}
     word = str(value).lower()
     if word not in words:
         raise BadInput(f"{path}: negate = {quoted(value)}: expected 0, 1, true or false")

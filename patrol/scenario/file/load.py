@@ -28,7 +28,7 @@ from patrol.files.half_characters import refuse_half_characters
 from patrol.files.untrusted import IMAGE, read_untrusted
 from patrol.files.yaml_text import line_of, parse_yaml, read_text
 from patrol.graph.graph import VISIT_M
-from patrol.ground.maps.map_file import read_map_file
+from patrol.ground.maps.map_file import IMAGE_ENDINGS, IS_IMAGE, read_map_file
 from patrol.pose import TURNS_IN_ARCS
 from patrol.scenario.file.dump import dump_section, notes_on_lengths
 from patrol.scenario.file.explain import one_line
@@ -64,7 +64,6 @@ _ENTRIES = {
 """The lists that are empty unless given, and what an entry looks like."""
 _OWN_CLASSES = (("patrol", "policy"), ("sensor", "kind"), ("radio", "model"))
 """Sections that may name a class of one's own, and the fields that do."""
-_IMAGES = (".pgm", ".png", ".jpg", ".jpeg", ".bmp")
 
 
 def load_scenario(
@@ -118,8 +117,8 @@ def open_scenario(what: str, overrides: Overrides | None = None) -> Scenario:
     if what in BUILTINS:
         return load_scenario({"terrain": {"builtin": what}}, overrides)
     path = Path(what)
-    if path.suffix.lower() in _IMAGES:
-        raise BadInput(f"{what}: is an image; give the map's YAML file, which names the image and its resolution")
+    if path.suffix.lower() in IMAGE_ENDINGS:
+        raise BadInput(f"{what}: {IS_IMAGE}")
     if not path.exists():
         raise BadInput(f"{what}: no such scenario or map file, and no built-in terrain; {did_you_mean(what, BUILTINS)}")
     raw, text = _read_mapping(path)
