@@ -43,6 +43,9 @@ NEARLY_NOTHING = 0.05
 LIGHT = 0.05
 """Occupancy up to which a grey is white enough that other thresholds should make it free."""
 
+BROAD = 0.75
+"""Share of free cells with nothing but free cells around them, from which on ground is broader than walls are."""
+
 UNKNOWN_GREYS = (205, 206)
 """The greys of unknown ground in maps that `map_saver` writes; the second after some conversions."""
 
@@ -218,10 +221,10 @@ def _is_inverted(now: _Ground, negated: _Ground) -> bool:
     Free ground that consists of thin lines is walls. Savers write no `negate: 1`, so where it is set, less is needed:
     a saver's grey for unknown ground, or free ground all around one piece that is occupied.
     """
-    if negated.share <= NEARLY_NOTHING or negated.core < 0.75:
+    if negated.share <= NEARLY_NOTHING or negated.core < BROAD:
         return False
-    is_several = negated.share > SEVERAL * now.share
-    if now.core < 0.5 or (is_several and (negated.border < 0.5 or now.share < NEARLY_NOTHING)):
+    is_mostly_lines = now.core < 0.5 or (now.core < BROAD and now.share < NEARLY_NOTHING)
+    if is_mostly_lines or (negated.share > SEVERAL * now.share and negated.border < 0.5):
         return True
     if not now.says.negate:
         return False

@@ -18,8 +18,9 @@ from hypothesis.extra import numpy as hnp
 from PIL import Image
 
 from patrol.errors import BadInput
-from patrol.ground.maps.cells import free_cells
-from patrol.ground.maps.load import load_terrain, read_terrain, resample, suspicious_reading
+from patrol.ground.maps.cells import MapImage, free_cells, marked_cells, single_unknown_cells, touched_points
+from patrol.ground.maps.doubts import doubts, perhaps_unknown
+from patrol.ground.maps.load import load_terrain, read_terrain
 from patrol.ground.maps.map_file import read_map_file
 from patrol.scenario import TerrainSpec
 
@@ -80,18 +81,50 @@ def test_the_images_lower_row_has_the_lowest_y(tmp_path: Path) -> None:
     assert terrain.name == "plan"
 
 
-def test_trinary_averages_colours_with_opacity(tmp_path: Path) -> None:
-    pixels = np.array([[[255, 255, 255, 255], [255, 255, 255, 0], [0, 0, 0, 0], [255, 255, 110, 255]]], dtype=np.uint8)
-    image = Image.fromarray(pixels)
-    # Shades 1, 0.75, 0, 0.858: a transparent white is unknown.
-    assert free_of(tmp_path, image, image="plan.png") == [[True, False, False, True]]
-    without = Image.fromarray(np.ascontiguousarray(pixels[..., :3]))
-    assert free_of(tmp_path, without, image="plan.png") == [[True, True, False, True]]
+@pytest.mark.parametrize("mode", ["trinary", "scale"])
+def test_what_is_not_opaque_is_unknown_and_opacity_is_no_part_of_the_grey(tmp_path: Path, mode: str) -> None:
+    pixels = np.array([[[255, 255, 255, 255], [255, 255, 255, 254], [205, 205, 205, 255], [0, 0, 0, 0]]], np.uint8)
+    assert free_of(tmp_path, Image.fromarray(pixels), image="plan.png", mode=mode) == [[True, False, False, False]]
 
 
-def test_scale_leaves_what_is_not_opaque_unknown(tmp_path: Path) -> None:
-    pixels = np.array([[[255, 255, 255, 255], [255, 255, 255, 254], [205, 205, 205, 255]]], dtype=np.uint8)
-    assert free_of(tmp_path, Image.fromarray(pixels), image="plan.png", mode="scale") == [[True, False, False]]
+def test_colours_weigh_in_the_grey_as_they_are_seen(tmp_path: Path) -> None:
+    # 0.299 red, 0.587 green, 0.114 blue: greys 226, 105 and 179, and occupancies 0.11, 0.59 and 0.30.
+    image = Image.fromarray(np.array([[[255, 255, 0], [255, 0, 255], [0, 255, 255]]], dtype=np.uint8))
+    assert free_of(tmp_path, image, image="plan.png", free_thresh=0.25) == [[True, False, False]]
+
+
+def test_the_thresholds_themselves_are_free_and_occupied(tmp_path: Path) -> None:
+    image = grey([0, 51, 204, 255])  # occupancies 1, 0.8, 0.2 and 0
+    thresholds = {"free_thresh": 0.2, "occupied_thresh": 0.8}
+    assert free_of(tmp_path, image, **thresholds) == [[False, False, True, True]]
+    assert marked_cells(read_map_file(tmp_path / "plan.yaml")).tolist() == [[True, True, False, False]]
+    extremes = {"free_thresh": 0.0, "occupied_thresh": 1.0}
+    assert free_of(tmp_path, image, **extremes) == [[False, False, False, True]]
+    assert marked_cells(read_map_file(tmp_path / "plan.yaml")).tolist() == [[True, False, False, False]]
+    assert free_of(tmp_path, image, free_thresh=0.5, occupied_thresh=0.5) == [[False, False, True, True]]
+
+
+def test_a_yaml_file_may_hold_tabs_modes_in_capitals_and_whole_turns(tmp_path: Path) -> None:
+    grey([0, 254]).save(tmp_path / "plan.pgm")
+    path = tmp_path / "plan.yaml"
+    path.write_text(
+        "image:\tplan.pgm\t# as drawn\nresolution:\t0.05\norigin: [-1,\t2, 6.283185307179586]\nnegate: \toff\n"
+        "occupied_thresh:\t0.65\nfree_thresh: 0.196\nmode:\tTrinary\n"
+    )
+    says = read_map_file(path)
+    assert (says.origin, says.mode, says.negate) == ((-1.0, 2.0), "trinary", False)
+    for yaw in ("1e-17", "-6.2832"):
+        path.write_text(path.read_text().replace("6.283185307179586", yaw))
+        assert free_cells(read_map_file(path)).tolist() == [[False, True]]
+
+
+@pytest.mark.parametrize("named", ["/home/someone/maps/plan.pgm", "C:\\maps\\plan.pgm", "elsewhere/plan.pgm"])
+def test_an_image_beside_the_yaml_file_is_read_where_the_named_one_is_missing(tmp_path: Path, named: str) -> None:
+    path = write_map(tmp_path, Image.fromarray(WALLED))
+    path.write_text(path.read_text().replace("plan.pgm", named))
+    terrain = read_terrain(path, 0.1)
+    assert terrain.passable.any()
+    assert doubts(terrain) == [f"plan.yaml: image = {named}: no such file; plan.pgm beside it is read"]
 
 
 def test_raw_is_occupancy_in_percent_whatever_negate_says(tmp_path: Path) -> None:
@@ -125,8 +158,8 @@ def test_every_kind_of_pgm(tmp_path: Path, content: bytes) -> None:
     assert free_of(tmp_path, content) == [[True, False, True], [False, True, True]]
 
 
-def test_a_16_bit_png(tmp_path: Path) -> None:
-    image = Image.fromarray(np.array([[65535, 52800, 52300, 0]], dtype=np.uint16))
+def test_a_16_bit_png_is_read_in_256_greys(tmp_path: Path) -> None:  # 205.5 greys are 206, which is free
+    image = Image.fromarray(np.array([[65535, 52814, 52813, 0]], dtype=np.uint16))
     assert free_of(tmp_path, image, image="plan.png") == [[True, True, False, False]]
 
 
@@ -154,8 +187,8 @@ def test_foreign_comments_and_a_missing_last_newline(tmp_path: Path, encoding: s
     point=st.sampled_from([0.05, 0.1, 0.13, 0.2, 0.3, 0.7]),
 )
 def test_a_point_is_free_where_all_cells_under_it_are(cells: np.ndarray, resolution: float, point: float) -> None:
-    passable = resample(cells, resolution, point)
-    assert passable.shape == tuple(math.floor(count * resolution / point + 1e-6) for count in cells.shape)
+    height, width = (math.floor(count * resolution / point + 1e-6) for count in cells.shape)
+    passable = ~touched_points(~cells, resolution, point, (height, width))
 
     def overlap(index: int, cell: int) -> float:
         return min((index + 1) * point, (cell + 1) * resolution) - max(index * point, cell * resolution)
@@ -173,7 +206,38 @@ def test_a_point_is_free_where_all_cells_under_it_are(cells: np.ndarray, resolut
 def test_points_of_the_cells_size_are_the_cells() -> None:
     cells = np.random.default_rng(3).random((40, 70)) < 0.5
     for size in (0.05, 0.1, 0.3):
-        assert np.array_equal(resample(cells, size, size), cells)
+        assert np.array_equal(touched_points(cells, size, size, cells.shape), cells)
+
+
+def test_large_maps_are_read_in_strips(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    cells = np.where(np.random.default_rng(5).random((61, 40)) < 0.9, 254, 205).astype(np.uint8)
+    path = write_map(tmp_path, Image.fromarray(cells), {"resolution": 0.03})
+    whole = read_terrain(path, 0.1).passable
+    monkeypatch.setattr("patrol.ground.maps.load.CELLS_AT_ONCE", 1)
+    assert np.array_equal(read_terrain(path, 0.1).passable, whole)
+
+
+def test_single_unknown_cells_are_no_obstacles_unless_they_close_a_wall(tmp_path: Path) -> None:
+    cells = np.array([[int(char) for char in row] for row in PLAN.split()])
+    image = MapImage(np.array([0, 205, 254], dtype=np.uint8)[cells], None, False)
+    specks = single_unknown_cells(image, read_map_file(write_map(tmp_path, WHITE)))
+    assert np.argwhere(specks).tolist() == [[1, 1], [1, 6]]
+
+
+PLAN = """
+22222000
+21222210
+22222000
+22222222
+00010002
+22222222
+22211222
+22221222
+22222222
+22122222
+21222222
+"""
+"""Free ground 2, unknown 1, occupied 0. Specks: alone in the open, at a wall's end, not in a wall's gap or a group."""
 
 
 # --- bad input -------------------------------------------------------------------------------------------------------
@@ -247,9 +311,48 @@ WALLED = np.pad(np.full((38, 38), 254, dtype=np.uint8), 1)
 def test_settings_that_leave_only_the_walls_free_are_suspicious(
     tmp_path: Path, says: dict[str, Any], words: str
 ) -> None:
-    terrain = read_terrain(write_map(tmp_path, Image.fromarray(WALLED), says), 0.1)
-    assert words in suspicious_reading(terrain)
-    assert suspicious_reading(read_terrain(write_map(tmp_path, Image.fromarray(WALLED)), 0.1)) == ""
+    (doubt,) = doubts(read_terrain(write_map(tmp_path, Image.fromarray(WALLED), says), 0.1))
+    assert words in doubt
+    assert doubts(read_terrain(write_map(tmp_path, Image.fromarray(WALLED)), 0.1)) == []
+
+
+def test_unknown_ground_that_is_read_as_free_is_named_with_its_area_and_the_cure(tmp_path: Path) -> None:
+    mapped = np.full((60, 60), 205, dtype=np.uint8)
+    mapped[10:50, 10:50] = WALLED
+    path = write_map(tmp_path, Image.fromarray(mapped), {"free_thresh": 0.25})
+    terrain = read_terrain(path, 0.1)
+    (doubt,) = doubts(terrain)
+    assert "reads grey 205 as free: 20.0 m² of 34.4 m² free ground" in doubt
+    assert doubt.endswith("set free_thresh: 0.196")
+    assert np.count_nonzero(perhaps_unknown(terrain)) == 60 * 60 - 40 * 40
+    path.write_text(path.read_text().replace("0.25", "0.196"))
+    corrected = read_terrain(path, 0.1)
+    assert doubts(corrected) == []
+    assert not perhaps_unknown(corrected).any()
+
+
+def test_a_map_that_is_mostly_unknown_or_filled_around_is_read_without_doubt(tmp_path: Path) -> None:
+    for around in (205, 0):
+        mapped = np.full((200, 200), around, dtype=np.uint8)
+        mapped[:40, :40] = WALLED
+        assert doubts(read_terrain(write_map(tmp_path, Image.fromarray(mapped)), 0.1)) == []
+
+
+@pytest.mark.parametrize("around", [205, 0], ids=["unknown", "filled"])
+def test_an_inverted_negate_is_noticed_where_walls_are_thick_too(tmp_path: Path, around: int) -> None:
+    mapped = np.full((80, 80), around, dtype=np.uint8)
+    mapped[10:70, 10:70] = 0
+    mapped[20:60, 20:60] = 254
+    (doubt,) = doubts(read_terrain(write_map(tmp_path, Image.fromarray(mapped), {"negate": 1}), 0.1))
+    assert "negate: 0 would make 25.0 % free" in doubt
+
+
+def test_a_jpeg_that_blurs_unknown_into_free_is_named(tmp_path: Path) -> None:
+    mapped = np.full((80, 80), 205, dtype=np.uint8)
+    mapped[21:61, 21:61] = WALLED
+    blurred = write_map(tmp_path, Image.fromarray(mapped), {"image": "plan.jpg"})
+    assert doubts(read_terrain(blurred, 0.1))[-1].startswith("plan.jpg: a JPEG, which blurs greys: ")
+    assert doubts(read_terrain(write_map(tmp_path, Image.fromarray(mapped), {"image": "plan.png"}), 0.1)) == []
 
 
 def test_too_coarse_points_are_not_blamed_where_the_settings_are(tmp_path: Path) -> None:
@@ -271,7 +374,6 @@ def test_too_coarse_points_are_not_blamed_where_the_settings_are(tmp_path: Path)
         (b"P5\n40", "cannot be read"),
         (b"P5\n0 0\n255\n", "is not a PGM"),
         (b"P5\n999999 999999\n255\n", "pixels"),
-        (b"P5\n12000 12000\n255\n", "pixels"),
         (b"", "is not a PGM"),
         (b"just text", "is not a PGM"),
         (b"\x89PNG\r\n\x1a\n" + bytes(30), "is not a PGM"),
@@ -284,6 +386,15 @@ def test_an_image_that_is_none_is_named(tmp_path: Path, content: bytes, problem:
         read_terrain(write_map(tmp_path, content), 0.1)
     assert "plan.pgm" in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(("kind", "side"), [("P5", 20_001), ("P6", 10_001)])
+def test_an_image_that_takes_too_much_memory_is_refused_with_ways_to_shrink_it(
+    tmp_path: Path, kind: str, side: int
+) -> None:
+    path = write_map(tmp_path, f"{kind}\n{side} {side}\n255\n".encode(), {"resolution": 0.01})
+    with pytest.raises(BadInput, match=f"{side} x {side} pixels, more than .*; crop it, .* 8-bit grey, or shrink it"):
+        read_terrain(path, 0.1)
 
 
 @settings(max_examples=150)
