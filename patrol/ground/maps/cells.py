@@ -38,7 +38,13 @@ LEVELS = 256
 """Greys that are told apart."""
 
 FULL = 65535
-"""The greatest level of a 16-bit image, whose greys are 257 levels each."""
+"""The greatest level of a 16-bit image."""
+
+A_GREY = 257
+"""Levels of a 16-bit image that are one grey."""
+
+BLOCK = 256
+"""Rows of a coloured image that are made grey at a time."""
 
 MOST_READS = 1 << 16
 """Times that a decoder may read from an image, and once more for each `BYTES_A_READ` of the file. Decoders read
@@ -338,19 +344,29 @@ class _Metered:
 def _pixels_of(image: Image.Image, where: str) -> MapImage:
     is_jpeg = image.format == "JPEG"
     if image.mode.startswith("I"):
-        levels = np.clip(np.asarray(image), 0, FULL).astype(np.uint32)
-        return MapImage(((levels + 128) // 257).astype(np.uint8)[::-1], None, is_jpeg)
+        levels = np.clip(np.asarray(image), 0, FULL).astype(np.uint16)
+        return MapImage((levels // A_GREY).astype(np.uint8)[::-1], None, is_jpeg)
     if image.mode == "F":
         raise BadInput(f"{where}: has floating-point pixels; give a grey or colour image of 8 or 16 bits")
-    opaque = None
     if image.mode in ("LA", "PA", "RGBA", "RGBa", "La") or "transparency" in image.info:
         image = image.convert("RGBA")
-        opaque = np.asarray(image.getchannel("A"))[::-1] == LEVELS - 1
-    elif image.mode not in ("L", "1"):
-        image = image.convert("RGB")
-    if image.mode != "L":
-        image = image.convert("L")
-    return MapImage(np.asarray(image)[::-1], opaque, is_jpeg)
+    elif image.mode != "L":
+        image = image.convert("L" if image.mode == "1" else "RGB")
+    pixels = np.asarray(image)[::-1]
+    if pixels.ndim == 2:
+        return MapImage(pixels, None, is_jpeg)
+    opaque = pixels[..., 3] == LEVELS - 1 if pixels.shape[2] == 4 else None
+    return MapImage(_grey_of(pixels), opaque, is_jpeg)
+
+
+def _grey_of(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return the grey of colours as GraphicsMagick computes it: rounded to 16 bits, then cut to 8."""
+    greys = np.empty(pixels.shape[:2], dtype=np.uint8)
+    for first in range(0, len(pixels), BLOCK):
+        red, green, blue = np.moveaxis(pixels[first : first + BLOCK, :, :3].astype(np.int32), -1, 0)
+        level = (A_GREY * (299 * red + 587 * green + 114 * blue) + 500) // 1000
+        greys[first : first + BLOCK] = level // A_GREY
+    return greys
 
 
 @contextmanager
