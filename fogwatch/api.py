@@ -12,6 +12,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from fogwatch.launch.children.clerk_messages import JUDGING
 from fogwatch.launch.folder.runfolder import PolicyNotMade, RunFolder, fill, make_folder
 from fogwatch.launch.limits import check_limits
@@ -43,6 +45,9 @@ if TYPE_CHECKING:
     from worldsim.run_record import RunRecord
     from worldsim.verdict.judge import Verdict
     from worldsim.world import World
+
+LARGE_POINTS = 500_000
+"""Points of patrolled ground for which finding a tour takes long enough to say so."""
 
 EAGER = 16
 """Fleets of up to this many robots are started before the check that they fit, which saves time."""
@@ -209,6 +214,7 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions)
 
     prepared = prepare(scenario)
     _announce(prepared, folder, options)
+    _find_rounds(prepared, options.display)
     progresses: list[LiveProgress] = []
     _begin(options)
     baseline_s = _baseline(prepared, options)
@@ -293,6 +299,7 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
             launch.start()
             prepared = prepared or prepare(scenario)
             _announce(prepared, folder, options)
+            _find_rounds(prepared, options.display)
             _write_static(prepared, folder)
             _begin(options)
             _unfinished(folder.static).rename(folder.static)
@@ -394,14 +401,25 @@ def _finish(launch: Launch) -> Mapping[str, int | None]:
         return launch.finish()
 
 
+def _find_rounds(prepared: Prepared, display: RunDisplay) -> None:
+    """Find the tours that robots follow, and show it where that may take a minute."""
+    if not prepared.scenario.patrol.needs_rounds:
+        return
+    points = np.count_nonzero(prepared.patrolled)
+    step = f"finding a short tour of {points * prepared.terrain.point_area:.0f} m², which is kept for later runs"
+    if points > LARGE_POINTS:
+        display.progress(step)
+    round_of(prepared, 1)
+    if points > LARGE_POINTS:
+        display.progress(step, 1.0)
+
+
 def _write_static(prepared: Prepared, folder: RunFolder) -> None:
     """Write the static fields for the processes, which wait until their folder is renamed."""
     from agent.psi import save_psi
 
     part = _unfinished(folder.static)
     try:
-        if prepared.scenario.patrol.needs_rounds:
-            round_of(prepared, 1)
         prepare_zones(prepared)
         prepared.save(part)
         save_psi(prepared, part)

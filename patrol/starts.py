@@ -26,6 +26,7 @@ from patrol.random import Purpose, draw
 from patrol.scenario.sections import DEFAULT_RADIUS
 
 if TYPE_CHECKING:
+    from patrol.ground.doors.rooms import Door
     from patrol.scenario import RobotSpec
 
 ENCLOSED_SHARE = 0.1
@@ -179,6 +180,21 @@ def clearance_at(terrain: Terrain, x: float, y: float, limit: float) -> float:
 
 def _check_not_shut_in(terrain: Terrain, radius: float, part: BoolGrid) -> None:
     """Refuse a body that fits through no door of the rooms around `part`, unless that is nearly all there is."""
+    door = _shut_door(terrain, radius, part)
+    if door is None:
+        return
+
+    def is_let_out(finer: Terrain) -> bool:
+        return cspace_of(finer, radius).any() and _shut_door(finer, radius, starting_part(finer, radius)) is None
+
+    raise BadInput(fits_no_door(terrain, radius, door, radius == DEFAULT_RADIUS, is_let_out))
+
+
+def _shut_door(terrain: Terrain, radius: float, part: BoolGrid) -> Door | None:
+    """Return the widest door around `part` where a body fits through none; None where one lets it out or hardly counts.
+
+    A part that is nearly all there is needs no door.
+    """
     labels, _ = parts_of(terrain.free)
     around = labels == labels.flat[np.flatnonzero(part)[0]]
     enough = ROOMY_SHARE * np.count_nonzero(around)
@@ -187,18 +203,18 @@ def _check_not_shut_in(terrain: Terrain, radius: float, part: BoolGrid) -> None:
     work = np.empty_like(covered)
     nearest(part.view(np.uint8), around.view(np.uint8), math.isqrt(int(away)), int(away), work, covered)
     if np.count_nonzero(covered >= 0) >= enough:
-        return
+        return None
     from patrol.ground.doors.rooms import Rooms  # here, as few starts need its kernels
     from patrol.ground.kernels.doors import ROOM
 
     rooms = Rooms(terrain, radius, part)
     doors = rooms.doors()
     if not doors or any(door.passes for door in doors):
-        return
+        return None
     inside = sum(rooms.areas[leaf] for leaf in np.flatnonzero(rooms.reached & (rooms.nodes[:, ROOM] >= 0)))
     if inside >= enough * terrain.point_area:
-        return
-    raise BadInput(fits_no_door(terrain, radius, doors[-1], radius == DEFAULT_RADIUS))
+        return None
+    return doors[-1]
 
 
 def _place(

@@ -48,6 +48,9 @@ SCALE_BAR = 0.035
 MARGIN = 0.12
 """Around everything that is drawn, inches."""
 
+AROUND = 0.03
+"""Margin around ground that a picture is cropped to, as a share of the longer side."""
+
 GAP = 0.25
 """Between the legend, the colour bar and the scale bar, inches."""
 
@@ -80,6 +83,25 @@ class Key:
     colour: str
     label: str
     marker: str = "s"
+
+
+def cropped(terrain: Terrain, ground: BoolGrid) -> tuple[Terrain, tuple[slice, slice]]:
+    """Cut a terrain to some ground and a margin around it, so that a small building on a large map is not a speck.
+
+    Args:
+        terrain: The terrain.
+        ground: bool (height, width), what is to be seen; at least one point.
+
+    Returns:
+        The part of the terrain, and its rows and columns.
+    """
+    rows, columns = np.flatnonzero(ground.any(axis=1)), np.flatnonzero(ground.any(axis=0))
+    margin = max(round(AROUND * max(np.ptp(rows), np.ptp(columns))), 1)
+    low, left = max(int(rows[0]) - margin, 0), max(int(columns[0]) - margin, 0)
+    window = slice(low, int(rows[-1]) + margin + 1), slice(left, int(columns[-1]) + margin + 1)
+    x, y = terrain.origin
+    origin = x + left * terrain.point, y + low * terrain.point
+    return Terrain(terrain.name, terrain.passable[window], terrain.point, origin), window
 
 
 def canvas(terrain: Terrain, title: str) -> tuple[Figure, Axes]:

@@ -15,6 +15,7 @@ from fogwatch.pictures.drawing import (
     Key,
     Layer,
     canvas,
+    cropped,
     fog_scale,
     key_column,
     label,
@@ -82,8 +83,9 @@ def map_picture(report: MapReport, out: Path) -> None:
         Layer(PERHAPS_UNKNOWN, "read as free, perhaps unknown", report.perhaps_unknown),
     ]
     title = f"{terrain.name}: a body of {report.radius:g} m radius, a sensor of {report.sensor_range:g} m"
-    figure, axes = canvas(terrain, title)
-    paint(axes, terrain, painted(terrain.shape, layers), ~terrain.passable)
+    shown, window = cropped(terrain, terrain.passable)
+    figure, axes = canvas(shown, title)
+    paint(axes, shown, painted(terrain.shape, layers)[window], ~shown.passable)
     doors = sorted(report.doors, key=lambda door: (door.passes, door.width))[:MOST_DOORS]
     for door in doors:
         _draw_door(axes, door)
@@ -96,12 +98,14 @@ def map_picture(report: MapReport, out: Path) -> None:
     ]
     keys += [Key(SHUT, "door too narrow for the body, m", "X")] * any(not door.passes for door in doors)
     keys += [Key(PASSES, "door that lets it pass, m", "o")] * any(door.passes for door in doors)
-    key_column(figure, axes, terrain, keys)
+    key_column(figure, axes, shown, keys)
     save(figure, out)
 
 
 def run_picture(run_folder: Path, out: Path, prepared: Prepared | None = None) -> None:
-    """Draw the true fog at the end of a run, and the robots' paths. Spare robots that never joined are left out.
+    """Draw the true fog at the end of a run, and the robots' paths, on the part of the map that is patrolled.
+
+    Spare robots that never joined are left out.
 
     The fog is replayed from the folder's scenario.yaml and journal, whether or not the run reached its end.
 
@@ -123,7 +127,8 @@ def run_picture(run_folder: Path, out: Path, prepared: Prepared | None = None) -
     ages = run.fog.age(run.tick) * scenario.step
     mfow, mean = run.fog.mfow(run.tick) * scenario.step, run.fog.mean(run.tick) * scenario.step
     title = f"{scenario.name}: fog after {run.tick * scenario.step:g} s, MFoW {mfow:g} s, mean {mean:.1f} s"
-    figure, axes = canvas(terrain, title)
+    shown, window = cropped(terrain, counted)
+    figure, axes = canvas(shown, title)
     scale = fog_scale(max(mfow, scenario.step))
     image = np.asarray(scale.to_rgba(ages, bytes=True)[..., :3])
     layers = [
@@ -133,7 +138,7 @@ def run_picture(run_folder: Path, out: Path, prepared: Prepared | None = None) -
     ]
     for layer in layers:
         image[layer.mask] = rgb(layer.colour)
-    paint(axes, terrain, image, ~terrain.passable)
+    paint(axes, shown, image[window], ~shown.passable)
     keys = [Key(layer.colour, layer.label) for layer in layers if layer.mask.any()]
     keys.append(Key("#ffffff", f"paths, with the last {RECENT_S:g} s stronger:", ""))
     recent = max(round(RECENT_S / scenario.step), 1)
@@ -151,7 +156,7 @@ def run_picture(run_folder: Path, out: Path, prepared: Prepared | None = None) -
             keys.append(Key(colour, f"{facts.name}{_fate(run.last[facts.number].status)}", "-"))
     if len(robots) > MOST_NAMES:
         keys.append(Key("#ffffff", f"and {len(robots) - MOST_NAMES} more", ""))
-    key_column(figure, axes, terrain, keys, scale, "time since last seen (s)")
+    key_column(figure, axes, shown, keys, scale, "time since last seen (s)")
     save(figure, out)
 
 

@@ -76,11 +76,13 @@ class _Words:
             raise BadInput(f"{self._path}: line {more[0]}: {printable(more[1])[:40]}: more than the vertices above")
 
 
-def read_graph(path: Path) -> dict[str, Any]:
+def read_graph(path: Path, map_image: tuple[int, int] | None = None) -> dict[str, Any]:
     """Read a `.graph` file.
 
     Args:
         path: The file.
+        map_image: Width and height in pixels of the image of the map that it is used with, which it must name; None for
+            any.
 
     Returns:
         ``vertices``: x and y of each in m; ``edges``, each once in the file's order: two vertices and the length in m;
@@ -91,8 +93,10 @@ def read_graph(path: Path) -> dict[str, Any]:
     """
     words = _Words(path)
     count = words.whole("the number of vertices", 1, MOST_VERTICES)
-    for what in ("the image's width", "the image's height"):
-        words.number(what)
+    width, height = (words.number(f"the image's {side}") for side in ("width", "height"))
+    if map_image is not None and map_image != (width, height):
+        has = f"the map's has {map_image[0]} x {map_image[1]}"
+        raise words.wrong(f"is made for an image of {width:g} x {height:g} pixels, and {has}; give this map's graph")
     resolution = words.number("the resolution in m per pixel")
     if resolution <= 0.0:
         raise words.wrong(f"{resolution:g}: expected the resolution in m per pixel, above 0")

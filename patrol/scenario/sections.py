@@ -12,6 +12,7 @@ from patrol.classes.class_file import beside, class_file
 from patrol.errors import BadInput
 from patrol.graph.graph import PIXEL, VISIT_M
 from patrol.graph.graph_file import read_graph
+from patrol.ground.maps.map_file import read_map_file
 from patrol.pose import MODELS
 from patrol.values.section import Section, absolute, wrong
 from patrol.values.types import (
@@ -67,6 +68,19 @@ class GraphSpec(Section):
         return self
 
 
+def _image_of(map_file: str | None) -> tuple[int, int] | None:
+    """Return the width and height of a map's image; None without a map, and where it cannot be read."""
+    if map_file is None:
+        return None
+    from patrol.ground.maps.cells import image_size  # here: few scenarios have graphs
+
+    try:
+        rows, columns = image_size(read_map_file(Path(map_file)))
+    except BadInput:
+        return None
+    return columns, rows
+
+
 class TerrainSpec(Section):
     """The terrain of the patrol: a built-in one by name, or a map_server YAML file."""
 
@@ -91,7 +105,7 @@ class TerrainSpec(Section):
         if not isinstance(file, str) or more.keys() & {"vertices", "edges"}:
             raise wrong("", "expected FILE.graph, {file: FILE.graph, visit: M}, or vertices and edges without a file")
         try:
-            return {**read_graph(Path(str(absolute(file, info)))), **more}
+            return {**read_graph(Path(str(absolute(file, info))), _image_of(info.data.get("map"))), **more}
         except BadInput as error:
             raise wrong("", str(error)) from None
 

@@ -207,9 +207,9 @@ def test_a_body_that_fits_nowhere_is_refused_with_the_largest_radius_that_fits()
 
 @pytest.mark.parametrize(("name", "coarse"), [("yards", 5.0), ("clutter", 5.0), ("clutter", 10.0)])
 def test_points_that_are_too_coarse_are_to_be_smaller_and_then_the_body_fits(name: str, coarse: float) -> None:
-    with pytest.raises(BadInput, match=r"use a smaller point, such as [0-9.]+") as caught:
+    with pytest.raises(BadInput, match=r"use a smaller point, such as --point [0-9.]+") as caught:
         place_starts(builtin_terrain(name, coarse), robots(1.0, 1.0), 1)
-    advice = re.search(r"a smaller point, such as ([0-9.]+)", str(caught.value))
+    advice = re.search(r"a smaller point, such as --point ([0-9.]+)", str(caught.value))
     assert advice
     assert "radius of 0 m" not in str(caught.value)
     assert place_starts(builtin_terrain(name, float(advice[1].rstrip("."))), robots(1.0, 1.0), 1)
@@ -217,7 +217,7 @@ def test_points_that_are_too_coarse_are_to_be_smaller_and_then_the_body_fits(nam
 
 def test_a_crowd_on_coarse_points_is_told_so() -> None:
     coarse = Terrain("lane", np.ones((3, 4), dtype=np.bool_), 2.0)
-    with pytest.raises(BadInput, match=r"4 robots do not fit.*; use a smaller point, such as 0\.05, or fewer"):
+    with pytest.raises(BadInput, match=r"4 robots do not fit.*; use a smaller point, such as --point 0\.05, or fewer"):
         place_starts(coarse, robots(0.3, 0.3, 0.3, 0.3), 1)
 
 

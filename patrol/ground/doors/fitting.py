@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from patrol.ground.cspace import clearance_levels
+from patrol.ground.cspace import clearance_levels, cspace_of
 from patrol.ground.terrain import Terrain
 
 if TYPE_CHECKING:
@@ -13,6 +14,9 @@ if TYPE_CHECKING:
 
 LEAST_SHARE = 0.05
 """The smallest point that is worth advising, as a share of the body's radius."""
+
+MOST_TRIED = 10_000_000
+"""Points of the finest grid on which it is tried whether a body fits."""
 
 LEAST_RADIUS = 0.01
 """The smallest radius that is worth advising, m. Radii are advised in whole hundredths of a metre."""
@@ -33,6 +37,7 @@ def fits_nowhere(terrain: Terrain, radius: float, default: bool = False) -> str:
     if why := _map_to_blame(terrain, f"a body with a radius of {radius:g} m"):
         return f"{why}; as it is, the largest radius that fits is {most:g} m" if most >= LEAST_RADIUS else why
     remedies = _finer_points(most + 0.5 * terrain.point - radius, radius, terrain.point)
+    remedies = remedies or finer_points_where(terrain, radius, lambda finer: bool(cspace_of(finer, radius).any()))
     if most >= LEAST_RADIUS:
         remedies.append(f"a radius of at most {most:g} m")
     return (
@@ -41,7 +46,9 @@ def fits_nowhere(terrain: Terrain, radius: float, default: bool = False) -> str:
     )
 
 
-def fits_no_door(terrain: Terrain, radius: float, widest: Door, default: bool = False) -> str:
+def fits_no_door(
+    terrain: Terrain, radius: float, widest: Door, default: bool, is_let_out: Callable[[Terrain], bool]
+) -> str:
     """Return the error for a body that fits through no door around the place where it would start.
 
     Args:
@@ -49,6 +56,7 @@ def fits_no_door(terrain: Terrain, radius: float, widest: Door, default: bool = 
         radius: Of the body, m.
         widest: Of these doors.
         default: Whether it is the radius of a robot for which none is given.
+        is_let_out: Tells whether it fits through a door on the same ground with smaller points.
 
     Returns:
         One line that names the door and the remedy.
@@ -58,6 +66,7 @@ def fits_no_door(terrain: Terrain, radius: float, widest: Door, default: bool = 
     passing = _hundredths(widest.radius)
     lets = f"lets a radius of {passing:g} m pass" if passing >= LEAST_RADIUS else "lets no body pass"
     remedies = _finer_points(0.5 * widest.width - radius, radius, terrain.point)
+    remedies = remedies or finer_points_where(terrain, radius, is_let_out)
     if passing >= LEAST_RADIUS or not remedies:
         remedies.append("your robot's own radius" if default else "a smaller radius")
     return (
@@ -137,7 +146,34 @@ def _finer_points(spare: float, radius: float, point: float) -> list[str]:
     finer = _nice(spare / 1.5) if spare > 0.0 else 0.0
     if finer < LEAST_SHARE * radius:  # whether the place is wide enough is unknown, unless points are coarse
         finer = _nice(0.25 * radius) if point > radius else 0.0
-    return [f"a smaller point, such as {finer:g}"] if 0.0 < finer < point else []
+    return [_smaller_point(finer)] if 0.0 < finer < point else []
+
+
+def finer_points_where(terrain: Terrain, radius: float, holds: Callable[[Terrain], bool]) -> list[str]:
+    """Return the advice to use smaller points, for a map on which something holds with them.
+
+    A corridor whose walls lie between points is up to two points wider than on the grid: one of 0.7 m from 0.25 to 0.95
+    m has five whole points of 0.1 m, and fourteen of 0.05 m.
+
+    Args:
+        terrain: The ground.
+        radius: Of the body, m.
+        holds: Tells whether it holds on the map's ground with smaller points.
+    """
+    if terrain.source is None or terrain.keep_out.any():
+        return []
+    from patrol.ground.maps.load import read_terrain  # here: it needs the image library
+
+    finer = _nice(0.5 * terrain.point)
+    while finer >= LEAST_SHARE * radius and terrain.passable.size * (terrain.point / finer) ** 2 <= MOST_TRIED:
+        if holds(read_terrain(terrain.source, finer)):
+            return [_smaller_point(finer)]
+        finer = _nice(0.5 * finer)
+    return []
+
+
+def _smaller_point(point: float) -> str:
+    return f"a smaller point, such as --point {point:g}"
 
 
 def _nice(length: float) -> float:
