@@ -22,7 +22,7 @@ from patrol.classes.weights_file import FIELD as WEIGHTS_FIELD
 from patrol.classes.weights_file import weights_content
 from patrol.errors import BadInput
 from patrol.scenario.letter import FIELD as LETTER_FIELD
-from patrol.scenario.letter import LETTER, Letter, PaperRule, rules_of
+from patrol.scenario.letter import LETTER, Letter, PaperRule, Ties, rules_of
 from patrol.values.section import Section, absolute, wrong
 from patrol.values.types import (
     AUTO,
@@ -136,6 +136,10 @@ class PotentialFieldOptions(PatrolOptions):
     }
 
     letter: Letter = Field(False, description=f"rules of ours to be replaced by the paper's: {LETTER}")
+    ties: Ties = Field(
+        "diagonal",
+        description="diagonal | straight | drawn, how the one of equally long paths begins that counts (first-step)",
+    )
     fow: Literal["f1", "f2", "f3", "f4", "f5"] = Field("f3", description="f1..f5, force of a point's staleness")
     distance: Literal["g1", "g2", "g3", "g4", "g5"] = Field("g4", description="g1..g5, fall of the force with distance")
     alpha: Exponent = Field(40.0, description="weight of staleness in f")
@@ -143,6 +147,10 @@ class PotentialFieldOptions(PatrolOptions):
     length: Positive = Field(800.0, description="l of g3 and g5, in points of 0.1 m for any `point`")
     paths: Literal["wave", "straight", "regions"] = Field(
         "wave", description="wave (round obstacles) | straight | regions (straight within convex regions)"
+    )
+    origin: Literal["point", "robot"] = Field(
+        "point",
+        description="point (the centre of the robot's point) | robot (its position), where straight paths begin",
     )
     regions: Polygons | None = Field(None, description="m, convex polygons; null: found automatically")
     direction: Literal["mode", "vector"] = Field("mode", description="mode (strongest sector) | vector (sum)")
@@ -171,6 +179,15 @@ class PotentialFieldOptions(PatrolOptions):
     def _fuzzy_weakens_sectors(self) -> Self:
         if self.fuzzy and self.direction != "mode":
             raise wrong("fuzzy", "weakens sectors, and direction is vector; set direction to mode")
+        return self
+
+    @model_validator(mode="after")
+    def _ties_and_origin_have_an_effect(self) -> Self:
+        if self.ties != "diagonal" and "first-step" not in self.paper_rules:
+            problem = f"{self.ties} has no effect unless patrol.options.letter has first-step"
+            raise wrong("ties", f"{problem}; set that as well, or drop this")
+        if self.origin == "robot" and self.paths != "straight":
+            raise wrong("origin", "robot has no effect unless paths is straight; set that as well, or drop this")
         return self
 
     @property

@@ -37,6 +37,7 @@ from patrol.errors import BadInput
 from patrol.ground.maps.builtins import builtin_terrain
 from patrol.scenario import parse_overrides
 from patrol.scenario.letter import FIELD as LETTER
+from patrol.scenario.letter import TO_THE_LETTER
 
 app = typer.Typer(
     help="Reproduce the paper's tables: our values beside the printed ones.",
@@ -67,7 +68,10 @@ Radius = Annotated[
     typer.Option(metavar="R", help="Sensor range in m (default: calibrated for the size of the points)."),
 ]
 Letter = Annotated[
-    bool, typer.Option("--letter", help="Follow the paper to the letter (patrol.options.letter=true in every cell).")
+    bool,
+    typer.Option(
+        "--letter", help="Follow the paper to the letter (patrol.options.letter=true, ties=drawn in every cell)."
+    ),
 ]
 Rows = Annotated[str | None, typer.Option(metavar="NAME,...", help="Run only these rows.")]
 Columns = Annotated[str | None, typer.Option(metavar="NAME,...", help="Run only these columns.")]
@@ -214,7 +218,7 @@ def _setup(
     *,
     letter: bool,
 ) -> PaperSetup:
-    given = ({LETTER: True} if letter else {}) | parse_overrides(settings or [])
+    given = (dict(TO_THE_LETTER) if letter else {}) | parse_overrides(settings or [])
     if duration is not None:
         given["duration"] = duration
     radius = paper().sensor_range(point).range if sensor_range is None else sensor_range
