@@ -11,7 +11,6 @@ and 2 straight ones in any order:
 
 from __future__ import annotations
 
-import numpy as np
 from numba import njit, types
 
 STATUS = 3
@@ -20,22 +19,18 @@ STATE = types.Array(types.uint8, 2, "C", readonly=True)
 LENGTHS = types.Array(types.int32, 2, "C", readonly=True)
 NUMBERS = types.Array(types.int32, 2, "C")
 int64 = types.int64
-
-
-@njit(types.UniTuple(int64, 2)(int64), cache=True, nogil=True)
-def _step(way):
-    """Return the rows and columns of a step: 0 to 3 are diagonal, 4 to 7 straight, each a quarter turn on."""
-    along, above = (1, 0, -1, 0)[way % 4], (0, 1, 0, -1)[way % 4]
-    return (above, along) if way > 3 else (above + along, along - above)
+uint64 = types.uint64
+index = types.uint64
+"""Unsigned, so that numba skips the negative-index check."""
 
 
 @njit(types.uint64(types.uint64, types.uint64), cache=True, nogil=True)
 def _mixed(state, value):
     """Return the next state of the hash; see `patrol.random`."""
-    z = (state ^ value) + np.uint64(0x9E3779B97F4A7C15)
-    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return z ^ (z >> np.uint64(31))
+    z = (state ^ value) + uint64(0x9E3779B97F4A7C15)
+    z = (z ^ (z >> uint64(30))) * uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> uint64(27))) * uint64(0x94D049BB133111EB)
+    return z ^ (z >> uint64(31))
 
 
 # fmt: off
@@ -67,45 +62,45 @@ def begin_paths(state, length, bend, start_row, start_col, row0, col0, drawn, ke
     stride = state.shape[1]
     start = start_row * stride + start_col
     status, lengths, steps = state.reshape(-1), length.reshape(-1), bend.reshape(-1)
+    # The diagonal ones first.
+    step = (stride + 1, stride - 1, -stride - 1, -stride + 1, 1, stride, -1, -stride)
     for row in range(top, bottom):
+        row_key = _mixed(key, uint64(row0 + row))
         for col in range(left, right):
             here = row * stride + col
-            if status[here] & STATUS != SETTLED:
+            if status[index(here)] & STATUS != SETTLED or here == start:
                 continue
-            if here == start:
-                steps[here] = here
-                continue
-            # Diagonal steps come first. Predecessors are kept as four bits each, their place in this order.
-            count, ways = 0, 0
+            # The predecessors, four bits each: their places in the order of the steps.
+            count, ways, far = 0, 0, lengths[index(here)]
             for way in range(8):
-                up, across = _step(way)
+                before = here - step[way]
                 cost = 141 if way < 4 else 100
-                before = here - up * stride - across
-                if status[before] & STATUS != SETTLED or lengths[before] + cost != lengths[here]:
+                if lengths[index(before)] + cost != far or status[index(before)] & STATUS != SETTLED:
                     continue
-                if way < 4 and (status[here - up * stride] == 0 or status[here - across] == 0):
-                    continue
+                if way < 4:
+                    along, above = 1 if way % 3 == 0 else -1, stride if way < 2 else -stride
+                    if status[index(here - along)] == 0 or status[index(here - above)] == 0:
+                        continue
                 ways |= way << 4 * count
                 count += 1
             taken = 0
             if drawn and count > 1:
-                mixed = _mixed(_mixed(key, np.uint64(row0 + row)), np.uint64(col0 + col))
-                taken = int64(mixed % np.uint64(count))
-            up, across = _step(ways >> 4 * taken & 15)
-            before = here - up * stride - across
-            # A point next to the start is a first step; any other's is that of its predecessor, which is marked so.
-            steps[here] = here if before == start else -1 - before
+                # The upper half of the hash, scaled: a division would take longer than all the rest.
+                taken = int64((_mixed(row_key, uint64(col0 + col)) >> uint64(32)) * uint64(count) >> uint64(32))
+            before = here - step[ways >> 4 * taken & 15]
+            # A point next to the start is a first step. Any other has that of its predecessor, which is noted so.
+            steps[index(here)] = here if before == start else -1 - before
+    steps[index(start)] = start
     for row in range(top, bottom):
         for col in range(left, right):
             here = row * stride + col
-            if status[here] & STATUS != SETTLED:
+            if status[index(here)] & STATUS != SETTLED:
                 continue
-            back = here
-            while steps[back] < 0:
-                back = -1 - steps[back]
-            step = steps[back]
-            while steps[here] < 0:
-                before = -1 - steps[here]
-                steps[here] = step
+            back = int64(steps[index(here)])
+            while back < 0:
+                back = int64(steps[index(-1 - back)])
+            while steps[index(here)] < 0:
+                before = -1 - int64(steps[index(here)])
+                steps[index(here)] = back
                 here = before
 # fmt: on

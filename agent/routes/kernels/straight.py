@@ -54,7 +54,6 @@ def rays(state, length, start_row, start_col, up, across, span, limit):
         above = row - start_row - up
         for k in range(known.size):
             along = left + k - start_col - across
-            away = types.int32(100.0 * math.sqrt(above * above + along * along) + 0.5)
-            far[k] = away
-            known[k] |= 3 if known[k] & 3 != 0 and away <= limit else 0
+            far[k] = 100.0 * math.sqrt(above * above + along * along) + 0.5
+            known[k] |= 3 if known[k] & 3 != 0 and far[k] <= limit else 0
     length[start_row, start_col] = 0
