@@ -30,7 +30,7 @@ from patrol.process.starting.seldom import seldom_kernels
 from patrol.process.starting.warmup import warm
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import Scenario, naming
-from patrol.scenario.policies import BUILT_IN
+from patrol.scenario.policies import BUILT_IN, CommittedPatrol
 from patrol.scenario.radio_spec import MODELS
 
 if TYPE_CHECKING:
@@ -363,6 +363,9 @@ def _announce(scenario: Scenario, folder: RunFolder, options: RunOptions) -> Non
     if scenario.spares:
         robots += f" ({len(scenario.spares)} more may join)"
     options.display.say(f"{scenario.name}: {robots} for {scenario.duration:g} s; run folder {folder.path}")
+    if isinstance(scenario.patrol, CommittedPatrol):
+        for line in scenario.patrol.options.notes:
+            options.display.say(f"warning: {line}")
 
 
 def _baseline(prepared: Prepared, options: RunOptions) -> float | None:

@@ -63,6 +63,10 @@ OPTION_LENGTHS = ("dilatation", "obstacle_radius", "fuzzy_distance", "critical_w
 """Lengths that are settings of policies: fields of `patrol.options` that may be ``auto``."""
 
 
+RANDOM_MOVE = 0.02
+"""Our default of `random_move`."""
+
+
 class PatrolOptions(Section):
     """Settings of both built-in policies: how robots keep apart, and random steps.
 
@@ -75,10 +79,11 @@ class PatrolOptions(Section):
 
     separation: Separation = Field("claims", description=SEPARATIONS)
     random_move: Probability = Field(
-        0.02, description="probability of a random step in a tick, so that patrols stay unpredictable"
+        RANDOM_MOVE, description="probability of a random step in a tick, so that patrols stay unpredictable"
     )
     random_move_for: Literal["holonomic", "all"] = Field(
-        "all", description="holonomic | all, the bodies that make random steps; the paper's cars make none"
+        "all",
+        description="holonomic (where the paper has them) | all, the bodies that make random steps",
     )
     obstacle_radius: AutoPositive = Field(
         AUTO, description="m, of the artificial obstacle at each other robot; auto: 5 radii"
@@ -116,6 +121,17 @@ class CommittedOptions(PatrolOptions):
         0.0, description="share of the time of free choices; 0: all follow one tour, evenly spaced"
     )
     separation: Separation = Field("claims", description="none | claims | artificial-obstacles | semaphores, or a list")
+    random_move: Probability = Field(
+        RANDOM_MOVE, description="probability of a random step in a tick of a free choice; robots on rounds make none"
+    )
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Lines that name settings which change little; files state every setting, so none is refused."""
+        if self.unpredictability > 0.0 or self.random_move in (0.0, RANDOM_MOVE):
+            return ()
+        remedy = "raise patrol.options.unpredictability for free choices, or drop this"
+        return (f"patrol.options.random_move = {self.random_move:g}: robots on rounds make no random steps; {remedy}",)
 
     @model_validator(mode="after")
     def _has_no_forces(self) -> Self:
@@ -164,7 +180,8 @@ class PotentialFieldOptions(PatrolOptions):
         0.1, description="probability of a random step in a tick, so that patrols stay unpredictable"
     )
     random_move_for: Literal["holonomic", "all"] = Field(
-        "holonomic", description="holonomic | all, the bodies that make random steps; the paper's cars make none"
+        "holonomic",
+        description="holonomic (where the paper has them) | all, the bodies that make random steps",
     )
     claim_width: Positive = Field(0.3, description="m, width s of the claims")
     repulsion: NotNegative = Field(0.5, description="repulsion of a robot nearby, as a share of all attraction")

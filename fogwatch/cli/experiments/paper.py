@@ -16,7 +16,17 @@ from experiments.paper.calibrate import radius_setups as setups_of
 from experiments.paper.orderings import HELD, NOT_HELD, Judged, judge_orderings
 from experiments.paper.orderings import as_json as ordering_as_json
 from experiments.paper.printed import PaperTable, paper
-from experiments.paper.tables import Cell, PaperSetup, TableComparison, as_json, as_lines, compare, fit_of, plan_of
+from experiments.paper.tables import (
+    Cell,
+    PaperSetup,
+    TableComparison,
+    as_json,
+    as_lines,
+    compare,
+    fit_of,
+    plan_of,
+    to_mean_fog_text,
+)
 from experiments.paper.tables_page import page
 from experiments.sweeps.casetable import csv_text, json_text, write_text
 from experiments.sweeps.plan import count_of_seeds
@@ -297,6 +307,9 @@ def _write_fit(console: Console, comparisons: Sequence[TableComparison], folder:
         found = fit_of([comparison])
         if found is not None:
             _say(console, f"Table {comparison.table.number}: {_fit_text(found)}")
+        ratios = to_mean_fog_text(comparison)
+        if ratios is not None:
+            _say(console, f"  {ratios}")
     together = fit_as_json(comparisons)
     if together is not None:
         write_text(folder / "fit.json", json_text(together))
