@@ -32,7 +32,7 @@ from patrol.process.starting.seldom import seldom_kernels
 from patrol.process.starting.warmup import warm
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import Scenario, naming
-from patrol.scenario.policies import BUILT_IN
+from patrol.scenario.policies import BUILT_IN, CommittedPatrol
 from patrol.scenario.radio_spec import MODELS
 
 if TYPE_CHECKING:
@@ -373,7 +373,10 @@ def _announce(prepared: Prepared, folder: RunFolder, options: RunOptions) -> Non
     if scenario.spares:
         robots += f" ({len(scenario.spares)} more may join)"
     options.display.say(f"{scenario.name}: {robots} for {scenario.duration:g} s; run folder {folder.path}")
-    for line in ground_notes(prepared):
+    notes = ground_notes(prepared)
+    if isinstance(scenario.patrol, CommittedPatrol):
+        notes = [*notes, *scenario.patrol.options.notes]
+    for line in notes:
         options.display.say(f"warning: {line}")
 
 

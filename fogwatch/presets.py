@@ -33,6 +33,7 @@ def preset_settings(name: str | None) -> dict[str, object]:
     if name not in PRESETS:
         raise BadInput(f"preset {name}: no such preset; choose from {', '.join(PRESETS)}")
     from experiments.paper.printed import paper
+    from patrol.scenario.letter import TO_THE_LETTER
 
     settings = {**paper().settings, "point": POINT_M, "sensor.range": paper().sensor_range(POINT_M).range}
-    return {**settings, "patrol.options.letter": True} if name == "letter" else settings
+    return {**settings, **TO_THE_LETTER} if name == "letter" else settings

@@ -44,6 +44,7 @@ class Purpose(IntEnum):
     PERIOD = 16
     MOTION = 17
     CLOSURE = 18
+    TIES = 19
 
 
 def mix(*values: SupportsIndex) -> int:

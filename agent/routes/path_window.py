@@ -18,6 +18,10 @@ DIAGONAL = 141
 """The length of the longest step of a path from point to point."""
 
 Place = tuple[int, int]
+Aside = tuple[float, float]
+CENTRE: Aside = (0.0, 0.0)
+"""The robot is in the centre of its point."""
+
 Lengths = NDArray[np.int32]
 
 
@@ -37,6 +41,8 @@ class PathWindow(ABC):
         col0: Column of the same point.
         start_row: The start's row in the window.
         start_col: The start's column in the window.
+        aside: Rows and columns from the start to the robot, in points; straight paths are measured from the robot.
+        key: Of the draws between equally long paths.
     """
 
     def __init__(self, height: int, width: int, span: int) -> None:
@@ -53,17 +59,21 @@ class PathWindow(ABC):
         self.length = np.zeros((rows, cols), dtype=np.int32)
         self.bend = np.zeros((rows, cols), dtype=np.int32)
         self.row0 = self.col0 = self.start_row = self.start_col = 0
+        self.aside, self.key = CENTRE, 0
 
-    def begin(self, ground: Ground, row: int, col: int) -> None:
+    def begin(self, ground: Ground, row: int, col: int, aside: Aside = CENTRE, key: int = 0) -> None:
         """Start from an open element of the ground.
 
         Args:
             ground: As it is now.
             row: Row of the element in `Ground.state`.
             col: Column of the element in `Ground.state`.
+            aside: See above.
+            key: See above.
         """
         self._place(ground, row, col)
         self.start_row, self.start_col = row - self.row0 - 1, col - self.col0 - 1
+        self.aside, self.key = aside, key
         self._begin()
 
     def lengths_from(self, ground: Ground, row: int, col: int, starts: Sequence[Place], limit: int) -> Lengths:
@@ -82,6 +92,7 @@ class PathWindow(ABC):
             int32 (m, n), in hundredths of a point; `FAR` where the path is longer than the limit or does not exist.
         """
         nearest = np.full(self.state.shape, FAR, dtype=np.int32)
+        self.aside = CENTRE
         for start_row, start_col in starts:
             self._place(ground, row, col)
             self.start_row, self.start_col = start_row - self.row0 - 1, start_col - self.col0 - 1

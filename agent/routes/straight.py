@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.routes.ground import Ground
-from agent.routes.kernels.straight import between, open_up, rays
+from agent.routes.kernels.straight import open_up, rays
 from agent.routes.kernels.wave import OPEN
 from agent.routes.path_window import PathWindow
 
@@ -32,9 +32,6 @@ class Straight(PathWindow):
         self._open = np.where(patrolled, np.uint8(OPEN), np.uint8(0))
         # No path bends.
         self.bend = np.arange(self.state.size, dtype=np.int32).reshape(self.state.shape)
-        # Nothing in the window, its frame included, is farther away than the terrain is high or wide.
-        self._away = np.empty((min(span, height) + 1, 2 * min(span, width) + 1), dtype=np.int32)
-        between(self._away)
 
     def _place(self, ground: Ground, row: int, col: int) -> None:
         """Lay the window as any other, with the patrolled points open."""
@@ -47,4 +44,4 @@ class Straight(PathWindow):
     def extend(self, limit: int) -> None:
         """Settle every path up to ``limit`` hundredths of a point."""
         span = min(self.span, -(-limit // 100))
-        rays(self.state, self.length, self._away, self.start_row, self.start_col, span, limit)
+        rays(self.state, self.length, self.start_row, self.start_col, *self.aside, span, limit)

@@ -9,11 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.routes.ground import Ground
+from agent.routes.kernels.first_steps import begin_paths
 from agent.routes.kernels.lengths import read, spread
 from agent.routes.kernels.wave import settle
 from agent.routes.path_window import FAR, Lengths, PathWindow, Place
 from patrol.ground.kernels.footprint import cast
 from patrol.ground.ways import lengths_along
+from patrol.scenario.letter import Ties
 
 LONGEST = 2**26
 """Longest path that fits an entry, in hundredths of a point."""
@@ -143,17 +145,18 @@ def paths_in(
 class Wave(PathWindow):
     """Shortest 8-connected paths: straight steps count 1, diagonal ones 1.41 points, and no path cuts a corner."""
 
-    def __init__(self, height: int, width: int, span: int, *, first_steps: bool = False) -> None:
+    def __init__(self, height: int, width: int, span: int, ties: Ties | None = None) -> None:
         """Allocate the window.
 
         Args:
             height: Of the terrain, in points.
             width: Of the terrain, in points.
             span: How far the window reaches from the start, in points.
-            first_steps: Give each path's first step, one of eight (paper, "The wave"), in place of its first bend.
+            ties: Give each path's first step, one of eight (paper, "The wave"), in place of its first bend: of equally
+                long paths the one that this names. None for first bends.
         """
         super().__init__(height, width, span)
-        self._first_steps = first_steps
+        self._ties = ties
         if self.state.size > MOST_POINTS:
             raise ValueError(f"a window of {self.state.size} points is larger than {MOST_POINTS}")
         self._sight = np.zeros_like(self.state)
@@ -183,8 +186,11 @@ class Wave(PathWindow):
         left, right = max(0, self.start_col - reach), min(cols, self.start_col + reach + 1)
         # All of the box is in range of this look, its corners too, unless the window's span ends before. Where only
         # the start's neighbours are in sight, the first bend of every path is its first step.
-        look = NEXT_TO if self._first_steps else float(min(self.span, 2 * reach))
+        look = float(min(self.span, 2 * reach)) if self._ties is None else NEXT_TO
         cast(self.state, self.start_row, self.start_col, look, self._sight, 0, 0)
         grids, box = (self.state, self._sight, self.length, self.bend), (top, bottom, left, right)
         while not settle(*grids, self._queues, self.start_row, self.start_col, limit, *box):
             self._queues = np.zeros((2, 4 * self._queues.shape[1]), dtype=np.uint64)
+        if self._ties in ("straight", "drawn"):
+            place = (self.start_row, self.start_col, self.row0, self.col0)
+            begin_paths(self.state, self.length, self.bend, *place, self._ties == "drawn", self.key, *box)

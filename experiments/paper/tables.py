@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from statistics import fmean, median
 from typing import Any
 
 from experiments.paper.printed import PaperTable, Variant, paper
@@ -13,6 +14,9 @@ from experiments.sweeps.runner import SweepOutcome
 from experiments.sweeps.stats import Estimate, Fit, estimate, fit
 
 CALLED = "the paper's tables"
+MFOW = "mfow_mean_s"
+"""Name of the paper's score among a run's metrics."""
+
 FAR_OFF = 1.5
 """A value that differs from the paper's by more than this factor, either way, is marked."""
 
@@ -68,6 +72,7 @@ class Cell:
         unit: Its unit.
         paper: The printed value, or None.
         values: Our values by seed.
+        mean_fog: Of a mean MFoW, the mean fog of the same runs by seed, s; of other values nothing.
     """
 
     row: str
@@ -75,6 +80,7 @@ class Cell:
     unit: str
     paper: float | None
     values: Mapping[int, float]
+    mean_fog: Mapping[int, float] = field(default_factory=dict)
 
     @property
     def found(self) -> Estimate | None:
@@ -86,6 +92,12 @@ class Cell:
         """Our mean divided by the printed value; None without one of them."""
         found = self.found
         return found.mean / self.paper if found is not None and self.paper else None
+
+    @property
+    def to_mean_fog(self) -> float | None:
+        """Mean MFoW divided by mean fog, mean over the seeds; None without both."""
+        ratios = [value / fog for seed, value in self.values.items() if (fog := self.mean_fog.get(seed))]
+        return fmean(ratios) if ratios else None
 
     @property
     def far_off(self) -> bool:
@@ -134,15 +146,33 @@ def compare(table: PaperTable, setup: PaperSetup, outcome: SweepOutcome, end: st
     """
     cells = []
     for measure in table.measures:
+        is_mfow = measure.metric == MFOW
         for row, printed in zip(table.rows, measure.values, strict=True):
             for column, value in zip(table.columns, printed, strict=True):
-                values = outcome.values(f"{table.case(row.name, column.name)}{end}", measure.metric)
-                cells.append(Cell(row.name + measure.suffix, column.name, measure.unit, value, values))
+                case = f"{table.case(row.name, column.name)}{end}"
+                fog = outcome.values(case, "fog_mean_s") if is_mfow else {}
+                values = outcome.values(case, measure.metric)
+                cells.append(Cell(row.name + measure.suffix, column.name, measure.unit, value, values, fog))
     cases = {f"{table.case(row.name, column.name)}{end}" for row in table.rows for column in table.columns}
     keys = {run.key for run in outcome.plan.runs if run.case in cases}
     return TableComparison(
         table, setup, tuple(cells), sum(outcome.results[key].computing_s for key in keys & set(outcome.results))
     )
+
+
+def to_mean_fog_text(comparison: TableComparison) -> str | None:
+    """Return the ratios of mean MFoW to mean fog over a table's cells in words, or None without any.
+
+    Args:
+        comparison: The table.
+
+    Returns:
+        For example "MFoW : mean fog 2.1 to 3.4, median 2.6".
+    """
+    ratios = [ratio for cell in comparison.cells if (ratio := cell.to_mean_fog) is not None]
+    if not ratios:
+        return None
+    return f"MFoW : mean fog {min(ratios):.1f} to {max(ratios):.1f}, median {median(ratios):.1f}"
 
 
 def fit_of(comparisons: Sequence[TableComparison], below: float | None = None) -> Fit | None:
@@ -193,6 +223,7 @@ def as_json(comparison: TableComparison) -> dict[str, Any]:
                 "ci95": found.interval if found else None,
                 "seeds": len(cell.values),
                 "ratio": cell.ratio,
+                "to_mean_fog": cell.to_mean_fog,
                 "values": {str(seed): value for seed, value in cell.values.items()},
             }
             for cell in comparison.cells
@@ -209,11 +240,12 @@ def as_lines(comparison: TableComparison) -> Iterator[Sequence[object]]:
     Yields:
         The values of each line.
     """
-    yield ["row", "column", "unit", "paper", "mean", "ci95_low", "ci95_high", "seeds", "ratio"]
+    yield ["row", "column", "unit", "paper", "mean", "ci95_low", "ci95_high", "seeds", "ratio", "to_mean_fog"]
     for cell in comparison.cells:
         found = cell.found
         numbers = [None, None, None] if found is None else [found.mean, found.low, found.high]
-        yield [cell.row, cell.column, cell.unit, cell.paper, *numbers, len(cell.values), cell.ratio]
+        ratios = (cell.ratio, cell.to_mean_fog)
+        yield [cell.row, cell.column, cell.unit, cell.paper, *numbers, len(cell.values), *ratios]
 
 
 def _settings(table: PaperTable, row: Variant, column: Variant, setup: PaperSetup) -> dict[str, object]:

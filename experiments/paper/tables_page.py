@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from experiments.paper.orderings import Judged
 from experiments.paper.printed import Remark, paper
-from experiments.paper.tables import FAR_OFF, Cell, PaperSetup, TableComparison, fit_of
+from experiments.paper.tables import FAR_OFF, Cell, PaperSetup, TableComparison, fit_of, to_mean_fog_text
 from experiments.sweeps.stats import Estimate, Fit
 from patrol.errors import quoted
 
@@ -120,6 +120,10 @@ def _table(comparison: TableComparison, pictures: Mapping[str, str]) -> Iterator
     for row, unit in dict.fromkeys((cell.row, cell.unit) for cell in comparison.cells):
         cells = [_beside(cell) for cell in comparison.cells if cell.row == row]
         yield f"| {row} ({unit}) | {' | '.join(cells)} |"
+    ratios = to_mean_fog_text(comparison)
+    if ratios is not None:
+        yield ""
+        yield f"{ratios}."
     picture = pictures.get(f"table {table.number}")
     if picture is not None:
         yield ""

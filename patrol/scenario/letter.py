@@ -14,17 +14,29 @@
 | plain-unstuck | gets out of dead ends by the five printed steps alone, without draws (cars) |
 | surround-forces | surrounds an intruder by attraction and repulsion, not by places on a ring |
 
+The paper does not say with which of the equally long paths to a point `first-step` goes (`patrol.options.ties`): the
+one that begins diagonally, the one that begins straight, or one that is drawn. On open ground nearly all points have a
+path that begins diagonally and one that does not, so a fixed choice puts nearly all forces into four of the eight
+directions. Only `drawn` favours none.
+
 A rule that is named has to have an effect in the scenario (`patrol.scenario.policies.check_letter`). `letter: true`
 takes those that have one.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Literal, get_args
 
 from pydantic import Tag
 
 from patrol.values.types import Flag, at_least, by_shape, expecting
+
+LATER_OPTIONS: Mapping[str, object] = {"letter": False, "ties": "diagonal", "origin": "point"}
+"""Settings of `potential-field` that came later, and the values that change nothing."""
+
+TO_THE_LETTER: Mapping[str, object] = {"patrol.options.letter": True, "patrol.options.ties": "drawn"}
+"""The paper to the letter, by dotted field of the scenario."""
 
 PaperRule = Literal[
     "first-step",
@@ -36,6 +48,9 @@ PaperRule = Literal[
     "plain-unstuck",
     "surround-forces",
 ]
+Ties = Literal["diagonal", "straight", "drawn"]
+"""Which of equally long paths of the wave gives its first step, with the rule `first-step`."""
+
 PAPER_RULES: tuple[PaperRule, ...] = get_args(PaperRule)
 
 LETTER = f"true (all) | false (none) | {' | '.join(PAPER_RULES)}, or a list"

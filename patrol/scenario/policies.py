@@ -22,7 +22,7 @@ from patrol.classes.weights_file import FIELD as WEIGHTS_FIELD
 from patrol.classes.weights_file import weights_content
 from patrol.errors import BadInput
 from patrol.scenario.letter import FIELD as LETTER_FIELD
-from patrol.scenario.letter import LETTER, Letter, PaperRule, rules_of
+from patrol.scenario.letter import LETTER, Letter, PaperRule, Ties, rules_of
 from patrol.values.section import Section, absolute, wrong
 from patrol.values.types import (
     AUTO,
@@ -63,6 +63,10 @@ OPTION_LENGTHS = ("dilatation", "obstacle_radius", "fuzzy_distance", "critical_w
 """Lengths that are settings of policies: fields of `patrol.options` that may be ``auto``."""
 
 
+RANDOM_MOVE = 0.02
+"""Our default of `random_move`."""
+
+
 class PatrolOptions(Section):
     """Settings of both built-in policies: how robots keep apart, and random steps.
 
@@ -75,10 +79,11 @@ class PatrolOptions(Section):
 
     separation: Separation = Field("claims", description=SEPARATIONS)
     random_move: Probability = Field(
-        0.02, description="probability of a random step in a tick, so that patrols stay unpredictable"
+        RANDOM_MOVE, description="probability of a random step in a tick, so that patrols stay unpredictable"
     )
     random_move_for: Literal["holonomic", "all"] = Field(
-        "all", description="holonomic | all, the bodies that make random steps; the paper's cars make none"
+        "all",
+        description="holonomic (where the paper has them) | all, the bodies that make random steps",
     )
     obstacle_radius: AutoPositive = Field(
         AUTO, description="m, of the artificial obstacle at each other robot; auto: 5 radii"
@@ -116,6 +121,17 @@ class CommittedOptions(PatrolOptions):
         0.0, description="share of the time of free choices; 0: all follow one tour, evenly spaced"
     )
     separation: Separation = Field("claims", description="none | claims | artificial-obstacles | semaphores, or a list")
+    random_move: Probability = Field(
+        RANDOM_MOVE, description="probability of a random step in a tick of a free choice; robots on rounds make none"
+    )
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Lines that name settings which change little; files state every setting, so none is refused."""
+        if self.unpredictability > 0.0 or self.random_move in (0.0, RANDOM_MOVE):
+            return ()
+        remedy = "raise patrol.options.unpredictability for free choices, or drop this"
+        return (f"patrol.options.random_move = {self.random_move:g}: robots on rounds make no random steps; {remedy}",)
 
     @model_validator(mode="after")
     def _has_no_forces(self) -> Self:
@@ -136,6 +152,10 @@ class PotentialFieldOptions(PatrolOptions):
     }
 
     letter: Letter = Field(False, description=f"rules of ours to be replaced by the paper's: {LETTER}")
+    ties: Ties = Field(
+        "diagonal",
+        description="diagonal | straight | drawn, how the one of equally long paths begins that counts (first-step)",
+    )
     fow: Literal["f1", "f2", "f3", "f4", "f5"] = Field("f3", description="f1..f5, force of a point's staleness")
     distance: Literal["g1", "g2", "g3", "g4", "g5"] = Field("g4", description="g1..g5, fall of the force with distance")
     alpha: Exponent = Field(40.0, description="weight of staleness in f")
@@ -143,6 +163,10 @@ class PotentialFieldOptions(PatrolOptions):
     length: Positive = Field(800.0, description="l of g3 and g5, in points of 0.1 m for any `point`")
     paths: Literal["wave", "straight", "regions"] = Field(
         "wave", description="wave (round obstacles) | straight | regions (straight within convex regions)"
+    )
+    origin: Literal["point", "robot"] = Field(
+        "point",
+        description="point (the centre of the robot's point) | robot (its position), where straight paths begin",
     )
     regions: Polygons | None = Field(None, description="m, convex polygons; null: found automatically")
     direction: Literal["mode", "vector"] = Field("mode", description="mode (strongest sector) | vector (sum)")
@@ -156,7 +180,8 @@ class PotentialFieldOptions(PatrolOptions):
         0.1, description="probability of a random step in a tick, so that patrols stay unpredictable"
     )
     random_move_for: Literal["holonomic", "all"] = Field(
-        "holonomic", description="holonomic | all, the bodies that make random steps; the paper's cars make none"
+        "holonomic",
+        description="holonomic (where the paper has them) | all, the bodies that make random steps",
     )
     claim_width: Positive = Field(0.3, description="m, width s of the claims")
     repulsion: NotNegative = Field(0.5, description="repulsion of a robot nearby, as a share of all attraction")
@@ -171,6 +196,15 @@ class PotentialFieldOptions(PatrolOptions):
     def _fuzzy_weakens_sectors(self) -> Self:
         if self.fuzzy and self.direction != "mode":
             raise wrong("fuzzy", "weakens sectors, and direction is vector; set direction to mode")
+        return self
+
+    @model_validator(mode="after")
+    def _ties_and_origin_have_an_effect(self) -> Self:
+        if self.ties != "diagonal" and "first-step" not in self.paper_rules:
+            problem = f"{self.ties} has no effect unless patrol.options.letter has first-step"
+            raise wrong("ties", f"{problem}; set that as well, or drop this")
+        if self.origin == "robot" and self.paths != "straight":
+            raise wrong("origin", "robot has no effect unless paths is straight; set that as well, or drop this")
         return self
 
     @property

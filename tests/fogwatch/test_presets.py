@@ -9,6 +9,7 @@ from experiments.paper.printed import paper
 from fogwatch.presets import PRESETS, preset_settings
 from patrol.errors import BadInput
 from patrol.scenario import open_scenario, scenario_hash
+from patrol.scenario.letter import TO_THE_LETTER
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -24,7 +25,7 @@ def test_the_presets_are_what_the_papers_tables_run() -> None:
     table = paper().table(4)
     row, column = table.rows[0], table.columns[2]
     own = {**table.settings, **row.settings, **column.settings}
-    for name, more in (("paper", {}), ("letter", {"patrol.options.letter": True})):
+    for name, more in (("paper", {}), ("letter", TO_THE_LETTER)):
         ours = open_scenario("yards", {**preset_settings(name), **own})
         theirs = open_scenario("yards", {**paper().settings, **own, "point": 0.5, "sensor.range": 12.0, **more})
         assert scenario_hash(ours) == scenario_hash(theirs)

@@ -21,12 +21,13 @@ from agent.policies.potential_field.direction import sector_table
 from agent.policies.potential_field.force import ForceLaw
 from agent.policies.potential_field.kernels.force import gather
 from agent.routes.ground import Ground
-from agent.routes.path_window import PathWindow, Place
+from agent.routes.path_window import CENTRE, Aside, PathWindow, Place
 from agent.routes.wave import Wave
 from patrol.ground.fields import StaticFields
 from patrol.kernels.elementary import exp
 from patrol.scenario import BodyLengths, PotentialFieldOptions
 from patrol.scenario.lengths import PAPER_LENGTHS
+from patrol.scenario.letter import Ties
 
 if TYPE_CHECKING:
     from patrol.regions.split import RegionSplit
@@ -102,9 +103,9 @@ class Field:
         sources = int(np.count_nonzero(fields.patrolled))
         self.law = ForceLaw(options, point, sources, longest=400 * (height + width), team=team)
         span = min(max(height, width), -(-self.law.limit // 100))
-        first_steps = "first-step" in options.paper_rules
+        ties = options.ties if "first-step" in options.paper_rules else None
         sizes = (height, width, span)
-        self.paths = window_of(options.paths, sizes, scratch, fields.patrolled, regions, first_steps=first_steps)
+        self.paths = window_of(options.paths, sizes, scratch, fields.patrolled, regions, ties)
         self._point = point
         self._nearby = min(self.law.limit, round(100.0 * lengths.goal_distance / point))
         self._posts = posts
@@ -128,6 +129,8 @@ class Field:
         mfow: int,
         rivals: Sequence[Place] = (),
         looked: NDArray[np.int32] | None = None,
+        aside: Aside = CENTRE,
+        key: int = 0,
     ) -> Pull:
         """Return the forces on a robot.
 
@@ -147,10 +150,12 @@ class Field:
             rivals: The elements of the static ground where other robots stand; used with claims only.
             looked: int32 (h, w), the tick at which each point was last in view, where a look may leave some of a
                 point's age; ``seen`` unless given.
+            aside: Rows and columns from the element's centre to the place from which straight paths are measured.
+            key: Of the draws between equally long paths.
         """
         by_age = self.law.pull(mfow)
         self._claim(ground, row, col, rivals)
-        self.paths.begin(ground, row, col)
+        self.paths.begin(ground, row, col, aside, key)
         # Paths as long as at the last tick are likely to be asked for again: one wave is faster than three.
         self._settled = min(self.law.limit, self._expected)
         self.paths.extend(self._settled)
@@ -227,7 +232,7 @@ class Field:
             self._settled = last
         span = self._span(last)
         grids = (paths.state, paths.length, paths.bend)
-        place = (paths.start_row, paths.start_col, paths.row0, paths.col0)
+        place = (paths.start_row, paths.start_col, *paths.aside, paths.row0, paths.col0)
         law = (tick, by_age, self.law.decay, *self._contest, self._sector, self._as_vector)
         here = paths.row0 + paths.start_row
         posts = self._posts.between(here - span, here + span)
@@ -272,8 +277,7 @@ def window_of(
     scratch: dict[str, PathWindow],
     patrolled: NDArray[np.bool_],
     regions: RegionSplit | None,
-    *,
-    first_steps: bool = False,
+    ties: Ties | None = None,
 ) -> PathWindow:
     """Return the window of a path method, shared where possible.
 
@@ -283,13 +287,13 @@ def window_of(
         scratch: Windows made so far.
         patrolled: bool (h, w), for straight paths.
         regions: For paths through regions.
-        first_steps: Whether the wave gives first steps in place of first bends.
+        ties: For a wave that gives first steps in place of first bends, which of equally long paths count.
 
     Raises:
         ValueError: Paths through regions without regions.
     """
-    key = f"{paths} {sizes} {first_steps}"
-    make: Callable[[], PathWindow] = partial(Wave, *sizes, first_steps=first_steps)
+    key = f"{paths} {sizes} {ties}"
+    make: Callable[[], PathWindow] = partial(Wave, *sizes, ties)
     # A window holds a reference to the object whose id is in its key, so no other object can get that id.
     if paths == "regions":
         if regions is None:

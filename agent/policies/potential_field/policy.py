@@ -15,7 +15,9 @@ from agent.policies.potential_field.field import Field, Pull
 from agent.policies.random_steps import RandomSteps
 from agent.policies.separation import Separation
 from agent.ports import Bearing, Intent, PolicySetup, Stay
+from agent.routes.path_window import CENTRE
 from agent.view import View
+from patrol.random import Purpose
 from patrol.scenario import PotentialFieldOptions
 
 
@@ -77,7 +79,14 @@ class PotentialField:
         fog = view.fog
         dilated = partial(fog.dilated_around, (start[0] - 1, start[1] - 1))
         seen = fog.last_seen if fog.left_out is None else np.where(fog.left_out, np.int32(view.tick), fog.last_seen)
-        pull = self._field.pull(view.ground, *start, seen, dilated, view.tick, view.mfow, rivals, fog.looked)
+        aside, key = CENTRE, 0
+        if self._options.origin == "robot":
+            (x, y), point = view.ground.centre(*start), view.ground.terrain.point
+            aside = (view.pose.y - y) / point, (view.pose.x - x) / point
+        if self._options.ties == "drawn":
+            key = int(view.draw(0, Purpose.TIES) * 2.0**53)
+        now = (view.tick, view.mfow)
+        pull = self._field.pull(view.ground, *start, seen, dilated, *now, rivals, fog.looked, aside, key)
         if self._fuzzy is not None:
             np.multiply(pull.sums, self._fuzzy.coefficients(start[0] - 1, start[1] - 1), out=pull.sums)
         if "repulsion" in self._options.separations:

@@ -9,7 +9,8 @@ from numba import njit, types
 STATE = types.Array(types.uint8, 2, "C")
 GRID = types.Array(types.int32, 2, "C")
 MAP = types.Array(types.uint8, 2, "C", readonly=True)
-FAR = types.Array(types.int32, 2, "C", readonly=True)
+float64 = types.float64
+int64 = types.int64
 
 
 @njit(types.void(MAP, MAP, STATE, types.int64, types.int64), cache=True, nogil=True)
@@ -31,45 +32,28 @@ def open_up(ground, patrolled, state, top, left):
             there[k] = known[k] | also[k]
 
 
-@njit(
-    types.void(STATE, GRID, FAR, types.int64, types.int64, types.int64, types.int64),
-    cache=True,
-    nogil=True,
-)
-def rays(state, length, away, start_row, start_col, span, limit):
-    """Settle every open point whose straight line from the start is short enough; lines pass through obstacles.
+@njit(types.void(STATE, GRID, int64, int64, float64, float64, int64, int64), cache=True, nogil=True)
+def rays(state, length, start_row, start_col, up, across, span, limit):
+    """Settle every open point whose straight line from the robot is short enough; lines pass through obstacles.
 
     Args:
         state: uint8 (m, n), as in `agent.routes.kernels.wave`; changed in place.
-        length: int32 (m, n), path lengths in hundredths of a point; filled in.
-        away: int32 (r + 1, 2 c + 1), path lengths by rows and columns between the points, as `between` gives them; r
-            and c are no less than ``span``, or than the rows and columns to any point of the window.
-        start_row: The start's row in the window.
-        start_col: The start's column in the window.
-        span: Largest distance from the start, in rows and in columns.
+        length: int32 (m, n), path lengths, rounded to the nearest hundredth of a point; filled in. That of the robot's
+            own point is 0.
+        start_row: Row of the robot's point in the window.
+        start_col: Its column.
+        up: Rows from the centre of that point to the robot.
+        across: Columns from there to the robot.
+        span: Largest distance from the robot's point, in rows and in columns.
         limit: Longest path to settle, in hundredths of a point.
     """
     rows, cols = state.shape
     left, right = max(0, start_col - span), min(cols, start_col + span + 1)
-    shift = away.shape[1] // 2 - start_col
     for row in range(max(0, start_row - span), min(rows, start_row + span + 1)):
         known, far = state[row, left:right], length[row, left:right]
-        lengths = away[abs(row - start_row), left + shift : right + shift]
+        above = row - start_row - up
         for k in range(known.size):
-            far[k] = lengths[k]
-            known[k] |= 3 if known[k] & 3 != 0 and lengths[k] <= limit else 0
-
-
-@njit(types.void(GRID), cache=True, nogil=True)
-def between(away):
-    """The lengths of straight lines.
-
-    Args:
-        away: int32 (r + 1, 2 c + 1), the lengths by rows between the points and by columns plus c, rounded to the
-            nearest hundredth of a point; filled in.
-    """
-    rows, cols = away.shape
-    for up in range(rows):
-        for col in range(cols):
-            across = col - cols // 2
-            away[up, col] = int(100.0 * math.sqrt(up * up + across * across) + 0.5)
+            along = left + k - start_col - across
+            far[k] = 100.0 * math.sqrt(above * above + along * along) + 0.5
+            known[k] |= 3 if known[k] & 3 != 0 and far[k] <= limit else 0
+    length[start_row, start_col] = 0

@@ -16,7 +16,17 @@ from experiments.paper.calibrate import radius_setups as setups_of
 from experiments.paper.orderings import HELD, NOT_HELD, Judged, judge_orderings
 from experiments.paper.orderings import as_json as ordering_as_json
 from experiments.paper.printed import PaperTable, paper
-from experiments.paper.tables import Cell, PaperSetup, TableComparison, as_json, as_lines, compare, fit_of, plan_of
+from experiments.paper.tables import (
+    Cell,
+    PaperSetup,
+    TableComparison,
+    as_json,
+    as_lines,
+    compare,
+    fit_of,
+    plan_of,
+    to_mean_fog_text,
+)
 from experiments.paper.tables_page import page
 from experiments.sweeps.casetable import csv_text, json_text, write_text
 from experiments.sweeps.plan import count_of_seeds
@@ -37,6 +47,7 @@ from patrol.errors import BadInput
 from patrol.ground.maps.builtins import builtin_terrain
 from patrol.scenario import parse_overrides
 from patrol.scenario.letter import FIELD as LETTER
+from patrol.scenario.letter import TO_THE_LETTER
 
 app = typer.Typer(
     help="Reproduce the paper's tables: our values beside the printed ones.",
@@ -67,7 +78,10 @@ Radius = Annotated[
     typer.Option(metavar="R", help="Sensor range in m (default: calibrated for the size of the points)."),
 ]
 Letter = Annotated[
-    bool, typer.Option("--letter", help="Follow the paper to the letter (patrol.options.letter=true in every cell).")
+    bool,
+    typer.Option(
+        "--letter", help="Follow the paper to the letter (patrol.options.letter=true, ties=drawn in every cell)."
+    ),
 ]
 Rows = Annotated[str | None, typer.Option(metavar="NAME,...", help="Run only these rows.")]
 Columns = Annotated[str | None, typer.Option(metavar="NAME,...", help="Run only these columns.")]
@@ -214,7 +228,7 @@ def _setup(
     *,
     letter: bool,
 ) -> PaperSetup:
-    given = ({LETTER: True} if letter else {}) | parse_overrides(settings or [])
+    given = (dict(TO_THE_LETTER) if letter else {}) | parse_overrides(settings or [])
     if duration is not None:
         given["duration"] = duration
     radius = paper().sensor_range(point).range if sensor_range is None else sensor_range
@@ -293,6 +307,9 @@ def _write_fit(console: Console, comparisons: Sequence[TableComparison], folder:
         found = fit_of([comparison])
         if found is not None:
             _say(console, f"Table {comparison.table.number}: {_fit_text(found)}")
+        ratios = to_mean_fog_text(comparison)
+        if ratios is not None:
+            _say(console, f"  {ratios}")
     together = fit_as_json(comparisons)
     if together is not None:
         write_text(folder / "fit.json", json_text(together))

@@ -23,7 +23,7 @@ from patrol.scenario import (
     scenario_hash,
     scenario_schema,
 )
-from patrol.scenario.policies import BUILT_IN, LearnedPatrol
+from patrol.scenario.policies import BUILT_IN, CommittedPatrol, LearnedPatrol
 from patrol.scenario.radio_spec import MODELS
 from patrol.scenario.sections import BUILT_IN_SENSORS, VERTICES
 
@@ -111,6 +111,9 @@ def check(what: What, settings: Settings = None) -> None:
         typer.echo(printable(f"  warning: {line}"))
     ticks = "1 tick" if scenario.ticks == 1 else f"{scenario.ticks} ticks"
     typer.echo(f"  {scenario.duration:g} s in {ticks} of {scenario.step:g} s")
+    if isinstance(scenario.patrol, CommittedPatrol):
+        for line in scenario.patrol.options.notes:
+            typer.echo(f"  warning: {line}")
     if not scenario.docks and any(spec.battery is not None for spec in scenario.roster):
         typer.echo("  no docks, so batteries are never charged")
     for line in _faults(scenario):

@@ -34,6 +34,7 @@ from patrol.scenario.file.dump import dump_section, notes_on_lengths
 from patrol.scenario.file.explain import one_line
 from patrol.scenario.file.older import translate_field, translate_overrides, translate_patrol
 from patrol.scenario.lengths import FIELDS
+from patrol.scenario.letter import LATER_OPTIONS
 from patrol.scenario.model import Scenario
 from patrol.scenario.nemesis import written_out
 from patrol.scenario.policies import (
@@ -274,8 +275,10 @@ def _meaning(scenario: Scenario) -> dict[str, Any]:
         del meaning["terrain"]["graph"]["visit"]
     if scenario.terrain.patrolled == GROUND:  # as before it could be set
         del meaning["terrain"]["patrolled"]
-    if isinstance(scenario.patrol, PaperPatrol) and scenario.patrol.options.letter is False:
-        del meaning["patrol"]["options"]["letter"]  # as before there was one, so that hashes stay
+    if isinstance(scenario.patrol, PaperPatrol):
+        for option, before in LATER_OPTIONS.items():
+            if meaning["patrol"]["options"][option] == before:  # as before it could be set, so that hashes stay
+                del meaning["patrol"]["options"][option]
     if isinstance(scenario.patrol, CommittedPatrol) and scenario.patrol.options.unpredictability == 1.0:
         del meaning["patrol"]["options"]["unpredictability"]  # as before there were rounds, so that hashes stay
     if scenario.radio.model == IDEAL:  # as before there were others, so that hashes stay

@@ -20,6 +20,7 @@ from agent.routes.path_window import FAR
 from agent.routes.wave import ROOM, Wave, box_around, box_between, paths_in
 from patrol.ground.kernels.footprint import cast
 from patrol.ground.terrain import Terrain
+from patrol.scenario.letter import Ties
 from tests.agent.plans import cluttered
 
 Bools = NDArray[np.bool_]
@@ -86,6 +87,24 @@ def test_lengths_equal_dijkstra_to_the_last_unit(values: tuple[int, int, int, fl
     wave = wave_from(is_open, row, col, 40, [*sorted(pieces), 10**6])
     found = over_terrain(wave, wave.length, is_open.shape)
     assert np.array_equal(found, np.where(np.isfinite(reference), reference, -1))
+
+
+@settings(max_examples=40)
+@given(values=maps, ties=st.sampled_from(["straight", "drawn"]), key=st.integers(0, 2**53 - 1))
+def test_the_first_step_is_on_a_shortest_path(values: tuple[int, int, int, float], ties: Ties, key: int) -> None:
+    is_open, row, col = random_map(values)
+    wave = Wave(*is_open.shape, 40, ties)
+    wave.begin(Ground(Terrain("t", is_open, 1.0), is_open), row + 1, col + 1, key=key)
+    for limit in (700, 10**6):
+        wave.extend(limit)
+    steps = over_terrain(wave, wave.bend, is_open.shape)
+    lengths = over_terrain(wave, wave.length, is_open.shape)
+    for step in np.unique(steps[steps >= 0]):
+        i, j = divmod(int(step), wave.state.shape[1])
+        place = (i + wave.row0, j + wave.col0)
+        assert max(abs(place[0] - row), abs(place[1] - col)) <= 1
+        onward = dijkstra_lengths(is_open, *place)[steps == step]
+        assert (lengths[place] + onward == lengths[steps == step]).all()
 
 
 @settings(max_examples=60)

@@ -12,7 +12,7 @@ import pytest
 from experiments.paper.calibrate import best_radius, calibration_plan, crossing, fit_as_json, fit_radii, radius_setups
 from experiments.paper.orderings import HELD, NOT_HELD, UNDECIDED, judge_orderings
 from experiments.paper.printed import PaperTable, Side, paper
-from experiments.paper.tables import PaperSetup, as_json, as_lines, compare, fit_of, plan_of
+from experiments.paper.tables import PaperSetup, as_json, as_lines, compare, fit_of, plan_of, to_mean_fog_text
 from experiments.sweeps.plan import Plan
 from experiments.sweeps.results import RunResult
 from experiments.sweeps.runner import SweepOutcome
@@ -125,6 +125,7 @@ def test_ours_stand_beside_the_papers() -> None:
     low, high = first["ci95"]
     assert (low + high) / 2.0 == pytest.approx(99.0)
     assert first["values"] == pytest.approx({"1": 81.0, "2": 117.0})
+    assert to_mean_fog_text(beside) is None
     lines = list(as_lines(beside))
     assert len(lines) == 5
     assert lines[1][:4] == ["f3", "g4", "s", 90.0]
@@ -148,6 +149,18 @@ def test_cells_without_runs_are_empty() -> None:
     (cell,) = as_json(beside)["cells"]
     assert (cell["mean"], cell["ci95"], cell["ratio"], cell["seeds"]) == (None, None, None, 0)
     assert fit_of([beside]) is None
+
+
+def test_a_table_says_how_mean_mfow_stands_to_mean_fog() -> None:
+    table = paper().table(3).part(["f3", "f4"], ["g4"])
+    plan = plan_of([table], {"": SETUP})
+    outcome = outcome_of(plan, lambda *_: 90.0)
+    for run in plan.runs:
+        outcome.results[run.key].metrics["fog_mean_s"] = 40.0 if " f3 " in run.case else 30.0
+    beside = compare(table, SETUP, outcome)
+    assert [cell.to_mean_fog for cell in beside.cells] == [2.25, 3.0]
+    assert to_mean_fog_text(beside) == "MFoW : mean fog 2.2 to 3.0, median 2.6"
+    assert [line[-1] for line in as_lines(beside)] == ["to_mean_fog", 2.25, 3.0]
 
 
 def test_dead_ends_are_further_rows() -> None:

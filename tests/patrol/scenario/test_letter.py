@@ -9,6 +9,7 @@ import pytest
 from patrol.errors import BadInput
 from patrol.scenario import Scenario, as_mapping, load_scenario, scenario_hash
 from patrol.scenario.letter import PAPER_RULES, PaperRule
+from patrol.scenario.policies import CommittedPatrol
 
 INTRUDERS = [{"place": [20, 20]}]
 
@@ -69,6 +70,44 @@ def test_hashes_are_as_before_there_was_a_letter() -> None:
     paper = {"policy": "potential-field", "give_way": False, "manoeuvres": False}
     given = {"terrain": {"builtin": "open"}, "patrol": paper}
     assert scenario_hash(load_scenario(given)) == "8119f499ec69278eea2cfffcb614ed562b8761c2b25b6a46fe63e434dc4ef331"
+
+
+@pytest.mark.parametrize(
+    ("options", "problem"),
+    [
+        ({"ties": "drawn"}, "patrol.options.ties: drawn has no effect unless patrol.options.letter has first-step"),
+        ({"letter": "no-stop", "ties": "straight"}, "patrol.options.ties: straight has no effect"),
+        ({"origin": "robot"}, "patrol.options.origin: robot has no effect unless paths is straight"),
+        ({"ties": "first"}, "patrol.options.ties"),
+    ],
+)
+def test_ties_and_origin_need_the_paths_that_they_change(options: dict[str, Any], problem: str) -> None:
+    with pytest.raises(BadInput) as refused:
+        scenario(patrol={"options": options})
+    assert problem in str(refused.value)
+
+
+def test_ties_and_origin_change_the_hash_where_they_differ() -> None:
+    for options, without in (
+        ({"letter": True, "ties": "drawn"}, {"letter": True, "ties": "diagonal"}),
+        ({"paths": "straight", "origin": "robot"}, {"paths": "straight", "origin": "point"}),
+    ):
+        ours, before = (scenario(patrol={"options": each}) for each in (options, without))
+        assert load_scenario(as_mapping(ours)) == ours
+        assert scenario_hash(ours) != scenario_hash(before)
+        del without["ties" if "ties" in without else "origin"]
+        assert scenario_hash(before) == scenario_hash(scenario(patrol={"options": without}))
+
+
+def test_random_steps_that_rounds_leave_out_are_named() -> None:
+    def notes(**options: Any) -> tuple[str, ...]:
+        patrol = load_scenario({"terrain": {"builtin": "yards"}, "patrol": {"options": options}}).patrol
+        assert isinstance(patrol, CommittedPatrol)
+        return patrol.options.notes
+
+    assert notes() == notes(random_move=0.3, unpredictability=0.5) == ()
+    (note,) = notes(random_move=0.3)
+    assert note.startswith("patrol.options.random_move = 0.3: robots on rounds make no random steps; raise")
 
 
 EFFECTLESS: list[tuple[PaperRule, dict[str, Any], str]] = [

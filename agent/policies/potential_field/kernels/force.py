@@ -19,6 +19,7 @@ TABLE = types.Array(types.float64, 1, "C", readonly=True)
 SUMS = types.Array(types.float64, 1, "C")
 PLACES = types.Array(types.int64, 1, "C")
 ROWS = types.Array(types.int32, 2, "C", readonly=True)
+float64 = types.float64
 int64 = types.int64
 boolean = types.boolean
 index = types.uint64
@@ -29,7 +30,7 @@ index = types.uint64
 @njit(
     [
         types.void(
-            posts, STATE, GRID, GRID, int64, int64, int64, int64, int64, int64, int64,
+            posts, STATE, GRID, GRID, int64, int64, int64, int64, int64, float64, float64, int64, int64,
             GRID, GRID, int64, TABLE, TABLE, GRID, TABLE, SECTORS, boolean, SUMS, SUMS, PLACES,
         )
         for posts in (types.none, ROWS)
@@ -38,7 +39,7 @@ index = types.uint64
     nogil=True,
 )
 def gather(
-    posts, state, length, bend, first, last, span, start_row, start_col, row0, col0,
+    posts, state, length, bend, first, last, span, start_row, start_col, aside_up, aside_across, row0, col0,
     seen, looked, tick, pull, decay, rival, share, sector, as_vector, sums, strongest, source,
 ):
     """Add the forces of the points whose path is longer than ``first`` and at most ``last`` (paper, formula (1)).
@@ -56,6 +57,8 @@ def gather(
         span: Largest distance from the robot, in rows and in columns.
         start_row: The robot's row in the window; its own point exerts no force.
         start_col: The robot's column in the window.
+        aside_up: Rows from the centre of that point to the place from which directions count.
+        aside_across: Columns from there.
         row0: Row of the terrain's point under element (0, 0) of the window.
         col0: Column of the same point.
         seen: int32 (h, w), the (dilated) tick at which each point was last seen; -1 counts as 0, and a value above
@@ -84,7 +87,8 @@ def gather(
         top, bottom, left, right = 0, posts.shape[0], 0, 1
     most, most_at = strongest[0], source[0]
     # Neighbours often share their bend, and mostly their sector, so its sum stays at hand until another one's turn.
-    up, across, turned = 0, 0, -1
+    up, across, turned = 0.0, 0.0, -1
+    is_aside = aside_up != 0.0 or aside_across != 0.0
     place = index(0)
     total, along, upwards = sums[0], 0.0, 0.0
     if as_vector:
@@ -110,12 +114,16 @@ def gather(
             turn = int64(bend[index(row), index(col)])
             if turn != turned:
                 turned = turn
-                up, across = row - start_row, col - start_col
+                rows_up, cols_across = row - start_row, col - start_col
                 if turn != row * cols + col:
                     turn_row = int64(index(turn) // index(cols))
-                    up, across = turn_row - start_row, turn - turn_row * cols - start_col
+                    rows_up, cols_across = turn_row - start_row, turn - turn_row * cols - start_col
+                up, across = rows_up - aside_up, cols_across - aside_across
                 if not as_vector:
-                    into = index(sector[index(middle + up), index(middle + across)])
+                    into = index(sector[index(middle + rows_up), index(middle + cols_across)])
+                    if is_aside:
+                        turns = math.floor(math.atan2(up, across) * sums.size / math.tau + 0.5)
+                        into = index(turns % sums.size)
                     if into != place:
                         sums[place] = total
                         place, total = into, sums[into]

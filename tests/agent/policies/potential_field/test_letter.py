@@ -18,6 +18,7 @@ from agent.build import build_mind
 from agent.policies.potential_field.field import Field, Pull
 from agent.ports import Bearing, Decision, Intent, Place, Policy, State, Stay
 from agent.routes.ground import Ground
+from agent.routes.path_window import CENTRE, Aside
 from agent.view import View
 from patrol.ground.fields import StaticFields
 from patrol.ground.fog import Fog
@@ -34,17 +35,26 @@ CAR = RobotSpec(1, "r1", "car", 4.4, 1.0, 3.5, None)
 # --- the direction of a force -----------------------------------------------------------------------------------------
 
 
-def pull_of(place: tuple[int, int], **options: Any) -> Pull:
-    """The forces on a robot in the middle of an open field of 20 x 20 m where one point (row, col) is stale."""
+def pull_of(*places: tuple[int, int], fresh: int = 100, aside: Aside = CENTRE, key: int = 0, **options: Any) -> Pull:
+    """The forces on a robot in the middle of an open field of 20 x 20 m where some points (row, col) are stale.
+
+    Args:
+        places: The stale points.
+        fresh: The tick at which all others were last seen; after tick 100 they have no age.
+        aside: Rows and columns from the point's centre to the robot, in points.
+        key: Of the draws.
+        options: Of the policy.
+    """
     passable = np.ones((41, 41), dtype=np.bool_)
     proxy = np.full(passable.shape, -1, dtype=np.int32)
     fields = StaticFields(passable, passable, passable, proxy)
-    seen = np.full(passable.shape, 100, dtype=np.int32)
-    seen[place] = 0
+    seen = np.full(passable.shape, fresh, dtype=np.int32)
+    for place in places:
+        seen[place] = 0
     policy = PotentialFieldOptions.model_validate({"direction": "vector", **options})
     field = Field(policy, fields, Posts(proxy), 0.5, {})
     ground = Ground(Terrain("field", passable, 0.5), passable)
-    return field.pull(ground, 21, 21, seen, lambda _: seen, 100, 100)
+    return field.pull(ground, 21, 21, seen, lambda _: seen, 100, 100, aside=aside, key=key)
 
 
 def direction(pull: Pull) -> float:
@@ -66,9 +76,53 @@ def test_a_path_along_one_of_the_eight_directions_begins_with_it(place: tuple[in
         assert abs(direction(pull_of(place, letter=letter))) == pytest.approx(abs(degrees), abs=0.1)
 
 
+@pytest.mark.parametrize(("ties", "degrees"), [("diagonal", 45.0), ("straight", 0.0)])
+def test_ties_decide_which_of_equally_long_paths_counts(ties: str, degrees: float) -> None:
+    assert direction(pull_of((24, 30), letter="first-step", ties=ties)) == pytest.approx(degrees, abs=0.1)
+
+
+def test_drawn_ties_favour_no_direction() -> None:
+    """On a field of equal points half of them lie nearer to a diagonal than to a row or column."""
+    options: dict[str, Any] = {"letter": "first-step", "direction": "mode", "fow": "f1", "distance": "g1"}
+    everywhere = [(row, col) for row in range(41) for col in range(41)]
+    shares = {
+        ties: pull_of(*everywhere, ties=ties, key=key, **options).sums
+        for ties, key in (("diagonal", 0), ("straight", 0), ("drawn", 5))
+    }
+    diagonal = {ties: sums[1::2].sum() / sums.sum() for ties, sums in shares.items()}
+    assert diagonal["diagonal"] > 0.85
+    assert diagonal["straight"] < 0.15
+    assert diagonal["drawn"] == pytest.approx(0.5, abs=0.1)
+    drawn = {key: direction(pull_of((24, 30), letter="first-step", ties="drawn", key=key)) for key in range(64)}
+    assert set(np.round(list(drawn.values()))) == {0.0, 45.0}
+    assert drawn[7] == direction(pull_of((24, 30), letter="first-step", ties="drawn", key=7))
+
+
 def test_the_lengths_stay_the_same() -> None:
     place = 24, 30
-    assert pull_of(place).sums[2] == pull_of(place, letter="first-step").sums[2]
+    for ties in ("diagonal", "straight", "drawn"):
+        assert pull_of(place).sums[2] == pull_of(place, letter="first-step", ties=ties).sums[2]
+
+
+@pytest.mark.parametrize("direction_by", ["vector", "mode"])
+def test_fresh_points_pull_a_robot_beside_the_centre_of_its_point(direction_by: str) -> None:
+    """g3 falls within a point, so that what the nearest ones leave counts."""
+    options: dict[str, Any] = {"paths": "straight", "fow": "f4", "distance": "g3", "direction": direction_by}
+    centre, aside = (pull_of(aside=aside, **options).sums for aside in (CENTRE, (0.1, 0.3)))
+    offsets = [(row - 20.0, col - 20.0) for row in range(41) for col in range(41) if (row, col) != (20, 20)]
+    sums = np.zeros(2 if direction_by == "vector" else 8)
+    for up, across in ((up - 0.1, across - 0.3) for up, across in offsets):
+        force = math.exp(-0.2 * round(100.0 * math.hypot(up, across)) / 100.0 * 5.0)
+        bearing = math.atan2(up, across)
+        if direction_by == "vector":
+            sums += force * math.cos(bearing), force * math.sin(bearing)
+        else:
+            sums[math.floor(bearing / (math.pi / 4) + 0.5) % 8] += force
+    assert aside[: sums.size] == pytest.approx(sums, rel=1e-9, abs=1e-12)
+    left = math.hypot(*aside[:2]) if direction_by == "vector" else aside.max() - np.sort(aside)[-2]
+    assert left > 0.1
+    nothing = math.hypot(*centre[:2]) if direction_by == "vector" else np.ptp(centre[::2])
+    assert nothing == pytest.approx(0.0, abs=1e-9)
 
 
 # --- what the policy asks for, and what the body makes of it ---------------------------------------------------------
