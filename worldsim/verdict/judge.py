@@ -28,6 +28,7 @@ from worldsim.verdict.robots.motion_checks import MotionAsAsked
 from worldsim.verdict.robots.sense_checks import SensesAsAsked
 from worldsim.verdict.robots.status_checks import DownAreSilent, NobodyLost, PausedStandStill, StatusesFollow
 from worldsim.verdict.robots.zone_checks import KeepOutsKept, OneWayZonesKept, SlowZonesKept
+from worldsim.verdict.run.event_checks import EventsFollow
 from worldsim.verdict.run.exit_codes import ExitCodes
 from worldsim.verdict.run.fault_times import FaultsOnTime
 from worldsim.verdict.run.fog_check import FogIsTrue
@@ -64,6 +65,7 @@ CHECKS: tuple[type[Check], ...] = (
     FaultsOnTime,
     PausedStandStill,
     StatusesFollow,
+    EventsFollow,
     BodiesApart,
     MovesAreTrue,
     MotionAsAsked,
