@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from patrol.journal.records import Event
     from patrol.scenario import ClosureSpec
 
-WAITING, WAITS = "waiting", " waits to close: "
-"""The kind of the event of a closure that waits until bodies are clear of it, and what stands between its name and the
+WAITING, WAITS, IN_IT = "waiting", " waits to close: ", " in it"
+"""The kind of the event of a closure that waits until bodies are clear of it, and what stands before and after the
 robots that are in the way."""
 
 

@@ -18,8 +18,8 @@ import pytest
 
 from fogwatch.fleet_folder import FleetFolder, make_fleet
 from fogwatch.launch.private import Secrets
-from patrol.net.keys import WORLD, FleetKeys, fleet_keys
-from patrol.net.link import Link, open_link, open_router
+from patrol.net.keys import FleetKeys, fleet_keys
+from patrol.net.link import Link, open_router
 from patrol.net.mailbox import Mailbox
 from patrol.net.open_links import open_links
 from patrol.net.security.access import FILE
@@ -90,20 +90,6 @@ def await_seen(link: Link, key: str) -> None:
     end = time.monotonic() + PATIENCE_S
     while not link.sees(key):
         assert time.monotonic() < end, f"never seen: {key}"
-
-
-@contextmanager
-def world_seen(endpoint: str, fleet: str) -> Iterator[None]:
-    """The token of a fleet's world at a router, which others see by now."""
-    alive = fleet_keys(fleet).alive(WORLD)
-    world, other = open_link(endpoint, PATIENCE_S), open_link(endpoint, PATIENCE_S)
-    try:
-        world.live(alive)
-        await_seen(other, alive)
-        yield
-    finally:
-        assert other.close(PATIENCE_S)
-        assert world.close(PATIENCE_S)
 
 
 @dataclass(frozen=True)

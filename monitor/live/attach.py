@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from monitor.live.feed_client import ZenohFeedClient, first_answer
 from patrol.errors import BadInput
 from patrol.files.untrusted import leads_out
-from patrol.net.keys import WORLD, callers_of, check_radio, fleet_keys, is_local
-from patrol.net.link import Link, LinkDown, open_link
+from patrol.net.keys import callers_of, check_radio, fleet_keys
+from patrol.net.link import Link
 from patrol.net.open_links import open_links
 from patrol.net.security.access import FILE, read_access
 from patrol.net.security.credentials import MEMBER
@@ -30,30 +30,6 @@ SCENARIO = "scenario.yaml"
 _LOG = Log("monitor")
 
 POLL_S = 0.2
-ANSWER_S = 2.0
-"""Longest wait for the router of a run that may be over, s."""
-
-
-def is_running(folder: Path) -> bool:
-    """Return whether the world of a run is running.
-
-    A control file alone does not prove it, because a killed launcher leaves one behind. Only a router on
-    this machine is contacted, where launchers start theirs, because a folder may be a stranger's.
-
-    Args:
-        folder: The run's folder.
-    """
-    try:
-        access = read_access(folder, str(folder))
-        if not is_local(access.router):
-            return False
-        link = open_link(access.router, ANSWER_S, credentials=access.credentials)
-    except (BadInput, LinkDown):
-        return False
-    try:
-        return link.sees(fleet_keys(access.fleet).alive(WORLD))
-    finally:
-        link.close()
 
 
 def open_fleet(

@@ -7,14 +7,19 @@ what was written to the bit.
 Every record goes to the operating system in one write as soon as it is handed over, so that killing the writer loses
 nothing; that costs less than packing the record. A reader takes whole records up to the first that is cut off or
 damaged and says so. A damaged length, or one beyond what the run's robots can need, ends the reading as well.
+
+The writer holds a lock on the file (flock) for as long as it lives, however it ends, so a reader can tell a run that
+goes on from one that was cut off.
 """
 
 from __future__ import annotations
 
+import fcntl
 import io
 import struct
 import zlib
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import asdict
 from functools import cached_property
 from pathlib import Path
@@ -53,6 +58,8 @@ class JournalWriter:
     def __init__(self, path: Path, header: Header) -> None:
         self._longest = longest_record(len(header.robots))
         self._file = io.FileIO(path, "xb")
+        with suppress(OSError):  # not every network drive has locks
+            fcntl.flock(self._file, fcntl.LOCK_EX)
         self._put(MAGIC + self._framed(pack(header)))  # at once: a journal without its header cannot be read
 
     def write(self, record: Record) -> None:
@@ -176,6 +183,25 @@ def read_journal(path: Path) -> Journal:
         BadInput: For any other file.
     """
     return Journal(path)
+
+
+def is_being_written(path: Path) -> bool:
+    """Return True while the writer of a journal lives, on this machine or, where its drive has locks, on another.
+
+    Args:
+        path: The file.
+
+    Raises:
+        OSError: It cannot be opened.
+    """
+    with open_untrusted(path, JOURNAL) as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+        except OSError:
+            return False
+    return False
 
 
 class GrowingJournal(Journal):

@@ -35,6 +35,13 @@ BECOMES: Mapping[str, Status] = {
 }
 """The status that each kind of act gives a robot, once it is done."""
 
+AS_IT_IS: Mapping[Status, str] = {status: status.name.lower() for status in Status} | {
+    Status.LEFT: "gone",
+    Status.ABSENT: "not there yet",
+}
+BEING_STARTED = "being started"
+"""The words, in events of kind `SKIPPED`, for the status of a robot that an act makes no sense for."""
+
 STOPPED = "its process stands still"
 UNSEEN = "its process cannot be looked at here"
 """The journal's words for a process that should be stopped; all others are errors."""

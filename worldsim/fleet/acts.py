@@ -13,14 +13,12 @@ from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
 from patrol.journal import Event, Status
-from worldsim.faults.lifecycle import APPLIES, BECOMES, LOOKED_AT, SKIPPED, WAITING
+from worldsim.faults.lifecycle import APPLIES, AS_IT_IS, BECOMES, BEING_STARTED, LOOKED_AT, SKIPPED, WAITING
 from worldsim.fleet.process_control import NotStarted, ProcessControl
 
 if TYPE_CHECKING:
     from worldsim.faults.timeline import Act
     from worldsim.world import World
-
-_AS_IT_IS = {status: status.name.lower() for status in Status} | {Status.LEFT: "gone", Status.ABSENT: "not there yet"}
 
 NEEDS_LAUNCHER = (
     "faults: they kill, pause or start robots' processes, which only a run that started these can do; run the scenario "
@@ -100,7 +98,7 @@ class Acts:
         body = world.bodies[number]
         reason = f"{act.fault} {act.kind}"
         if number in self._coming or body.status not in APPLIES[act.kind]:
-            state = "being started" if number in self._coming else _AS_IT_IS[body.status]
+            state = BEING_STARTED if number in self._coming else AS_IT_IS[body.status]
             yield Event(world.tick, SKIPPED, number, f"{reason}: {body.spec.name} is {state}")
             return
         match act.kind:

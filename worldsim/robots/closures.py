@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from patrol.closures import WAITING, WAITS, ClosedPoints
+from patrol.closures import IN_IT, WAITING, WAITS, ClosedPoints
 from patrol.exchange import MOST_BLOCKED
 from patrol.ground.closed import ChangingFootprint, faces
 from patrol.journal import Event
@@ -112,7 +112,7 @@ class Closures:
                     yield Event(k, CLOSED, None, spec.name)
                 elif not is_waiting:
                     names = ", ".join(body.spec.name for body in in_the_way)
-                    yield Event(k, WAITING, in_the_way[0].spec.number, f"{spec.name}{WAITS}{names} in it")
+                    yield Event(k, WAITING, in_the_way[0].spec.number, f"{spec.name}{WAITS}{names}{IN_IT}")
 
     def _held(self, k: int) -> dict[str, bool]:
         """Return whether each closure that a fault decides on in a tick is to be closed, by name."""

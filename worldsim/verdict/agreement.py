@@ -36,9 +36,9 @@ def differences(stated: Mapping[str, Any], found: Mapping[str, Any]) -> list[Dif
     """Compare a summary with one that was made from the journal, field by field.
 
     Of the verdict's checks, those are compared that both have, by name. A check that was judged after the run and could
-    not be judged again is left out, with its warnings and with what follows from its failure. Exit codes are in no
-    journal and are not compared. A field or a check that the stated summary lacks, at any depth, is no difference:
-    earlier versions wrote fewer. `missing` lists these.
+    not be judged again is left out, with its warnings and with what follows from its failure, and so are the warnings
+    of checks that the stated verdict lacks. Exit codes are in no journal and are not compared. A field or a check that
+    the stated summary lacks, at any depth, is no difference: earlier versions wrote fewer. `missing` lists these.
 
     Args:
         stated: As in summary.json.
@@ -118,7 +118,9 @@ def _between_verdicts(stated: Mapping[str, Any], found: Mapping[str, Any]) -> It
     if "warnings" in stated:
         unchecked = [line for check in unrepeated for line in check.get("warnings", ())]
         warnings = [line for line in stated["warnings"] if line not in unchecked]
-        yield from _between(warnings, found["warnings"], "verdict.warnings")
+        known = {check["name"] for check in stated["checks"]}
+        comparable = [line for check in found["checks"] if check["name"] in known for line in check["warnings"]]
+        yield from _between(warnings, comparable, "verdict.warnings")
     checks = {check["name"]: check for check in found["checks"]}
     for stated_check in stated["checks"]:
         field = f"verdict.checks.{stated_check['name']}"

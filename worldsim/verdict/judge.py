@@ -28,6 +28,7 @@ from worldsim.verdict.robots.motion_checks import MotionAsAsked
 from worldsim.verdict.robots.sense_checks import SensesAsAsked
 from worldsim.verdict.robots.status_checks import DownAreSilent, NobodyLost, PausedStandStill, StatusesFollow
 from worldsim.verdict.robots.zone_checks import KeepOutsKept, OneWayZonesKept, SlowZonesKept
+from worldsim.verdict.run.event_checks import EventsFollow
 from worldsim.verdict.run.exit_codes import ExitCodes
 from worldsim.verdict.run.fault_times import FaultsOnTime
 from worldsim.verdict.run.fog_check import FogIsTrue
@@ -35,6 +36,7 @@ from worldsim.verdict.run.journal_checks import Complete, TraceAgrees
 from worldsim.verdict.run.open_ages import AgesOpen, OpenFacts
 from worldsim.verdict.run.progress import ProgressCheck, RunProgress
 from worldsim.verdict.run.recovery import Recovers
+from worldsim.verdict.run.router_answers import RouterAnswers
 from worldsim.verdict.run.transcripts import TranscriptsAgree
 from worldsim.verdict.run.zone_ages import ZoneAges, ZoneFacts
 from worldsim.verdict.run.zone_times import ZoneTimesTold
@@ -60,10 +62,12 @@ CHECKS: tuple[type[Check], ...] = (
     LinksAddUp,
     DirectLinks,
     TranscriptsAgree,
+    RouterAnswers,
     RobotsThere,
     FaultsOnTime,
     PausedStandStill,
     StatusesFollow,
+    EventsFollow,
     BodiesApart,
     MovesAreTrue,
     MotionAsAsked,

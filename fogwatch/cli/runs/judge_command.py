@@ -66,6 +66,9 @@ def judge(
     if as_json:
         facts = {
             "verdict": recomputed["verdict"],
+            "ended": summary.ended,
+            "simulated_s": summary.simulated_s,
+            "duration_s": loaded.scenario.duration,
             "trace_hash": trace,
             "mfow_mean_s": recomputed["mfow_mean_s"],
             "exit_codes": codes,
@@ -77,7 +80,9 @@ def judge(
         }
         typer.echo(json.dumps(facts, indent=2))
     else:
-        _print(summary, trace, codes, stated is not None, differing, unstated, unrepeated, edited)
+        _print(
+            summary, loaded.scenario.duration, trace, codes, stated is not None, differing, unstated, unrepeated, edited
+        )
     return verdict.exit_code or (DISAGREES if differing or edited else 0)
 
 
@@ -110,8 +115,15 @@ def _same_scenario(loaded: Prepared, journal: Journal) -> bool:
     return same_but_for_files(loaded.scenario, journalled)
 
 
+def _end(summary: Summary, duration_s: float) -> str:
+    """Say how much of a run there is: an end that comes early passes the verdict, whoever chose it."""
+    time = f"after {summary.simulated_s:g} s of {duration_s:g} s"
+    return f"{time}: completed" if summary.ended == "completed" else f"early, {time}: {summary.ended or 'cut off'}"
+
+
 def _print(
     summary: Summary,
+    duration_s: float,
     trace: str,
     codes: Mapping[str, int | None],
     has_summary: bool,
@@ -126,6 +138,7 @@ def _print(
 
     assert summary.verdict is not None
     print_verdict(Console(), summary.verdict)
+    typer.echo(printable(f"ended       {_end(summary, duration_s)}"))
     typer.echo(f"trace       {trace}")
     if codes:
         typer.echo(f"exit codes  of {len(codes)} processes, as summary.json states them: no journal holds any")

@@ -56,3 +56,4 @@ def test_at_a_pace_robots_miss_their_deadlines_and_none_is_lost(start: Callable[
     assert end.notes["router_silent_s"] > 10.0
     assert all(missed > 10 for missed in end.notes["late_commands"].values())
     assert len(end.notes["late_commands"]) == 3
+    assert summary["verdict"]["warnings"][0].startswith("the router did not answer for ")

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from monitor.live.attach import is_running, open_fleet
+from monitor.live.attach import open_fleet
 from patrol.errors import BadInput
 from patrol.net.security.access import FILE
 from patrol.process.lifeline import Ending
 from patrol.radio.fleet_key import new_key
-from tests.routers import PATIENCE_S, free_endpoint, reach_patiently, world_seen, write_access
+from tests.routers import reach_patiently, write_access
 
 
 @pytest.fixture
@@ -22,32 +22,6 @@ def folder(tmp_path: Path) -> Callable[[str], Path]:
         return tmp_path
 
     return make
-
-
-def test_a_run_goes_on_while_its_world_is_there(
-    endpoint: str, folder: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("monitor.live.attach.ANSWER_S", PATIENCE_S)
-    monkeypatch.setattr("patrol.net.link.SEE_S", PATIENCE_S)
-    run = folder(endpoint)
-    assert not is_running(run)
-    with world_seen(endpoint, "fleet-1"):
-        assert is_running(run)
-
-
-def test_a_launcher_that_was_killed_leaves_nobody_to_ask(
-    folder: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("monitor.live.attach.ANSWER_S", 0.2)
-    assert not is_running(tmp_path)
-    run = folder(free_endpoint())
-    assert not is_running(run)
-    monkeypatch.setattr("monitor.live.attach.open_link", lambda *_: pytest.fail("asked somebody else's router"))
-    (run / FILE).unlink()
-    write_access(run, "tcp/192.0.2.1:7447")
-    assert not is_running(run)
-    (run / FILE).write_text("{}", encoding="utf-8")
-    assert not is_running(run)
 
 
 def test_the_key_that_a_run_s_scenario_names_is_opened_only_when_asked_for(

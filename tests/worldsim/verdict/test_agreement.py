@@ -51,6 +51,11 @@ def test_the_warnings_of_other_checks_are_compared() -> None:
     assert "verdict.warnings" in {one.field for one in differences(stated, found)}
 
 
+def test_the_warnings_of_a_check_that_an_earlier_version_lacked_are_not() -> None:
+    stated = summary("valid", check(True))
+    assert differences(stated, summary("valid", check(True), check(True, warnings=(WARNED,), name="router"))) == []
+
+
 FOUND = {
     **summary("valid", check(True), check(True, name="moves")),
     "ticks": 5,

@@ -32,6 +32,7 @@ NAMES = [
     "transcripts",
     "robots there",
     "statuses",
+    "events",
     "bodies apart",
     "moves",
     "frames",

@@ -106,3 +106,18 @@ def test_a_report_that_is_missing_for_no_reason_is_a_warning(result: Result) -> 
     noted(result, [unreported])
     assert judge(journal, {"r1": -9}, world.prepared).warnings[-1:] == (gone,)
     assert not noted(result, [unreported], router_silent_s=2.5).warnings
+
+
+@pytest.mark.parametrize(("pace", "silent_s", "warns"), [(8, 20.1, True), (8, 1.0, False), ("lockstep", 20.1, False)])
+def test_a_router_that_stood_still_is_named_where_the_world_did_not_wait(
+    lab: Lab, pace: Any, silent_s: float, warns: bool
+) -> None:
+    world = lab.patrol(ticks=4, pace=pace)
+    journal = lab.run(world)
+    assert journal.end is not None
+    journal.end = replace(journal.end, notes={"router_silent_s": silent_s, "late_commands": {1: 300, 2: 20}})
+    warning = (
+        "the router did not answer for 20 s of wall time, in which robots stood still and heard nothing; over the "
+        "whole run 320 commands did not come in time"
+    )
+    assert (warning in judge(journal, {}, world.prepared).warnings) == warns

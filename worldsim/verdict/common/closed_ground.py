@@ -13,7 +13,7 @@ from worldsim.verdict.common.check import JournalReading
 if TYPE_CHECKING:
     from patrol.ground.footprint import Footprint
     from patrol.ground.terrain import Terrain
-    from patrol.journal import TickRecord
+    from patrol.journal import Event, TickRecord
     from worldsim.verdict.common.check import JudgedRun, Readings
 
 
@@ -22,14 +22,19 @@ class ClosedGround(JournalReading):
 
     Attributes:
         closed: The points that are closed.
-        changed: Whether something closed or opened before this tick.
+        told: The events of closures before this tick.
     """
 
     def __init__(self, run: JudgedRun, readings: Readings) -> None:
         super().__init__(run, readings)
         self.closed = ClosedPoints(run.prepared.scenario.closures, run.prepared.terrain)
-        self.changed = False
+        self.told: list[Event] = []
         self._events = 0
+
+    @property
+    def changed(self) -> bool:
+        """True if something closed or opened, or began to wait, before this tick."""
+        return bool(self.told)
 
     @cached_property
     def footprint(self) -> Footprint:
@@ -49,9 +54,10 @@ class ClosedGround(JournalReading):
         if not self.closed.points:
             return
         events = self._run.journal.events
-        self.changed = False
+        self.told = []
         while self._events < len(events) and events[self._events].k <= record.k:
-            self.changed |= self.closed.take(events[self._events])
+            if self.closed.take(events[self._events]):
+                self.told.append(events[self._events])
             self._events += 1
         if self.changed and isinstance(self.footprint, ChangingFootprint):
             self.footprint.close(self.closed.grid)

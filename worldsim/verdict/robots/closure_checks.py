@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from patrol.closures import IN_IT, WAITING, WAITS, closure_of
+from patrol.journal.records import CLOSED, OPENED, STAYS_OPEN
 from patrol.random import Purpose, draw
 from patrol.scenario.faults.kinds import Close, OnClosure
 from worldsim.verdict.common.check import Check
@@ -16,9 +18,11 @@ from worldsim.verdict.robots.expected_statuses import ExpectedStatuses
 from worldsim.verdict.robots.zone_checks import is_inside
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
-    from patrol.journal import RobotTick, TickRecord
+    from patrol.journal import Event, RobotTick, TickRecord
     from patrol.scenario import ClosureSpec
     from worldsim.verdict.common.check import JudgedRun, Readings
 
@@ -31,7 +35,7 @@ class ClosuresKept(Check):
 
     The times are recomputed from the scenario and its faults, operators' included. A closure may close later than it is
     to as long as a body is in its way: no farther from the polygon than its radius and the diagonal of a point, by
-    which the closed points may reach beyond the polygon.
+    which the closed points may reach beyond the polygon. Each change of a closure is one event.
     """
 
     name = "closures"
@@ -41,9 +45,10 @@ class ClosuresKept(Check):
         super().__init__(run, readings)
         scenario = run.prepared.scenario
         self._expected = readings[ExpectedStatuses]
-        self._closed = readings[ClosedGround].closed
+        self._ground = readings[ClosedGround]
+        self._closed = self._ground.closed
         self._specs = scenario.closures
-        self._corners = [np.array(closure.polygon, dtype=np.float64) for closure in scenario.closures]
+        self._corners = {spec.name: np.array(spec.polygon, dtype=np.float64) for spec in scenario.closures}
         self._seed = scenario.seed
         self._radii = {spec.number: spec.radius for spec in scenario.roster}
         self._names = run.names
@@ -51,6 +56,7 @@ class ClosuresKept(Check):
         self._by_draws = [False] * len(self._specs)
         self._faults = [(entry, entry.fault) for entry in run.timeline.entries if isinstance(entry.fault, OnClosure)]
         self._was_closed: set[str] = set()
+        self._was_waiting: set[str] = set()
         self._turns = self._ticks = 0
 
     @classmethod
@@ -61,25 +67,55 @@ class ClosuresKept(Check):
     def _tick(self, record: TickRecord) -> None:
         here = [robot for robot in record.robots if robot.number not in self._expected.away]
         self._ticks += 1
-        for number, (spec, corners) in enumerate(zip(self._specs, self._corners, strict=True)):
+        for number, spec in enumerate(self._specs):
             wanted = self._is_wanted(number, spec, record.k)
             is_closed = spec.name in self._closed.names
             self._turns += is_closed != (spec.name in self._was_closed)
             if is_closed and not wanted:
                 self._fail(f"{spec.name} is closed at tick {record.k}, when it is to be open")
-            elif wanted and not is_closed:
-                late = spec.name not in self._was_closed and any(
-                    _gap(corners, robot) < self._radii[robot.number] + self._diagonal for robot in here
-                )
-                if not late:
+            waits_for: list[RobotTick] = []
+            if wanted and not is_closed:
+                waits_for = [robot for robot in here if self._depth(robot, spec.name) > -self._diagonal]
+                if spec.name in self._was_closed or not waits_for:
                     self._fail(f"{spec.name} is open at tick {record.k}, when it is to be closed and nobody is in it")
             if is_closed:
                 for robot in here:
-                    if _gap(corners, robot) < self._radii[robot.number] - SLACK:
+                    if self._depth(robot, spec.name) > SLACK:
                         where = f"({robot.x:.3f}, {robot.y:.3f})"
                         name = self._names[robot.number]
                         self._fail(f"{name} is in {spec.name} at tick {record.k}, which is closed, at {where}")
-        self._was_closed = set(self._closed.names)
+            self._check_events(spec.name, record.k, is_closed, waits_for)
+        self._was_closed, self._was_waiting = set(self._closed.names), set(self._closed.waiting)
+
+    def _check_events(self, name: str, k: int, is_closed: bool, waits_for: Sequence[RobotTick]) -> None:
+        """Check that the events of a closure before a tick are those that its change calls for."""
+        told = [event for event in self._ground.told if closure_of(event) == name]
+        was_closed, was_waiting = name in self._was_closed, name in self._was_waiting
+        if is_closed != was_closed:
+            due = CLOSED if is_closed else OPENED
+        elif bool(waits_for) != was_waiting:
+            due = WAITING if waits_for else STAYS_OPEN
+        else:
+            due = ""
+        if [event.kind for event in told] != [due] * bool(due):
+            kinds = " and ".join(event.kind for event in told) or "nothing"
+            self._fail(f"before tick {k} the journal has {kinds} of {name}, and should have {due or 'nothing'}")
+        elif due == WAITING and not self._names_who_waits(told[0], name, waits_for):
+            self._fail(f"before tick {k}, {told[0].detail}: these are not the robots that stand there")
+
+    def _names_who_waits(self, event: Event, name: str, near: Sequence[RobotTick]) -> bool:
+        """Return True if an event names all robots in a closure, and no others but near ones, in their order."""
+        listed = event.detail.removeprefix(f"{name}{WAITS}").removesuffix(IN_IT).split(", ")
+        named = [robot for robot in near if self._names[robot.number] in listed]
+        return (
+            event.detail == f"{name}{WAITS}{', '.join(self._names[robot.number] for robot in named)}{IN_IT}"
+            and event.robot == named[0].number
+            and all(robot in named for robot in near if self._depth(robot, name) > SLACK)
+        )
+
+    def _depth(self, robot: RobotTick, name: str) -> float:
+        """Return how far a body reaches into a closure, m."""
+        return self._radii[robot.number] - _gap(self._corners[name], robot)
 
     def _is_wanted(self, number: int, spec: ClosureSpec, k: int) -> bool:
         step = self._run.step

@@ -1,13 +1,14 @@
-"""The robots that should be alive, paused, dead or away in each tick, by faults and records alone."""
+"""The robots that should be alive, paused, dead or away in each tick, by faults and records alone; and their events."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from patrol.journal import RobotTick, Status, TickRecord
+from patrol.exchange import FIRST_INCARNATION
+from patrol.journal import Event, RobotTick, Status, TickRecord
 from patrol.pose import Pose
-from worldsim.faults.lifecycle import APPLIES
+from worldsim.faults.lifecycle import APPLIES, AS_IT_IS, BECOMES, BEING_STARTED, SKIPPED, WAITING
 from worldsim.robots.bodies import overlap
 from worldsim.verdict.common.check import JournalReading
 from worldsim.verdict.common.robots_there import RobotsThere
@@ -27,6 +28,9 @@ class ExpectedStatuses(JournalReading):
         away: Numbers of the robots whose bodies are not in the world.
         appeared: Numbers of those that came back at their starts for this tick.
         problem: What is wrong with this tick's statuses, or nothing; from then on they are taken as they are.
+        events: The events of robots before this tick, in their order, but those of robots that were lost.
+        may_wait: Further events that there may be at a pace: nothing else shows when a process came that then had to
+            wait for its place.
     """
 
     needs = (RobotsThere,)
@@ -37,14 +41,20 @@ class ExpectedStatuses(JournalReading):
         self.away: set[int] = set()
         self.appeared: set[int] = set()
         self.problem = ""
+        self.events: list[Event] = []
+        self.may_wait: list[Event] = []
+        self._k = 0
         self._timeline = run.timeline
         self._waits = scenario.factor is None
         self._specs = {spec.number: spec for spec in scenario.roster}
         self._starts = {spec.number: pose for spec, pose in zip(scenario.roster, run.prepared.starts, strict=True)}
         self._status = dict.fromkeys(self._specs, Status.ALIVE)
-        self._coming: list[int] = []
+        self._incarnations = dict.fromkeys(self._specs, FIRST_INCARNATION)
+        self._coming: dict[int, str] = {}
+        self._waiting: set[int] = set()
         for number in self._timeline.starts_absent:
             self._status[number] = Status.ABSENT
+            self._incarnations[number] -= 1
             self.away.add(number)
 
     def tick(self, record: TickRecord) -> None:
@@ -56,6 +66,7 @@ class ExpectedStatuses(JournalReading):
         rows = {row.number: row for row in record.robots}
         self.appeared.clear()
         self.problem = ""
+        self._k, self.events, self.may_wait = record.k, [], []
         for number, row in rows.items():
             if row.status is Status.LOST and number not in self._coming:
                 self._status[number] = Status.LOST
@@ -72,54 +83,66 @@ class ExpectedStatuses(JournalReading):
                 self._take_as_it_is(number, row.status)
 
     def _act(self, act: Act) -> None:
-        number = act.number
-        if number in self._coming or self._status[number] not in APPLIES[act.kind]:
+        number, reason = act.number, f"{act.fault} {act.kind}"
+        status = self._status[number]
+        if number in self._coming or status not in APPLIES[act.kind]:
+            state = BEING_STARTED if number in self._coming else AS_IT_IS[status]
+            self._tell(SKIPPED, number, f"{reason}: {self._specs[number].name} is {state}")
             return
-        match act.kind:
-            case "kill":
-                self._status[number] = Status.DEAD
-                if act.wreck == "removed":
-                    self.away.add(number)
-            case "pause":
-                self._status[number] = Status.PAUSED
-            case "resume":
-                self._status[number] = Status.ALIVE
-            case "leave":
-                self._status[number] = Status.LEFT
+        if act.kind not in ("restart", "join"):
+            self._become(number, BECOMES[act.kind], reason)
+            if act.kind == "leave" or act.wreck == "removed":
                 self.away.add(number)
-            case "restart":
-                self._status[number] = Status.DEAD
-                self._coming.append(number)
-            case "join":
-                self._coming.append(number)
+            return
+        if act.kind == "restart" and status is not Status.DEAD:
+            self._become(number, Status.DEAD, reason)
+        self._incarnations[number] += 1
+        self._coming[number] = f"{reason}: process {self._incarnations[number]}"
+
+    def _become(self, number: int, status: Status, reason: str) -> None:
+        self._status[number] = status
+        self._tell(status.name.lower(), number, reason)
+
+    def _tell(self, kind: str, number: int, detail: str) -> None:
+        self.events.append(Event(self._k, kind, number, detail))
 
     def _bring_in(self, number: int, rows: Mapping[int, RobotTick]) -> None:
         """A robot that was started takes part, unless it cannot yet."""
         if rows[number].status is Status.LOST:
-            self._coming.remove(number)
+            del self._coming[number]
             self._status[number] = Status.LOST
-        elif (self._waits or rows[number].status is Status.ALIVE) and self._has_room(number, rows):
-            self._coming.remove(number)
-            self._status[number] = Status.ALIVE
+            return
+        has_come = self._waits or rows[number].status is Status.ALIVE
+        if in_the_way := self._in_the_way(number, rows):
+            waits = Event(self._k, WAITING, number, f"its start is taken by {', '.join(in_the_way)}")
+            if has_come and number not in self._waiting:
+                self._waiting.add(number)
+                self.events.append(waits)
+            elif not has_come:
+                self.may_wait.append(waits)
+        elif has_come:
+            self._waiting.discard(number)
+            self._become(number, Status.ALIVE, self._coming.pop(number))
             if number in self.away:
                 self.away.remove(number)
                 self.appeared.add(number)
 
-    def _has_room(self, number: int, rows: Mapping[int, RobotTick]) -> bool:
-        """Return True if the place where the robot is to appear is free, if it has to appear."""
+    def _in_the_way(self, number: int, rows: Mapping[int, RobotTick]) -> list[str]:
+        """Return the names of the robots that stand where the robot is to appear, if it has to appear."""
         if number not in self.away:
-            return True
+            return []
         start, radius = self._starts[number], self._specs[number].radius
-        return not any(
-            overlap(start, radius, Pose(row.x, row.y, row.heading), self._specs[other].radius)
+        return [
+            self._specs[other].name
             for other, row in rows.items()
-            if other != number and other not in self.away
-        )
+            if other != number
+            and other not in self.away
+            and overlap(start, radius, Pose(row.x, row.y, row.heading), self._specs[other].radius)
+        ]
 
     def _take_as_it_is(self, number: int, status: Status) -> None:
         self._status[number] = status
-        if number in self._coming:
-            self._coming.remove(number)
+        self._coming.pop(number, None)
         if status in (Status.ABSENT, Status.LEFT):
             self.away.add(number)
         elif number in self.away and status is Status.ALIVE:

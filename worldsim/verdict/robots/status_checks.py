@@ -16,6 +16,7 @@ from worldsim.verdict.common.robots_there import RobotsThere
 from worldsim.verdict.robots.expected_statuses import ExpectedStatuses
 
 if TYPE_CHECKING:
+    from patrol.journal import RobotTick
     from worldsim.verdict.common.check import JudgedRun, Readings
 
 _STATUSES = {status.name.lower() for status in Status}
@@ -92,7 +93,7 @@ class DownAreSilent(Check):
         does = [(source, "sends") for source, _ in record.frames if source != FORGED]
         hearing = np.unique(links_of(record.deliveries).destination).tolist()
         does += [(destination, "hears") for destination in hearing]
-        does += [(number, "decides") for number, row in down.items() if row.state or row.decision_ms is not None]
+        does += [(number, "decides") for number, row in down.items() if _has_decided(row)]
         for number, what in does:
             if number in down:
                 status = down[number].status.name.lower()
@@ -101,6 +102,12 @@ class DownAreSilent(Check):
 
     def _good(self) -> str:
         return f"in {self._looked} ticks of robots"
+
+
+def _has_decided(row: RobotTick) -> bool:
+    """Return True if a row holds anything of a robot's reply."""
+    reported = (row.goal, row.decision_ms, row.rejected)
+    return bool(row.state) or row.refused or any(value is not None for value in reported)
 
 
 class PausedStandStill(Check):

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 from worldsim.faults.lifecycle import process_name
 from worldsim.verdict.common.check import Check, CheckResult
+from worldsim.verdict.run.router_answers import SILENT
 
 if TYPE_CHECKING:
     from worldsim.verdict.common.check import JudgedRun, Readings
 
-_NOTE, _SILENT = "transcripts", "router_silent_s"
+_NOTE = "transcripts"
 
 
 class TranscriptsAgree(Check):
@@ -41,7 +42,9 @@ class TranscriptsAgree(Check):
         """Return the result, once all ticks are in and the journal has ended."""
         notes = _notes(self._run)
         if _NOTE not in notes:
-            return self._not_judged("not judged: the journal holds none, as those of earlier versions")
+            ended = self._run.journal.end is not None
+            lacks = "holds none, as those of earlier versions" if ended else "has no end, where it holds them"
+            return self._not_judged(f"not judged: the journal {lacks}")
         self._messages = 0
         self._left_out = []
         self._gone = []
@@ -69,7 +72,7 @@ class TranscriptsAgree(Check):
             self._left_out.append(f"{missed} replies of {name}, whose reports were lost")
         if compared < asked:
             self._left_out.append(f"{name} from tick {compared + 1}")
-        if _SILENT in _notes(self._run):
+        if SILENT in _notes(self._run):
             return  # the router was down, and with it reports were lost
         if missed:
             self._gone.append(f"{name}: no report has come of {missed} replies that the world acted on")

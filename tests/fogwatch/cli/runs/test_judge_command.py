@@ -21,6 +21,7 @@ from hypothesis import strategies as st
 import fogwatch
 from patrol.journal import End, JournalWriter, Record, TickRecord, read_journal, trace_hash
 from patrol.journal.file import MAGIC, GrowingJournal
+from worldsim.run_record import COMPLETED, INTERRUPTED
 
 Judging = Callable[[Path], tuple[int, Any]]
 
@@ -70,8 +71,9 @@ def edit_journal(
     folder: Path,
     change: Callable[[list[TickRecord]], Iterable[TickRecord]] = lambda ticks: ticks,
     notes: Mapping[str, Any] | None = None,
+    reason: str = COMPLETED,
 ) -> None:
-    """Write the run's journal anew: with other ticks and the trace hash that belongs to them, or with other notes."""
+    """Write the run's journal anew: with other ticks and the trace hash that belongs to them, notes, or end."""
     file = folder / "journal"
     growing = GrowingJournal(file)
     _, *records = growing.read_on()
@@ -81,7 +83,8 @@ def edit_journal(
     file.unlink()
     with JournalWriter(file, growing.header) as writer:
         noted = growing.end.notes if notes is None else notes
-        for record in [*ticks, *rest, replace(growing.end, trace_hash=trace_hash(ticks), notes=noted)]:
+        end = End(reason, trace_hash(ticks), noted)
+        for record in [*ticks, *rest, end]:
             writer.write(record)
 
 
@@ -172,6 +175,19 @@ def test_a_tick_less_in_the_journal(folder: Path, judged: Judging) -> None:
     assert said["verdict"]["outcome"] == "invalid"
     assert "complete" in failed_of(said)
     assert {"ticks", "trace_hash", "verdict.outcome"} <= fields_of(said)
+
+
+def test_an_end_that_came_early_is_named(
+    folder: Path, judged: Judging, command: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A journal that was cut like this is as good as that of a run which was interrupted there."""
+    (folder / "summary.json").unlink()
+    edit_journal(folder, lambda ticks: ticks[:8], reason=INTERRUPTED)
+    code, said = judged(folder)
+    assert (code, said["verdict"]["outcome"], said["ended"]) == (0, "valid", "interrupted")
+    assert (said["simulated_s"], said["duration_s"]) == (4.0, 10.0)
+    command("judge", folder)
+    assert "ended       early, after 4 s of 10 s: interrupted\n" in capsys.readouterr().out
 
 
 def test_another_pose_in_the_journal(folder: Path, judged: Judging) -> None:

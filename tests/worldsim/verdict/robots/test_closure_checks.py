@@ -74,6 +74,38 @@ def test_closings_at_other_times_are_caught(lab: Lab, events: tuple[tuple[int, s
 
 
 @pytest.mark.parametrize(
+    ("k", "kind", "detail", "message"),
+    [
+        (4, "closed", "box", "before tick 4 the journal has closed and closed of box, and should have closed"),
+        (9, "closed", "box", "before tick 9 the journal has closed of box, and should have nothing"),
+        (14, "stays open", "box", "before tick 14 the journal has stays open of box, and should have nothing"),
+        (2, "waiting", "box waits to close: r1 in it", "before tick 2 the journal has waiting of box"),
+    ],
+)
+def test_events_that_change_nothing_are_caught(lab: Lab, k: int, kind: str, detail: str, message: str) -> None:
+    def forge(journal: Any) -> None:
+        journal.events = tuple(sorted([*journal.events, Event(k, kind, None, detail)], key=lambda event: event.k))
+
+    assert failed(lab, forge)["closures"].startswith(message)
+
+
+def test_the_robots_that_a_closure_waits_for_are_those_in_it(lab: Lab) -> None:
+    """Of two robots one is in the box, and one so near that a closed point could reach it."""
+    starts = [(15.0, 11.0, 0.0), (13.2, 11.0, 0.0)]
+    world = lab.world([{**DISC, "speed": 0.001}] * 2, starts, duration=4.0, closures=[{**BOX, "closed": [[1, 9]]}])
+    journal = lab.run(world)
+    assert journal.events == (Event(2, "waiting", 1, "box waits to close: r1 in it"),)
+    assert judge(journal, {}, world.prepared).valid
+    for forged in (
+        {"detail": "box waits to close: r3 in it"},
+        {"robot": 2},
+        {"detail": "box waits to close: r2 in it"},
+    ):
+        journal.events = (replace(Event(2, "waiting", 1, "box waits to close: r1 in it"), **forged),)
+        assert [check.name for check in judge(journal, {}, world.prepared).failed] == ["closures"]
+
+
+@pytest.mark.parametrize(
     ("kind", "own", "message"),
     [
         ("open", None, "box is closed at tick 8, when it is to be open"),

@@ -129,9 +129,10 @@ def test_the_down_neither_send_hear_nor_decide(run: Run, k: int, number: int, st
     for what, changed in variants.items():
         run[0].records[k] = changed
         assert failures(run)["the down are silent"] == f"r{number} is {status} at tick {k} and {what}"
-    run[0].records[k] = record
-    alter(run, k, number, decision_ms=3.0)
-    assert failures(run)["the down are silent"] == f"r{number} is {status} at tick {k} and decides"
+    for field, value in {"state": "x", "goal": (1.0, 2.0), "decision_ms": 3.0, "rejected": 0, "refused": True}.items():
+        run[0].records[k] = record
+        alter(run, k, number, **{field: value})
+        assert failures(run)["the down are silent"] == f"r{number} is {status} at tick {k} and decides"
 
 
 @pytest.mark.parametrize(
