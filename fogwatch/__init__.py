@@ -9,6 +9,8 @@ and the pictures. From Python:
 
 from __future__ import annotations
 
+from fogwatch.own_packages import prefer_own_packages
+
 TYPE_CHECKING = False  # typing's, which takes longer to load than all else until the command heeds Ctrl-C
 if TYPE_CHECKING:
     from typing import Any
@@ -35,6 +37,9 @@ _HOMES = {
 
 _RENAMED = {"Result": "Run"}
 """Deprecated names and their successors: they warn, and go with version 2."""
+
+
+prefer_own_packages()
 
 
 def __getattr__(name: str) -> Any:
