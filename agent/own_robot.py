@@ -279,7 +279,7 @@ class _Driver:
             epoch_s = _listen(radio, step_s, self.mind.facts.key, ticks, log.info, ending)
         if epoch_s is None:
             return None
-        _check_epoch(epoch_s, time.time(), log.info)
+        check_epoch(epoch_s, time.time(), log.info)
         clock.keeper = KeptClock(step_s, epoch_s, time.time, ending.wait)
         start = self.prepared.starts[self.spec.number - 1]
         site = Site(
@@ -382,8 +382,17 @@ class _Watched:
         return heard
 
 
-def _check_epoch(epoch_s: float, now_s: float, say: Callable[[str], None]) -> None:
-    """Refuse an epoch that cannot be one, and say so when tick 0 is still to come."""
+def check_epoch(epoch_s: float, now_s: float, say: Callable[[str], None]) -> None:
+    """Refuse an epoch that cannot be one, and say so when tick 0 is still to come.
+
+    Args:
+        epoch_s: When tick 0 begins, Unix time in s.
+        now_s: The time, likewise.
+        say: Takes a line for people.
+
+    Raises:
+        BadInput: It is not finite, or too far away.
+    """
     oldest_s = ms_to_s(MAX_TIME_MS)
     if not math.isfinite(epoch_s) or not -LONGEST_WAIT_S <= now_s - epoch_s <= oldest_s:
         raise BadInput(

@@ -124,8 +124,11 @@ def _run(process: ProcessContext) -> int:
 
 
 def _find_and_patrol(process: ProcessContext, overrides: dict[str, object]) -> int:
+    """Check all input, then find the robot, and patrol with it; return the exit code."""
+    from agent.own_robot import check_epoch
     from agent.robots.ros2.hardware import Hardware
     from agent.robots.ros2.stops.files import StopFiles, state_folder
+    from patrol.net.keys import check_locator, check_radio
     from patrol.net.security.roles import robot_role
     from patrol.scenario import load_scenario
 
@@ -138,7 +141,12 @@ def _find_and_patrol(process: ProcessContext, overrides: dict[str, object]) -> i
     scenario = None if options.scenario is None else load_scenario(options.scenario, overrides)
     if scenario is not None:
         _check_scenario(scenario, settings.drive)
-    terrain = _check_map(options, name, scenario, overrides)
+    terrain = _check_ground(options, name, scenario, overrides)
+    check_locator(options.connect, "--connect")
+    check_radio(options.radio, "--radio", "direct")
+    if options.epoch is not None:
+        check_epoch(options.epoch, time.time(), say)
+    _choose_router(process)
     for spec in () if scenario is None else scenario.roster:
         if spec.name == name:
             settings = settings.of_body(spec.model, spec.limits)
@@ -176,7 +184,9 @@ def _patrol(process: ProcessContext, scenario: Scenario, hardware: Hardware, sho
     numbers = {spec.name: spec.number for spec in scenario.roster}
     alone_s = LISTEN_S + LISTEN_MORE_S * (numbers.get(name, 1) - 1)
     rivals = _alone(hardware, process)
-    _choose_router(options, process.log.info)
+    if options.router == options.connect:
+        where = f"the robot's own router, {options.connect}"
+        process.log.info(f"meets its fleet at {where}; give --router if others have another")
     ticks = Ticks(options.epoch, options.wait, alone_s)
 
     def make(site: Site) -> Ros2Robot:
@@ -214,18 +224,28 @@ def _alone(hardware: Hardware, process: ProcessContext) -> Rivals:
     return rivals.watch()
 
 
-def _check_map(
+def _check_ground(
     options: argparse.Namespace, name: str, scenario: Scenario | None, overrides: dict[str, object]
 ) -> Terrain | None:
-    """Say what is wrong with the map, if it is given, before anything waits for the robot; return the map."""
+    """Check options, map and bodies before anything waits for the robot; return the map, if it is given."""
     from patrol.ground.maps.load import load_terrain
-    from patrol.pose import Pose
+    from patrol.starts import place_starts
 
-    if scenario is None and options.map is not None:
-        scenario = _scenario(options, name, options.map, Pose(0.0, 0.0, 0.0), overrides)
-    if scenario is None:
+    if scenario is None and options.map is None:
+        elsewhere = {field: value for field, value in overrides.items() if not field.startswith("terrain.")}
+        _scenario(options, name, None, None, elsewhere)
         return None
-    return load_terrain(scenario.terrain, scenario.point, Path(), zones=scenario.zones)
+    if scenario is None:
+        scenario = _scenario(options, name, options.map, None, overrides)
+    terrain = load_terrain(scenario.terrain, scenario.point, Path(), zones=scenario.zones)
+    try:
+        place_starts(terrain, scenario.roster, scenario.seed)
+    except BadInput as error:
+        words = str(error)
+        if options.scenario is None:
+            words = words.replace("robots.radius =", "--radius with --margin =")
+        raise NotPrepared(words) from None
+    return terrain
 
 
 def _check_start(settings: DriveSettings, terrain: Terrain | None) -> None:
@@ -352,9 +372,9 @@ def _robots_map(link: Ros2Link, settings: DriveSettings, folder: Path, process: 
 
 
 def _scenario(
-    options: argparse.Namespace, name: str, map_file: Path, pose: Pose, overrides: dict[str, object]
+    options: argparse.Namespace, name: str, map_file: Path | None, pose: Pose | None, overrides: dict[str, object]
 ) -> Scenario:
-    """Make a scenario for robots of one kind on a map."""
+    """Make a scenario for robots of one kind on a map; without one on a stand-in, which checks the rest."""
     from patrol.scenario import load_scenario
 
     names = sorted({listed.strip() for listed in (options.robots or name).split(",")})
@@ -366,10 +386,10 @@ def _scenario(
         "radius": options.radius + options.margin,
         **({} if options.turning_radius is None else {"turning_radius": options.turning_radius}),
     }
-    start = {"start": [pose.x, pose.y, pose.heading]}
+    start = {} if pose is None else {"start": [pose.x, pose.y, pose.heading]}
     raw = {
         "name": FLEET,
-        "terrain": {"map": str(map_file.absolute())},
+        "terrain": {"builtin": "open"} if map_file is None else {"map": str(map_file.absolute())},
         "duration": LONGEST_S,
         "pace": "realtime",
         "robots": [{"name": robot, **body, **(start if robot == name else {})} for robot in names],
@@ -387,12 +407,14 @@ def _write(scenario: Scenario, path: Path) -> None:
         raise BadInput(f"--write-scenario {path}: cannot be written ({error.strerror}); give another file") from None
 
 
-def _choose_router(options: argparse.Namespace, say: _Say) -> None:
-    """Let the fleet meet at the robot's own router, unless an option names another place."""
+def _choose_router(process: ProcessContext) -> None:
+    """Let the fleet meet at the robot's own router, unless an option names another place, and check that place."""
+    from patrol.net.security.roles import Kind
+
+    options = process.options
     if options.credentials is None:
-        if options.router is None:
-            say(f"meets its fleet at the robot's own router, {options.connect}; give --router if others have another")
         options.router, options.fleet = options.router or options.connect, options.fleet or FLEET
+    process.meet(Kind.ROBOT)
 
 
 def _shown(site: Site, hardware: Hardware, shows_map: bool, log: Log) -> Shown:

@@ -180,6 +180,29 @@ class View:
         """
         return self.routes.lengths((self.pose.x, self.pose.y) if place is None else place, within)
 
+    def stand_to_see(self, point: tuple[int, int]) -> Spot:
+        """Return where to stand to see a point: on it, or on its post where no body fits.
+
+        Args:
+            point: Row and column; one that the robot patrols.
+
+        Returns:
+            x and y in m, for a `Place`.
+        """
+        row, col = divmod(int(self.fog.posts.stands[point]), self.ground.terrain.shape[1])
+        return self.place_of((row, col))
+
+    def lengths_to_see(self, within: float | None = None) -> NDArray[np.float64]:
+        """Compute how far the robot has to go to see each point: `lengths` to the places of `stand_to_see`.
+
+        Args:
+            within: As of `lengths`.
+
+        Returns:
+            float64 (height, width) in m, infinity where no way leads.
+        """
+        return self.lengths(within=within).reshape(-1)[self.fog.posts.stands]
+
     def way(self, place: Spot) -> Way | None:
         """Return the shortest way from here to a place (x, y) in m, or to the nearest one that a way leads to.
 

@@ -8,8 +8,7 @@ docs/policies.md says what a policy gets to know and what it may answer.
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from agent.ports import Intent, Place, PolicySetup, Stay
-from agent.view import View
+from fogwatch import Intent, Place, PolicySetup, Stay, View
 
 
 class GreedyTarget:
@@ -25,12 +24,6 @@ class GreedyTarget:
     def __init__(self, setup: PolicySetup) -> None:
         self._near = setup.options.near
         self._patience = setup.options.patience / setup.step
-        # Where to stand to see each point: on it, or on its post where no body fits.
-        rows, cols = np.indices(setup.terrain.shape)
-        points = setup.posts.rows
-        rows[points[:, 0], points[:, 1]] = points[:, 2]
-        cols[points[:, 0], points[:, 1]] = points[:, 3]
-        self._stands = rows, cols
         self._target: tuple[int, int] | None = None
         self._chosen_at = 0
 
@@ -45,12 +38,10 @@ class GreedyTarget:
             self._target, self._chosen_at = self._best(view), view.tick
         if self._target is None:
             return Stay()
-        stand = int(self._stands[0][self._target]), int(self._stands[1][self._target])
-        return Place(*view.place_of(stand))
+        return Place(*view.stand_to_see(self._target))
 
     def _best(self, view: View) -> tuple[int, int] | None:
         """Return the point with the greatest age per metre; None for a robot that cannot get anywhere."""
-        lengths = view.lengths()[self._stands]
-        score = view.age / (lengths + self._near)
+        score = view.age / (view.lengths_to_see() + self._near)
         row, col = np.unravel_index(int(np.argmax(score)), score.shape)
         return (int(row), int(col)) if score[row, col] > 0.0 else None

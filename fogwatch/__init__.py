@@ -9,23 +9,57 @@ and the pictures. From Python:
 
 from __future__ import annotations
 
+from fogwatch.own_packages import prefer_own_packages
+
 TYPE_CHECKING = False  # typing's, which takes longer to load than all else until the command heeds Ctrl-C
 if TYPE_CHECKING:
     from typing import Any
 
+    from agent.ports import Bearing, Intent, Place, PolicySetup, Stay, Steer
+    from agent.view import View
     from fogwatch.api import run
     from fogwatch.notebook.plan import PlanResult, plan
     from fogwatch.notebook.run import Run, load
     from fogwatch.notebook.sweep import SweepResult, sweep
     from patrol.errors import BadInput
+    from patrol.pose import Drive, Twist, Velocity
 
-__all__ = ["BadInput", "PlanResult", "Run", "SweepResult", "load", "plan", "run", "sweep"]
+__all__ = [
+    "BadInput",
+    "Bearing",
+    "Drive",
+    "Intent",
+    "Place",
+    "PlanResult",
+    "PolicySetup",
+    "Run",
+    "Stay",
+    "Steer",
+    "SweepResult",
+    "Twist",
+    "Velocity",
+    "View",
+    "load",
+    "plan",
+    "run",
+    "sweep",
+]
 
 _HOMES = {
     "BadInput": "patrol.errors",
+    "Bearing": "agent.ports",
+    "Drive": "patrol.pose",
+    "Intent": "agent.ports",
+    "Place": "agent.ports",
     "PlanResult": "fogwatch.notebook.plan",
+    "PolicySetup": "agent.ports",
     "Run": "fogwatch.notebook.run",
+    "Stay": "agent.ports",
+    "Steer": "agent.ports",
     "SweepResult": "fogwatch.notebook.sweep",
+    "Twist": "patrol.pose",
+    "Velocity": "patrol.pose",
+    "View": "agent.view",
     "load": "fogwatch.notebook.run",
     "plan": "fogwatch.notebook.plan",
     "run": "fogwatch.api",
@@ -35,6 +69,9 @@ _HOMES = {
 
 _RENAMED = {"Result": "Run"}
 """Deprecated names and their successors: they warn, and go with version 2."""
+
+
+prefer_own_packages()
 
 
 def __getattr__(name: str) -> Any:

@@ -18,6 +18,7 @@ from fogwatch.launch.children.clerk_messages import JUDGING
 from fogwatch.launch.folder.runfolder import PolicyNotMade, RunFolder, fill, make_folder
 from fogwatch.launch.limits import check_limits
 from fogwatch.launch.terminal.live_table import CallbackDisplay, RunDisplay, SilentDisplay
+from fogwatch.notebook.arguments import checked_arguments
 from fogwatch.notebook.policy import policy_name
 from fogwatch.notebook.run import Run
 from fogwatch.notebook.scenario import scenario_of
@@ -93,6 +94,7 @@ class RunOptions:
     show_kernels: Callable[[Compiled], None] | None = None
 
 
+@checked_arguments
 def run(
     scenario: Scenario | Mapping[str, Any] | str | Path,
     *,

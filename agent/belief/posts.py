@@ -29,6 +29,8 @@ class Posts:
         Args:
             proxy: As for a new object.
         """
+        self._proxy = proxy
+        self._stands: NDArray[np.int64] | None = None
         width = proxy.shape[1]
         points = np.flatnonzero(proxy.reshape(-1) >= 0)
         posts = proxy.reshape(-1)[points]
@@ -41,6 +43,15 @@ class Posts:
         self.gap = int(np.abs(self.rows[:, :2] - self.rows[:, 2:]).max(initial=0))
         per_row = np.bincount(self.rows[:, 2], minlength=proxy.shape[0])
         self._ends: list[int] = [0, *per_row.cumsum().tolist()]
+
+    @property
+    def stands(self) -> NDArray[np.int64]:
+        """int64 (h, w), read-only: flat index of each point's post, or of the point itself where it has none."""
+        if self._stands is None:
+            own = np.arange(self._proxy.size).reshape(self._proxy.shape)
+            self._stands = np.where(self._proxy < 0, own, self._proxy)
+            self._stands.flags.writeable = False
+        return self._stands
 
     def between(self, first: int, last: int) -> NDArray[np.int32]:
         """Return the entries of `rows` whose post lies in a range of rows.

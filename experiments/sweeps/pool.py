@@ -16,6 +16,7 @@ from typing import IO, Protocol, Self
 
 from experiments.sweeps.worker import Answer, Task, answer
 from patrol.errors import BadInput
+from patrol.process.starting.environment import own_environment
 
 LOOK_UP_S = 0.5
 """Interval of looking up while no worker answers, s: a signal that comes just before the wait does not end it."""
@@ -148,7 +149,7 @@ class _Worker:
         # In a group of its own: Ctrl-C on a terminal reaches this process alone, which then ends its workers.
         command = [sys.executable, "-P", "-m", "experiments.sweeps.worker"]
         pipe = subprocess.PIPE
-        self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, process_group=0)
+        self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, process_group=0, env=own_environment())
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._tasks = self._process.stdin

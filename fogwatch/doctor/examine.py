@@ -204,7 +204,9 @@ def _of_pose(seen: Survey, topics: Sequence[Topic]) -> Iterator[Finding]:
     odometry = _usable(topics, [full_name(seen.namespace, wanted.topic("odom"))])
     frames = {frame.partition(ARROW)[0].lstrip("/") for topic in odometry for frame in topic.frames}
     by_tf = bool(corrected & frames)
-    by_pose = bool(_usable(topics, [full_name(seen.namespace, wanted.topic("amcl_pose"))]))
+    poses = _usable(topics, [full_name(seen.namespace, wanted.topic("amcl_pose"))])
+    posed = {frame.lstrip("/") for topic in poses for frame in topic.frames}
+    by_pose = wanted.map_frame.lstrip("/") in posed
     if wanted.localisation is Source.ODOMETRY:
         yield Finding(Level.OK, "nothing corrects the odometry, as asked; give the agent --start X,Y,HEADING")
     elif by_tf if wanted.localisation is Source.TF else by_pose:
@@ -215,8 +217,9 @@ def _of_pose(seen: Survey, topics: Sequence[Topic]) -> Iterator[Finding]:
         yield Finding(Level.MISSING, problem, f"give --localisation {other.value}")
     else:
         missing = " or ".join(f"{wanted.map_frame}{ARROW}{printable(frame)}" for frame in sorted(frames))
+        pose = f"poses in the frame {printable(', '.join(sorted(posed)))} alone" if posed else "no pose"
         problem = (
-            f"nothing says where the robot is on the map: no {missing or 'transform from the map'} on tf, and no pose"
+            f"nothing says where the robot is on the map: no {missing or 'transform from the map'} on tf, and {pose}"
         )
         remedy = (
             "start its localisation (amcl, slam_toolbox); if it waits for a pose, give the agent a --start; if"

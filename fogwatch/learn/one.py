@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import gymnasium
 
 from fogwatch.learn.parallel import Parts, PatrolEnv, parallel_env
+from fogwatch.notebook.arguments import checked_arguments
 from patrol.errors import BadInput
 from patrol.scenario import Scenario
 
@@ -46,16 +47,30 @@ class OneRobotEnv(gymnasium.Env[Parts, Any]):
         return observations[self._agent], infos[self._agent]
 
     def step(self, action: Any) -> tuple[Parts, float, bool, bool, dict[str, Any]]:
-        """Act, as `PatrolEnv.step`."""
+        """Act, as `PatrolEnv.step`.
+
+        Args:
+            action: Of the robot.
+
+        Raises:
+            gymnasium.error.ResetNeeded: The episode is over, or none has begun.
+        """
         agent = self._agent
+        if not self.fleet.agents:
+            raise gymnasium.error.ResetNeeded("no episode, or it is over: call reset() before the next step")
         observations, rewards, gone, ended, infos = self.fleet.step({agent: action})
         return observations[agent], rewards[agent], gone[agent], ended[agent], infos[agent]
+
+    def render(self) -> NoReturn:
+        """Refuse to draw, as `PatrolEnv.render`."""
+        self.fleet.render()
 
     def close(self) -> None:
         """Drop the episode."""
         self.fleet.close()
 
 
+@checked_arguments
 def one_env(
     scenario: Scenario | str | Path | Mapping[str, Any] = "yards",
     overrides: Mapping[str, object] | None = None,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import operator
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NoReturn
 
 import numpy as np
 from gymnasium import spaces
@@ -17,6 +17,7 @@ from agent.policies.learned.observation import Observer
 from experiments.inprocess import check_in_process
 from fogwatch.learn.episode import Episode
 from fogwatch.learn.rewards import Reward, reward_of
+from fogwatch.notebook.arguments import checked_arguments
 from fogwatch.notebook.scenario import scenario_of
 from patrol.errors import BadInput
 from patrol.journal import TickRecord
@@ -168,6 +169,17 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZo
         self.agents = [name for name in self.agents if not gone[name] and not ended[name]]
         return observations, rewards, gone, ended, infos
 
+    def render(self) -> NoReturn:
+        """Refuse to draw: the page and the pictures of a run show what was learned.
+
+        Raises:
+            NotImplementedError: Always.
+        """
+        raise NotImplementedError(
+            "environments draw nothing; run what you have trained as the policy `learned`, and watch its page, or "
+            "fogwatch animate"
+        )
+
     def close(self) -> None:
         """Drop the episode."""
         self.episode, self.agents = None, []
@@ -233,6 +245,7 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZo
         return spaces.Box(-1.0, 1.0, (2,), np.float32) if self._choices is None else spaces.Discrete(self._choices)
 
 
+@checked_arguments
 def parallel_env(
     scenario: Scenario | str | Path | Mapping[str, Any] = "yards",
     overrides: Mapping[str, object] | None = None,

@@ -9,6 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from fogwatch.notebook.arguments import checked_arguments
 from fogwatch.notebook.arrow import table_of
 from fogwatch.notebook.html import lines_html, table_html
 from fogwatch.notebook.scenario import scenario_of
@@ -129,6 +130,7 @@ class _Shown:
         self._progress(self._what, done)
 
 
+@checked_arguments
 def plan(
     scenario: Scenario | Mapping[str, Any] | str | Path,
     *,

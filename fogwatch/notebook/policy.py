@@ -1,6 +1,7 @@
 """The name by which a scenario knows a policy class that a program hands over.
 
-A class of a module is ``package.module:Class``, which every process can import. A notebook's or a script's own class is
+A class of a module is ``package.module:Class``, which every process can import. A module beside the script is named by
+its file, since other processes do not look into the script's folder. A notebook's or a script's own class is
 ``__main__:Class``, which only the process that defined it can find.
 """
 
@@ -8,6 +9,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from patrol.errors import BadInput
@@ -37,6 +39,9 @@ def policy_name(policy: type[Any], *, in_process: bool) -> str:
             f"policy = {name}: was defined here, where other processes cannot import it; run with in_process=True, or "
             f"put it into a file and give overrides={{'patrol.policy': './file.py:{name}'}}"
         )
+    file = getattr(sys.modules[module], "__file__", None)
+    if not in_process and file is not None and Path(file).parent in (Path(sys.path[0]).absolute(), Path.cwd()):
+        return f"{file}:{name}"
     return f"{module}:{name}"
 
 

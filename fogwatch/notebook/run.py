@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fogwatch.launch.folder.reading import read_folder
+from fogwatch.notebook.arguments import checked_arguments
 from monitor.replay.run_files import SUMMARY, journal_in
 from monitor.replay.summary_file import read_summary
 from patrol.errors import BadInput, did_you_mean
@@ -251,6 +252,7 @@ class Run:
         return {sketch.name: sketch for sketch in sketches(analyse(self._replayed))}
 
 
+@checked_arguments
 def load(folder: str | Path, *, key: str | Path | None = None) -> Run:
     """Load a run from its folder: one that has ended, was killed, or still goes on.
 

@@ -7,6 +7,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from fogwatch.notebook.arguments import checked_arguments
 from fogwatch.notebook.arrow import table_of
 from fogwatch.notebook.html import lines_html, table_html
 from fogwatch.notebook.policy import with_names
@@ -133,6 +134,7 @@ class _Shown:
         self._progress(self._done, self._total)
 
 
+@checked_arguments
 def sweep(
     base: Scenario | Mapping[str, Any] | str | Path,
     *,

@@ -185,3 +185,16 @@ def test_contacts_are_those_of_the_robot_and_of_others() -> None:
     heard = [Position.of(2, 0, 0.0, Pose(4.0, 14.0, 0.0)), Position.of_contact(0, 0.0, 9.0, 9.0)]
     mind.step(at(0, POSE, contacts=((3.0, 4.0),)), [encode(position) for position in heard])
     assert sorted(policy.views[0].contacts) == [(3.0, 4.0), (9.0, 9.0)]
+
+
+def test_a_point_on_which_no_body_fits_is_seen_from_its_post() -> None:
+    view = looked()
+    corner, middle = (0, 0), (10, 10)
+    assert view.stand_to_see(middle) == view.place_of(middle)
+    stand = view.stand_to_see(corner)
+    assert not view.ground.open_now[1, 1]
+    row, col = view.point_of(stand)
+    assert view.ground.open_now[row + 1, col + 1]
+    assert view.lengths_to_see()[corner] == view.lengths()[row, col]
+    assert np.isinf(view.lengths()[corner])
+    assert np.isfinite(view.lengths_to_see()[view.fog.patrolled]).all()

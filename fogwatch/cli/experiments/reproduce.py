@@ -53,7 +53,7 @@ class SiteFigure:
         """
         program, *arguments = shlex.split(self.command)
         if program == "fogwatch":
-            return [sys.executable, "-m", "fogwatch", *arguments, "--out", str(out)]
+            return [sys.executable, "-P", "-m", "fogwatch", *arguments, "--out", str(out)]
         script = CLONE / arguments[0]
         if not script.is_file():
             raise BadInput(f"{self.figure}: needs {arguments[0]}, which only a clone has; run the command in a clone")

@@ -21,6 +21,7 @@ from typing import Protocol
 
 from patrol.exchange import FIRST_INCARNATION
 from patrol.printable import printable
+from patrol.process.starting.environment import own_environment
 from patrol.process.starting.readiness import StartPipe, StartReport
 
 TRACEBACK = b"Traceback (most recent call last):"
@@ -241,7 +242,7 @@ class Children:
                     stdin=subprocess.DEVNULL,
                     stdout=output,
                     stderr=subprocess.STDOUT,
-                    env={**os.environ, **environment},
+                    env={**own_environment(), **environment},
                     pass_fds=descriptors,
                     start_new_session=True,
                 )

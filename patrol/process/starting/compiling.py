@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from patrol.errors import BadInput
+from patrol.process.starting.environment import own_environment
 
 WORKER = "patrol.process.starting.compile_worker"
 MOST_WORKERS = 8
@@ -57,7 +58,11 @@ class _Worker:
     def __init__(self) -> None:
         # In a session of its own: Ctrl-C reaches the parent alone, which ends its workers.
         self.process = subprocess.Popen(
-            [sys.executable, "-P", "-m", WORKER], stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
+            [sys.executable, "-P", "-m", WORKER],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            start_new_session=True,
+            env=own_environment(),
         )
         self.work: _Work | None = None
 

@@ -25,6 +25,10 @@ def test_its_episode_ends_with_the_scenario() -> None:
     env.reset(seed=4)
     ends = [env.step(env.action_space.sample())[2:4] for _ in range(60)]
     assert ends == [(False, False)] * 59 + [(False, True)]
+    with pytest.raises(gymnasium.error.ResetNeeded, match=r"call reset\(\) before the next step"):
+        env.step(env.action_space.sample())
+    with pytest.raises(NotImplementedError, match="draw nothing; run what you have trained"):
+        env.render()
 
 
 def test_several_robots_are_refused() -> None:

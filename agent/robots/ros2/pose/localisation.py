@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 from agent.robots.ros2.pose.odometer import REMEMBERED, Odometer, OdometryReading
 from patrol.pose import Pose
+from patrol.printable import printable
 from patrol.ros2.frames import composed, inverted, travelled
 
 if TYPE_CHECKING:
@@ -134,6 +135,7 @@ class Localisation:
         self._fixed: dict[str, _Correction] = {}
         self._moving: dict[str, _Correction] = {}
         self._posed: _Correction | None = None
+        self._refused = ""
         self._begun: _Correction | None = None
         self._lost = False
         self._early: PoseWithCovarianceStamped | None = None
@@ -178,6 +180,8 @@ class Localisation:
         for one in message.transforms:
             if _named(one.frame) == _named(self._settings.map_frame):
                 self._keep(kept, _named(one.child_frame), _Correction(self._on_our_map(one.pose), arrived_s, 0.0))
+            elif _named(one.child_frame) == _named(self._odometer.frame):
+                self._refuse(Source.TF, f"transforms of {one.child_frame} on tf are in", one.frame)
 
     def _keep(self, kept: dict[str, _Correction], child: str, correction: _Correction) -> None:
         """Keep a frame's transform; of many frames the oldest makes room, but never the odometry's own."""
@@ -194,6 +198,7 @@ class Localisation:
             arrived_s: When it arrived, s.
         """
         if _named(message.frame) != _named(self._settings.map_frame):
+            self._refuse(Source.POSE, "poses of the localisation are in", message.frame)
             return
         readings = self._odometer.readings
         if not readings:
@@ -210,6 +215,12 @@ class Localisation:
             return
         then = travelled(nearest.pose, nearest.twist, ahead_s)
         self._posed = _Correction(composed(self._on_our_map(message.pose), inverted(then)), arrived_s, nearest.driven_m)
+
+    def _refuse(self, source: Source, words: str, frame: str) -> None:
+        """Note that corrections come in a frame that is not the map's."""
+        if source is self._settings.source:
+            why = f"{printable(words)} the frame {printable(frame)!r}, not {self._settings.map_frame}"
+            self._refused = f"{why}; correct that, or give --map-frame"
 
     def _on_our_map(self, pose: Pose) -> Pose:
         return composed(self._settings.transform, pose)
@@ -276,7 +287,7 @@ class Localisation:
             return "" if found is not None else "it is not known where the robot started; give --start X,Y,HEADING"
         if found is None:
             missing = f"no transform {wanted} on tf" if source is Source.TF else "no pose of a localisation has come"
-            return f"{missing}; start the robot's localisation, or give --localisation"
+            return self._refused or f"{missing}; start the robot's localisation, or give --localisation"
         corrected_s = self.correction_age_s(now_s) or 0.0
         if source is Source.TF and _named(frame) in self._moving and corrected_s > CORRECTION_S:
             return f"no transform {wanted} for {corrected_s:.1f} s; is the robot's localisation running?"

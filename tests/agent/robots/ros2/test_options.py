@@ -30,6 +30,7 @@ from patrol.scenario.sections import TerrainSpec
 from tests.ros2_hub import Hub
 from tests.routers import PATIENCE_S
 
+OFFICE = str(Path(__file__).parents[4] / "examples" / "maps" / "office.yaml")
 NEEDED = ("--robot", "ros2", "--connect", "tcp/127.0.0.1:7447")
 
 
@@ -118,7 +119,12 @@ def test_the_domain_is_the_environments_unless_it_is_given(monkeypatch: pytest.M
         (["--connect", "10.0.0.1"], "--connect '10.0.0.1': not a router's address"),
         (["--namespace", "1st"], "--namespace '1st': not a name in ROS"),
         (["--domain", "300"], "--domain 300: not a domain of ROS 2"),
-        (["--robots", "a,b", "--name", "c", "--wait", "0.2"], "--connect tcp/127.0.0.1:9"),
+        (["--robots", "a,b", "--name", "c", "--wait", "3600"], "does not hold c"),
+        (["--map", OFFICE, "--radius", "5", "--wait", "3600"], "--radius with --margin = 5.1: a body this wide fits"),
+        (["--set", "sensor.range=-1", "--wait", "3600"], "sensor.range = -1: expected a number above 0"),
+        (["--radio", "x", "--wait", "3600"], "--radio 'x': not an address for direct radio"),
+        (["--router", "x", "--wait", "3600"], "--router 'x': not a router's address"),
+        (["--epoch", "nan", "--wait", "3600"], "epoch_s = nan: tick 0 lies at most"),
     ],
 )
 def test_what_cannot_be_used_is_one_line(more: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,6 +8,7 @@ from agent.robots.ros2.pose.localisation import (
     CORRECTED_M,
     CORRECTION_S,
     LONGEST_S,
+    VARIANCES,
     Fix,
     Localisation,
     LocalisationSettings,
@@ -113,10 +114,24 @@ def test_older_odometry_changes_nothing_while_the_newest_is_fresh_and_counts_whe
     near(found(localisation, NOW + 10.0).pose, 10.0, 12.0, math.pi / 2)
 
 
+@pytest.mark.parametrize("source", [Source.TF, Source.POSE])
+def test_corrections_in_a_frame_that_is_not_the_maps_are_named(source: Source) -> None:
+    localisation = Localisation(LocalisationSettings(source))
+    localisation.odometry(odometry(NOW), NOW)
+    localisation.transforms(transform(NOW, frame="world"), NOW, fixed=False)
+    localisation.localised(PoseWithCovarianceStamped(ns(NOW), "odom", PLACE, VARIANCES), NOW)
+    assert localisation.at(NOW) is None
+    what = "transforms of odom on tf are" if source is Source.TF else "poses of the localisation are"
+    frame = "world" if source is Source.TF else "odom"
+    assert localisation.why == f"{what} in the frame '{frame}', not map; correct that, or give --map-frame"
+    localisation.transforms(transform(NOW), NOW, fixed=False)
+    localisation.localised(PoseWithCovarianceStamped(ns(NOW), "map", PLACE, VARIANCES), NOW)
+    found(localisation)
+
+
 def test_without_a_transform_of_the_odometrys_frame_there_is_no_pose() -> None:
     localisation = Localisation(LocalisationSettings())
     localisation.odometry(odometry(NOW), NOW)
-    localisation.transforms(transform(NOW, frame="world"), NOW, fixed=False)
     localisation.transforms(transform(NOW, child="other"), NOW, fixed=False)
     assert localisation.at(NOW) is None
     assert localisation.why.startswith("no transform map -> odom on tf; start the robot's localisation")

@@ -1,0 +1,101 @@
+"""Arguments of the functions that notebooks call: errors of one line, and Python's numbers in place of NumPy's."""
+
+from __future__ import annotations
+
+import inspect
+import os
+from collections.abc import Callable, Mapping
+from functools import wraps
+from typing import ParamSpec, TypeVar
+
+from patrol.errors import BadInput, did_you_mean, quoted
+from patrol.scenario import Scenario
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+MAPPINGS = {
+    "overrides": "values by dotted field, such as {'duration': 60}",
+    "grid": "lists of values by dotted field, such as {'robots.count': [1, 3]}",
+    "cases": "settings by the name of a case, such as {'blind': {'sensor.range': 2}}",
+    "against": "values by dotted field, such as {'robots.count': 1}",
+}
+"""The arguments that are mappings, and what they hold."""
+
+FOLDERS = ("out", "folder")
+
+FIELDS = {name: f"robots.{name}" for name in ("count", "model", "radius", "speed", "starts")} | {
+    "robots": "robots.count"
+}
+"""Fields that have another name as an option of the command."""
+
+
+def checked_arguments(function: Callable[P, T]) -> Callable[P, T]:
+    """Check the arguments of a function before it is called, and replace NumPy's values in them.
+
+    For example, ``fogwatch.run("yards", duration=10)`` says that a field of the scenario is given in ``overrides``.
+
+    Args:
+        function: The function.
+
+    Returns:
+        It with the check, which raises BadInput.
+    """
+    signature = inspect.signature(function)
+
+    @wraps(function)
+    def checked(*args: P.args, **kwargs: P.kwargs) -> T:
+        name = function.__name__
+        try:
+            given = signature.bind(*args, **kwargs)
+        except TypeError as error:
+            unknown = [argument for argument in kwargs if argument not in signature.parameters]
+            raise (
+                _no_argument(name, unknown[0], kwargs[unknown[0]], signature)
+                if unknown
+                else BadInput(f"{name}(): {error}; help({name}) explains every argument")
+            ) from None
+        for argument, value in given.arguments.items():
+            given.arguments[argument] = plain(value)
+            if argument in MAPPINGS and value is not None:
+                _check_mapping(argument, value)
+            if argument in FOLDERS and not isinstance(value, str | os.PathLike | None):
+                raise BadInput(f"{argument} = {quoted(value)}: expected a folder, such as 'runs/first'")
+        return function(*given.args, **given.kwargs)
+
+    return checked
+
+
+def plain(value: object) -> object:
+    """Return a value with Python's own numbers and lists in place of those of NumPy, pandas and the like.
+
+    Args:
+        value: The value; mappings, lists, tuples and ranges are copied.
+    """
+    if isinstance(value, Mapping):
+        return {plain(key): plain(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple | range):
+        return [plain(inner) for inner in value]
+    to_list = getattr(value, "tolist", None)
+    return to_list() if callable(to_list) and not isinstance(value, type) else value
+
+
+def _check_mapping(argument: str, value: object) -> None:
+    expected = f"expected {MAPPINGS[argument]}"
+    if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
+        raise BadInput(f"{argument} = {quoted(value)}: {expected}")
+    if argument == "cases":
+        for case, settings in value.items():
+            if not isinstance(settings, Mapping):
+                raise BadInput(f"cases: {case} = {quoted(settings)}: {expected}")
+
+
+def _no_argument(function: str, argument: str, value: object, signature: inspect.Signature) -> BadInput:
+    field = FIELDS.get(argument, argument)
+    ways = {"overrides": f"{{{field!r}: {value!r}}}", "grid": f"{{{field!r}: [{value!r}]}}"}
+    way = next((f"{name}={given}" for name, given in ways.items() if name in signature.parameters), None)
+    if way is not None and field.partition(".")[0] in Scenario.model_fields:
+        remedy = f"a field of the scenario is given as {way}"
+    else:
+        remedy = did_you_mean(argument, list(signature.parameters))
+    return BadInput(f"{argument} = {quoted(plain(value))}: {function}() has no such argument; {remedy}")
