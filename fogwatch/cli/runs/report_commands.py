@@ -21,7 +21,7 @@ REPORT_EXAMPLES = [
 COMPARE_EXAMPLES = ["fogwatch compare runs/yards-1 runs/yards-2 --out compare.html"]
 
 Figures = Annotated[
-    Path | None, typer.Option(metavar="DIR", help="Write each figure as PNG and SVG into this folder as well.")
+    Path | None, typer.Option(metavar="DIR", help="Write each figure as PNG, SVG and PDF into this folder as well.")
 ]
 
 
