@@ -9,7 +9,6 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.measure import Measurement
 from rich.table import Table
 
 from experiments.sweeps.caserows import CaseRow, case_rows
@@ -20,6 +19,7 @@ from experiments.sweeps.paired import PAIRING, TEST
 from experiments.sweeps.plan import Plan, read_plan
 from experiments.sweeps.pool import LocalWorkers, WorkerPool
 from experiments.sweeps.runner import SweepOutcome, run_sweep
+from fogwatch.cli.columns import fits
 from fogwatch.launch.terminal.live_table import duration_text
 from fogwatch.progress import SweepProgress, print_failures
 from monitor.report.charts import WIDTH
@@ -34,9 +34,6 @@ FIGURE = re.compile(r"(cases|change|curves)-[a-z_]+\.(png|svg|pdf)")
 
 MM_PER_INCH = 25.4
 LEAST_WIDTH_MM = 60.0
-
-UNLIMITED = 100_000
-"""Width of a terminal on which nothing is wrapped."""
 
 Workers = Annotated[
     int | None,
@@ -173,9 +170,9 @@ def print_cases(console: Console, rows: list[CaseRow]) -> None:
     if shared:
         console.print(f"all cases: {shared}", highlight=False, markup=False, soft_wrap=True)
     table = _cases_table(rows, names, " ")
-    if not _fits(table, console):
+    if not fits(table, console):
         table = _cases_table(rows, names, "\n")
-    if not _fits(table, console):
+    if not fits(table, console):
         numbers = {case: str(number) for number, case in enumerate(names, start=1)}
         for case, number in numbers.items():
             console.print(f"case {number}: {names[case]}", highlight=False, markup=False, soft_wrap=True)
@@ -204,8 +201,3 @@ def _cases_table(rows: list[CaseRow], names: Mapping[str, str], between: str) ->
         ]
         table.add_row(names[row.case], *cells)
     return table
-
-
-def _fits(table: Table, console: Console) -> bool:
-    """Return True if no cell of a table has to be wrapped or cut."""
-    return Measurement.get(console, console.options.update(width=UNLIMITED), table).maximum <= console.width
