@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 from experiments.benchmark.matrix import Matrix
 from experiments.benchmark.presets import Preset, beside_published
 from experiments.benchmark.results import BEST_TOUR, BenchmarkResults, describe, policy_table, shared_settings
+from experiments.sweeps.texttable import markdown_table
 
 
 def page(
@@ -44,24 +45,14 @@ def _lines(
         yield ""
         yield f"## {describe(team, condition)}"
         yield ""
-        yield from table(heads, [[f"*{name}*" if name == BEST_TOUR else f"`{name}`", *more] for name, *more in rows])
+        yield from markdown_table(
+            heads, [[f"*{name}*" if name == BEST_TOUR else f"`{name}`", *more] for name, *more in rows]
+        )
     if preset is not None:
         heads, rows = beside_published(preset, results.cells)
         yield ""
         yield f"## Beside {preset.title}"
         yield ""
-        yield from table(heads, rows)
+        yield from markdown_table(heads, rows)
         yield ""
         yield from (f"- {line}" for line in preset.differs)
-
-
-def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    """Yield the lines of a table.
-
-    Args:
-        heads: Its headings.
-        rows: Its cells.
-    """
-    yield f"| {' | '.join(heads)} |"
-    yield "|---" * len(heads) + "|"
-    yield from (f"| {' | '.join(row)} |" for row in rows)

@@ -27,6 +27,8 @@ OPTIONS_OF_RUN = {
     "robots.model": "--model",
     "robots.radius": "--radius",
     "robots.speed": "--speed",
+    "robots.turning_radius": "--turning-radius",
+    "sensor.range": "--sensor-range",
     "duration": "--duration",
     "point": "--point",
 }

@@ -6,8 +6,10 @@ from collections.abc import Iterator, Sequence
 
 from experiments.faults.cost import AGAINST, GROUPS, QUIET, VARIANTS, FaultComparison, FaultSetup, Finding
 from experiments.sweeps.stats import Estimate
+from experiments.sweeps.texttable import markdown_table
 
 HEADS = (
+    "",
     "variant",
     "MFoW (s)",
     "cost",
@@ -80,11 +82,10 @@ def _groups(found: Sequence[Finding]) -> Iterator[str]:
             yield ""
             yield f"## {title[0].upper()}{title[1:]}"
             yield ""
-            yield f"| | {' | '.join(HEADS)} |"
-            yield "|---|" + "---|" * len(HEADS)
-            for name in dict.fromkeys(cost.condition.name for cost in here):
-                for variant in VARIANTS:
-                    yield from (_row(cost) for cost in here if (cost.condition.name, cost.variant) == (name, variant))
+            names = dict.fromkeys(cost.condition.name for cost in here)
+            order = [(name, variant) for name in names for variant in VARIANTS]
+            here.sort(key=lambda cost: order.index((cost.condition.name, cost.variant)))
+            yield from markdown_table(HEADS, [_row(cost) for cost in here])
 
 
 def _comparisons(compared: Sequence[FaultComparison]) -> Iterator[str]:
@@ -94,19 +95,16 @@ def _comparisons(compared: Sequence[FaultComparison]) -> Iterator[str]:
             yield ""
             yield f"## {title[0].upper()}{title[1:]}"
             yield ""
-            yield "| | variant | ratio |"
-            yield "|---|---|---|"
-            yield from (
-                f"| {comparison.what} | {comparison.variant} | {_text(comparison.ratio, 3)} |" for comparison in here
-            )
+            rows = [[ratio.what, ratio.variant, _text(ratio.ratio, 3)] for ratio in here]
+            yield from markdown_table(("", "variant", "ratio"), rows)
 
 
-def _row(one: Finding) -> str:
+def _row(one: Finding) -> list[str]:
     cost = "-" if one.condition.name == QUIET else _text(one.cost, 3)
     share = "-" if one.delivered is None else f"{100.0 * one.delivered.mean:.1f} %"
     stay = "-" if one.stay is None else f"{one.stay:.0f}"
     numbers = (_text(one.mfow), cost, _text(one.late), share, _text(one.belief), _text(one.collisions, 0), stay)
-    return f"| {one.condition.name} | {one.variant} | {' | '.join(numbers)} |"
+    return [one.condition.name, one.variant, *numbers]
 
 
 def _text(found: Estimate | None, digits: int = 1) -> str:

@@ -11,6 +11,7 @@ from experiments.paper.orderings import Judged
 from experiments.paper.printed import Remark, paper
 from experiments.paper.tables import FAR_OFF, Cell, PaperSetup, TableComparison, fit_of, to_mean_fog_text
 from experiments.sweeps.stats import Estimate, Fit
+from experiments.sweeps.texttable import markdown_table
 from patrol.errors import quoted
 
 UNEXPLAINED = "not explained"
@@ -100,12 +101,13 @@ def _fits(comparisons: Sequence[TableComparison]) -> Iterator[str]:
     yield ""
     yield "## Fit"
     yield ""
-    yield "| MFoW of | cells | median ratio | RMS log error | correlation of logs |"
-    yield "|---|---|---|---|---|"
-    for name, fit in rows:
-        if fit is not None:
-            correlation = "-" if fit.correlation is None else f"{fit.correlation:.3f}"
-            yield f"| {name} | {fit.cells} | {fit.median_ratio:.3f} | {fit.rms_log_error:.3f} | {correlation} |"
+    heads = ("MFoW of", "cells", "median ratio", "RMS log error", "correlation of logs")
+    yield from markdown_table(heads, [[name, *_fit_texts(fit)] for name, fit in rows if fit is not None])
+
+
+def _fit_texts(fit: Fit) -> list[str]:
+    correlation = "-" if fit.correlation is None else f"{fit.correlation:.3f}"
+    return [str(fit.cells), f"{fit.median_ratio:.3f}", f"{fit.rms_log_error:.3f}", correlation]
 
 
 def _table(comparison: TableComparison, pictures: Mapping[str, str]) -> Iterator[str]:
@@ -115,11 +117,11 @@ def _table(comparison: TableComparison, pictures: Mapping[str, str]) -> Iterator
     yield ""
     yield f"Assumed: {'; '.join(table.assumed)}."
     yield ""
-    yield f"| {table.columns_are} | {' | '.join(column.name for column in table.columns)} |"
-    yield "|---" * (len(table.columns) + 1) + "|"
-    for row, unit in dict.fromkeys((cell.row, cell.unit) for cell in comparison.cells):
-        cells = [_beside(cell) for cell in comparison.cells if cell.row == row]
-        yield f"| {row} ({unit}) | {' | '.join(cells)} |"
+    rows = [
+        [f"{row} ({unit})", *(_beside(cell) for cell in comparison.cells if cell.row == row)]
+        for row, unit in dict.fromkeys((cell.row, cell.unit) for cell in comparison.cells)
+    ]
+    yield from markdown_table([table.columns_are, *(column.name for column in table.columns)], rows)
     ratios = to_mean_fog_text(comparison)
     if ratios is not None:
         yield ""
@@ -186,10 +188,8 @@ def _orderings(judged: Sequence[Judged]) -> Iterator[str]:
         "named and the seeds. Held: its 95 % interval lies below 1. Not held: it lies above 1."
     )
     yield ""
-    yield "| conclusion | here | ratio, 95 % interval |"
-    yield "|---|---|---|"
-    for judgement in judged:
-        yield f"| {judgement.ordering.says} | {judgement.verdict} | {_ratio(judgement.ratio)} |"
+    rows = [[judgement.ordering.says, judgement.verdict, _ratio(judgement.ratio)] for judgement in judged]
+    yield from markdown_table(("conclusion", "here", "ratio, 95 % interval"), rows)
 
 
 def _ratio(ratio: Estimate | None) -> str:

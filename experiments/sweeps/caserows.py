@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from experiments.sweeps.plan import Label
 from experiments.sweeps.runner import SweepOutcome
 from experiments.sweeps.stats import Estimate, estimate
 
@@ -24,6 +25,7 @@ class CaseRow:
         against: The case that it is compared with, or None.
         change: By how many percent each metric's mean is above that case's, with the interval of the differences seed
             by seed.
+        labels: The names of its values by axis, in the order of its name.
     """
 
     case: str
@@ -35,6 +37,12 @@ class CaseRow:
     values: Mapping[str, Mapping[int, float]]
     against: str | None
     change: Mapping[str, Estimate]
+    labels: tuple[Label, ...] = ()
+
+    @property
+    def words(self) -> list[str]:
+        """What the case's name consists of: a word for each axis, or its words where there are no axes."""
+        return [label.word for label in self.labels] or self.case.split()
 
 
 def case_rows(outcome: SweepOutcome) -> list[CaseRow]:
@@ -61,7 +69,8 @@ def case_rows(outcome: SweepOutcome) -> list[CaseRow]:
         }
         named = other.name if other is not None else None
         warned = sum(value > 0.0 for value in values.get("warnings", {}).values())
-        rows.append(CaseRow(case.name, case.settings, good, len(runs) - good, warned, metrics, values, named, change))
+        counts = (good, len(runs) - good, warned)
+        rows.append(CaseRow(case.name, case.settings, *counts, metrics, values, named, change, case.labels))
     return rows
 
 

@@ -1,18 +1,21 @@
-"""The results of a sweep case by case: means over seeds with their intervals, as rows, CSV and JSON."""
+"""The results of a sweep case by case: means over seeds with their intervals, as columns, CSV, JSON and LaTeX."""
 
 from __future__ import annotations
 
 import csv
 import io
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from experiments.sweeps.caserows import CaseRow, case_rows
-from experiments.sweeps.paired import paired_lines, paired_tests
+from experiments.sweeps.paired import PAIRING, TEST, paired_lines, paired_tests
 from experiments.sweeps.runner import SweepOutcome
 from experiments.sweeps.runtable import case_labels, csv_value, run_rows, table_lines
+from experiments.sweeps.stats import with_interval
+from experiments.sweeps.texttable import latex_table
 from experiments.sweeps.worker import software
 from patrol.errors import BadInput
 from patrol.files.whole_file import write_whole
@@ -24,11 +27,13 @@ SHOWN = {
     "dead_end_percent": "dead ends (%)",
     "collisions": "collisions",
 }
-"""Metrics that terminals, notebooks and figures show, and their titles; the files have all metrics."""
+"""Metrics that terminals, notebooks, papers and figures show, and their titles; the files have all metrics."""
+
+CHANGE = "change of MFoW (%)"
 
 
 def write_tables(outcome: SweepOutcome, folder: Path) -> tuple[Path, Path]:
-    """Write summary.csv and summary.json, runs.csv with a row a run, and comparisons.csv with the paired tests.
+    """Write summary.csv, summary.json and table.tex, runs.csv with a row a run, comparisons.csv with the paired tests.
 
     Args:
         outcome: The results of the runs.
@@ -53,6 +58,7 @@ def write_tables(outcome: SweepOutcome, folder: Path) -> tuple[Path, Path]:
         "failed": [{"case": run.case, "seed": run.seed, "error": run.error} for run in outcome.failed],
     }
     write_text(as_json, json_text(content))
+    write_text(folder / "table.tex", _latex(rows, outcome.plan.name))
     return as_csv, as_json
 
 
@@ -108,16 +114,16 @@ def write_text(path: Path, text: str) -> None:
         raise BadInput(f"{path}: cannot be written ({error.strerror}); choose another --out") from None
 
 
-def told_apart(cases: Sequence[str]) -> tuple[dict[str, str], str]:
+def told_apart(cases: Mapping[str, Sequence[str]]) -> tuple[dict[str, str], str]:
     """Names of cases without the words that all of them share.
 
     Args:
-        cases: The names, of words between spaces.
+        cases: The words of each name, by the whole name.
 
     Returns:
         The shorter names by the whole ones, and the words that they lack. No name is left empty.
     """
-    words = [case.split() for case in cases]
+    words = list(cases.values())
     common = [word for word in words[0] if all(word in others for others in words[1:])] if len(cases) > 1 else []
     if any(all(word in common for word in own) for own in words):
         common = []
@@ -125,6 +131,66 @@ def told_apart(cases: Sequence[str]) -> tuple[dict[str, str], str]:
     if len(set(short)) < len(cases):
         return {case: case for case in cases}, ""
     return dict(zip(cases, short, strict=True)), " ".join(common)
+
+
+@dataclass(frozen=True, slots=True)
+class ShownColumn:
+    """A column of the table that terminals, notebooks and papers show.
+
+    Attributes:
+        title: Its heading.
+        cells: Its texts, a case each.
+        is_number: Whether they are numbers.
+    """
+
+    title: str
+    cells: tuple[str, ...]
+    is_number: bool = True
+
+
+def shown_columns(rows: Sequence[CaseRow], names: Mapping[str, str]) -> list[ShownColumn]:
+    """Return the columns that show a sweep's results: runs, the measures of `SHOWN`, and changes where there are any.
+
+    Args:
+        rows: The results case by case.
+        names: What the table calls each case.
+    """
+    shown = {name: title for name, title in SHOWN.items() if any(name in row.metrics for row in rows)}
+    runs = [
+        ", ".join(
+            [
+                f"{row.runs}",
+                *([f"{row.failed} failed"] if row.failed else []),
+                *([f"{row.warned} with warnings"] if row.warned else []),
+            ]
+        )
+        for row in rows
+    ]
+    columns = [ShownColumn("runs", tuple(runs))]
+    for name, title in shown.items():
+        columns.append(ShownColumn(title, tuple(with_interval(row.metrics.get(name)) for row in rows)))
+    if any(row.against for row in rows):
+        changes = tuple(with_interval(row.change.get("mfow_mean_s")) for row in rows)
+        others = tuple("" if row.against is None else names.get(row.against, row.against) for row in rows)
+        columns += [ShownColumn(CHANGE, changes), ShownColumn("compared with", others, is_number=False)]
+    return columns
+
+
+def _latex(rows: Sequence[CaseRow], sweep: str) -> str:
+    """Return table.tex: a column for each axis that varies, then what terminals show."""
+    names, _ = told_apart({row.case: row.words for row in rows})
+    axes = list(dict.fromkeys((label.axis, label.title) for row in rows for label in row.labels))
+    texts = {axis: [label.text for row in rows for label in row.labels if label.axis == axis] for axis, _ in axes}
+    cases = [
+        ShownColumn(title, tuple(texts[axis]), is_number=False) for axis, title in axes if len(set(texts[axis])) > 1
+    ] or [ShownColumn("case", tuple(names[row.case] for row in rows), is_number=False)]
+    columns = [*cases, *shown_columns(rows, names)]
+    note = [f"{sweep}: means over the runs (seeds) and half the width of their 95 % interval"]
+    if any(row.against for row in rows):
+        note.append(f"change: mean over pairs of runs with the {PAIRING}; {TEST}s are in comparisons.csv")
+    heads = [column.title for column in columns]
+    cells = list(zip(*(column.cells for column in columns), strict=True))
+    return latex_table(heads, cells, [k for k, column in enumerate(columns) if column.is_number], note)
 
 
 def case_lines(rows: Sequence[CaseRow]) -> Iterator[Sequence[object]]:

@@ -5,12 +5,13 @@ A sweep file is YAML::
     base: yards-five.yaml            # a scenario file, or the keys and values of a scenario
     grid:                            # every combination of these values is a case
       patrol.options.dilatation: [0, 2, 5]
-      robots.count: [1, 3]
+      faults: [{label: quiet, value: []}, {label: half lost, value: [{kind: loss, rate: 0.5}]}]
     cases:                           # named cases; together with a grid, each case is run on the whole grid
       - {name: mode, set: {patrol.options.direction: mode}}
       - {name: vector, set: {patrol.options.direction: vector}}
     seeds: 3                         # seeds 1 to 3, or a list of seeds (default: the base scenario's seed)
     against: {patrol.options.dilatation: 0}  # compare each case, seed by seed, with the case that differs only in this
+                                     # {case: mode}: with the named case on the same grid values
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from dataclasses import field as default
 from itertools import product
 from math import prod
@@ -36,6 +37,32 @@ MAX_RUNS = 100_000
 
 _KEYS = ("name", "base", "grid", "cases", "seeds", "against")
 _CASE_KEYS = ("name", "set")
+_VALUE_KEYS = {"label", "value"}
+
+CASE = "case"
+"""The axis of the named cases; other axes are fields of the grid."""
+
+
+@dataclass(frozen=True, slots=True)
+class Label:
+    """The name of a case's value on one axis of a sweep.
+
+    Attributes:
+        axis: The dotted field of the grid, or `CASE`.
+        title: The shortest name of the axis: the field's last part where no other field of the grid ends alike.
+        text: The name of the value: the label that the sweep gives it, or the value as text.
+        given: Whether the sweep gives the name itself.
+    """
+
+    axis: str
+    title: str
+    text: str
+    given: bool
+
+    @property
+    def word(self) -> str:
+        """What the case's name says of this axis, such as "half lost" or "dilatation=2"."""
+        return self.text if self.given else f"{self.title}={self.text}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,10 +72,12 @@ class Case:
     Attributes:
         name: The case's name.
         settings: What it sets in the base scenario: values by dotted field.
+        labels: Its values by axis, in the order of its name; empty where the sweep has no axes.
     """
 
     name: str
     settings: Mapping[str, object]
+    labels: tuple[Label, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +111,7 @@ class Plan:
         seeds: The seeds that each case is run with.
         runs: The runs, case by case.
         partners: For each case that is compared with another one, the name of that one.
+        unpaired: The cases for which `against` names a case that the sweep does not have.
     """
 
     name: str
@@ -89,6 +119,7 @@ class Plan:
     seeds: tuple[int, ...]
     runs: tuple[Run, ...]
     partners: Mapping[str, str] = default(default_factory=dict)
+    unpaired: tuple[str, ...] = ()
 
     def runs_of(self, case: str) -> list[Run]:
         """Return the runs of a case, one per seed.
@@ -105,7 +136,7 @@ class Plan:
             case: The case to compare.
 
         Returns:
-            The case that differs only in the settings of `against`; None if there is none, or `case` has them itself.
+            The case that `against` names for it; None if there is none, or it is that case itself.
         """
         name = self.partners.get(case.name)
         return next((other for other in self.cases if other.name == name), None)
@@ -136,7 +167,7 @@ def make_plan(
         base: The scenario to vary.
         cases: The cases.
         seeds: The seeds that each case is run with.
-        against: Settings of the cases that others are compared with.
+        against: Settings of the cases that others are compared with, or the name of a case under `CASE`.
 
     Returns:
         The plan.
@@ -149,8 +180,12 @@ def make_plan(
     if len(cases) * len(seeds) > MAX_RUNS:
         raise BadInput(f"{base.called}: {len(cases)} cases x {len(seeds)} seeds; a sweep has at most {MAX_RUNS} runs")
     runs = [_run(base, case, seed) for case in cases for seed in seeds]
-    partners = _partners(base, cases, runs[:: len(seeds)], against) if against else {}
-    return Plan(name, cases, tuple(seeds), tuple(runs), partners)
+    if not against:
+        return Plan(name, cases, tuple(seeds), tuple(runs))
+    if CASE in against:
+        return Plan(name, cases, tuple(seeds), tuple(runs), _named_partners(base, cases, against))
+    partners, unpaired = _partners(base, cases, runs[:: len(seeds)], against)
+    return Plan(name, cases, tuple(seeds), tuple(runs), partners, unpaired)
 
 
 def read_plan(path: Path, seeds: int | None = None) -> Plan:
@@ -197,8 +232,11 @@ def plan_of(raw: object, path: Path, seeds: int | None = None) -> Plan:
     if not (
         against is None or (isinstance(against, dict) and against and all(isinstance(key, str) for key in against))
     ):
-        raise BadInput(f"{path}: against = {quoted(against)}: expected {{FIELD: VALUE, ...}}")
-    return make_plan(name, base, _cases(raw, path), numbers, against)
+        raise BadInput(f"{path}: against = {quoted(against)}: expected {{FIELD: VALUE, ...}} or {{case: NAME}}")
+    grid = _grid(raw.get("grid"), path)
+    if against is not None:
+        against = {field: _value_of(value, grid.get(field, ())) for field, value in against.items()}
+    return make_plan(name, base, _cases(raw, grid, path), numbers, against)
 
 
 def count_of_seeds(count: int, called: str) -> tuple[int, ...]:
@@ -228,8 +266,29 @@ def _run(base: Base, case: Case, seed: int) -> Run:
         raise BadInput(f"{where}: {str(error).removeprefix(f'{base.called}: ')}") from None
 
 
-def _partners(base: Base, cases: Sequence[Case], runs: Sequence[Run], against: Mapping[str, object]) -> dict[str, str]:
-    """For each case the one whose scenario is the same but for `against`: what results counts, not what is stated.
+def _named_partners(base: Base, cases: Sequence[Case], against: Mapping[str, object]) -> dict[str, str]:
+    """Pair each case with the named case on the same grid values, or with the one whose whole name this is."""
+    wanted = against[CASE]
+    where = f"{base.called}: against = {quoted(against)}"
+    if len(against) > 1:
+        raise BadInput(f"{where}: give either case: NAME or fields, not both")
+    named = {label.text for case in cases for label in case.labels if label.axis == CASE}
+    if wanted not in (known := [*named, *(case.name for case in cases)]):
+        raise BadInput(f"{where}: no such case; {did_you_mean(str(wanted), known)}")
+    by_labels = {case.labels: case.name for case in cases}
+    partners = {}
+    for case in cases:
+        moved = tuple(replace(label, text=str(wanted)) if label.axis == CASE else label for label in case.labels)
+        partner = by_labels[moved] if wanted in named else str(wanted)
+        if partner != case.name:
+            partners[case.name] = partner
+    return partners
+
+
+def _partners(
+    base: Base, cases: Sequence[Case], runs: Sequence[Run], against: Mapping[str, object]
+) -> tuple[dict[str, str], tuple[str, ...]]:
+    """Pair each case with the one whose scenario is the same but for `against`: what results counts, not what is set.
 
     For example {set: {}} and {set: {patrol.options.dilatation: 2}} are the same case where 2 is the base's dilatation.
 
@@ -238,25 +297,33 @@ def _partners(base: Base, cases: Sequence[Case], runs: Sequence[Run], against: M
         cases: The cases.
         runs: A run of each case, all with one seed.
         against: Settings of the cases that others are compared with.
+
+    Returns:
+        The partners by the names of the cases, and the cases that have none and are not what others are compared with.
     """
     called = {run.key: run.case for run in reversed(runs)}
     partners: dict[str, str] = {}
+    unpaired = []
     refused: BadInput | None = None
     for case, run in zip(cases, runs, strict=True):
         try:
             wanted = _run(base, Case(f"{case.name} against {quoted(against)}", {**case.settings, **against}), run.seed)
         except BadInput as error:
             refused = error
+            unpaired.append(case.name)
             continue
-        if wanted.key != run.key and wanted.key in called:
+        if wanted.key not in called:
+            unpaired.append(case.name)
+        elif wanted.key != run.key:
             partners[case.name] = called[wanted.key]
     if not partners:
         if refused is not None:
             raise refused
         raise BadInput(
-            f"{base.called}: against = {quoted(against)}: no two cases differ only in that; vary it in the grid"
+            f"{base.called}: against = {quoted(against)}: no two cases differ only in that; vary it in the grid, or "
+            "give case: NAME"
         )
-    return partners
+    return partners, tuple(unpaired)
 
 
 def _base(given: object, path: Path) -> Base:
@@ -289,21 +356,19 @@ def _seeds(given: object, base: Base, path: Path) -> tuple[int, ...]:
     raise BadInput(f"{path}: seeds = {quoted(given)}: expected a count such as 3, or a list of seeds such as [1, 2, 3]")
 
 
-def _cases(raw: Mapping[str, Any], path: Path) -> list[Case]:
+def _cases(raw: Mapping[str, Any], grid: Mapping[str, Sequence[_GridValue]], path: Path) -> list[Case]:
     named = list(_named(raw.get("cases"), path))
-    grid = _grid(raw.get("grid"), path)
     count = len(named) * prod(len(values) for values in grid.values())
     if count > MAX_RUNS:
         raise BadInput(f"{path}: grid: makes {count} cases; a sweep has at most {MAX_RUNS} runs")
-    short = _short_names(list(grid))
     cases = []
     for case, values in product(named, product(*grid.values())):
-        chosen = dict(zip(grid, values, strict=True))
+        chosen = {each.label.axis: each.value for each in values}
         for field in case.settings:
             if field in chosen:
                 raise BadInput(f"{path}: {field}: is set by case {case.name} and by the grid; set it in one of them")
-        parts = [case.name, *(f"{short[field]}={_plain(value)}" for field, value in chosen.items())]
-        cases.append(Case(" ".join(part for part in parts if part), {**case.settings, **chosen}))
+        labels = (*case.labels, *(each.label for each in values))
+        cases.append(Case(" ".join(label.word for label in labels), {**case.settings, **chosen}, labels))
     return [Case("base", {})] if [case.name for case in cases] == [""] else cases
 
 
@@ -324,10 +389,18 @@ def _named(given: object, path: Path) -> Iterator[Case]:
         settings = entry.get("set") or {}
         if not isinstance(settings, dict) or not all(isinstance(field, str) for field in settings):
             raise BadInput(f"{where}.set = {quoted(settings)}: expected {{FIELD: VALUE, ...}}")
-        yield Case(entry["name"], settings)
+        yield Case(entry["name"], settings, (Label(CASE, CASE, entry["name"], given=True),))
 
 
-def _grid(given: object, path: Path) -> dict[str, list[object]]:
+@dataclass(frozen=True, slots=True)
+class _GridValue:
+    """A value of a field of the grid, and its name."""
+
+    label: Label
+    value: object
+
+
+def _grid(given: object, path: Path) -> dict[str, list[_GridValue]]:
     if given is None:
         return {}
     if not isinstance(given, dict):
@@ -337,7 +410,27 @@ def _grid(given: object, path: Path) -> dict[str, list[object]]:
             raise BadInput(f"{path}: grid: {quoted(field)}: expected a field such as patrol.options.dilatation")
         if not isinstance(values, list) or not values:
             raise BadInput(f"{path}: grid.{field} = {quoted(values)}: expected a list of values such as [0, 2, 5]")
-    return given
+    titles = _short_names(list(given))
+    return {
+        field: [_grid_value(field, titles[field], value, f"{path}: grid.{field}.{i}") for i, value in enumerate(values)]
+        for field, values in given.items()
+    }
+
+
+def _grid_value(field: str, title: str, given: object, where: str) -> _GridValue:
+    """Read a value: as it is, or {label: NAME, value: VALUE}."""
+    if not isinstance(given, dict) or "label" not in given:
+        text = given if isinstance(given, str) else quoted(given)
+        return _GridValue(Label(field, title, text, given=False), given)
+    label = given["label"]
+    if set(given) != _VALUE_KEYS or not isinstance(label, str) or not label.strip():
+        raise BadInput(f"{where} = {quoted(given)}: expected {{label: NAME, value: VALUE}}, or a value alone")
+    return _GridValue(Label(field, title, label, given=True), given["value"])
+
+
+def _value_of(given: object, values: Sequence[_GridValue]) -> object:
+    """Return the value of the grid that a label names; what is no label is the value itself."""
+    return next((each.value for each in values if each.label.given and each.label.text == given), given)
 
 
 def _names_differ(cases: Sequence[Case], called: str) -> None:
@@ -352,7 +445,3 @@ def _short_names(fields: Sequence[str]) -> dict[str, str]:
     """Return the last part of each dotted field where it is unique, otherwise the whole field."""
     last = Counter(field.rpartition(".")[2] for field in fields)
     return {field: tail if last[tail := field.rpartition(".")[2]] == 1 else field for field in fields}
-
-
-def _plain(value: object) -> str:
-    return value if isinstance(value, str) else quoted(value)

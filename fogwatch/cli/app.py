@@ -129,6 +129,12 @@ def run(
     ] = None,
     radius: Annotated[float | None, typer.Option(metavar="M", help="Body radius in m.", rich_help_panel=BODY)] = None,
     speed: Annotated[float | None, typer.Option(metavar="M/S", help="Top speed in m/s.", rich_help_panel=BODY)] = None,
+    turning_radius: Annotated[
+        float | None, typer.Option(metavar="M", help="Tightest turn of a car, in m.", rich_help_panel=BODY)
+    ] = None,
+    sensor_range: Annotated[
+        float | None, typer.Option(metavar="M", help="Range of the sensor in m.", rich_help_panel=BODY)
+    ] = None,
     start: Annotated[
         list[str] | None,
         typer.Option(
@@ -236,6 +242,8 @@ def run(
         "robots.model": model,
         "robots.radius": radius,
         "robots.speed": speed,
+        "robots.turning_radius": turning_radius,
+        "sensor.range": sensor_range,
         "robots.starts": [_place(text) for text in start] if start else None,
         "duration": duration,
         "seed": seed,

@@ -1,8 +1,15 @@
-"""Rows of text, aligned in columns."""
+"""Rows of text, aligned in columns, within the width of a terminal."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+
+from rich.console import Console
+from rich.measure import Measurement
+from rich.table import Table
+
+UNLIMITED = 100_000
+"""Width of a terminal on which nothing is wrapped."""
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
@@ -13,3 +20,51 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
     """
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+
+
+def fits(table: Table, console: Console) -> bool:
+    """Return True if no cell of a table has to be wrapped or cut."""
+    return Measurement.get(console, console.options.update(width=UNLIMITED), table).maximum <= console.width
+
+
+def print_side_by_side(
+    console: Console, names: Sequence[str], tables: Sequence[tuple[str, Sequence[Sequence[str]]]]
+) -> None:
+    """Print tables with a column for each name: as many columns as fit, the others below them.
+
+    Names that are wider than their columns are printed above the tables, which then have their numbers.
+
+    Args:
+        console: Where to print.
+        names: The names.
+        tables: The heading of each table, and its rows: a label, then a cell for each name.
+    """
+    wide = max((len(cell) for _, rows in tables for row in rows for cell in row[1:]), default=0)
+    heads = list(names)
+    if max(map(len, names)) > wide and not fits(_side_by_side(tables, heads, range(len(heads))), console):
+        heads = [str(number) for number in range(1, len(names) + 1)]
+        for head, name in zip(heads, names, strict=True):
+            console.print(f"{head}: {name}", highlight=False, markup=False, soft_wrap=True)
+    first = 0
+    while first < len(heads):
+        last = first + 1
+        while last < len(heads) and fits(_side_by_side(tables, heads, range(first, last + 1)), console):
+            last += 1
+        if first:
+            console.print()
+        console.print(_side_by_side(tables, heads, range(first, last)), highlight=False, markup=False)
+        first = last
+
+
+def _side_by_side(tables: Sequence[tuple[str, Sequence[Sequence[str]]]], heads: Sequence[str], shown: range) -> Table:
+    """Return the tables below each other, with the columns of some of the names."""
+    table = Table("", box=None, padding=(0, 2, 0, 0), header_style="bold")
+    for place in shown:
+        table.add_column(heads[place], justify="right", overflow="fold")
+    for heading, rows in tables:
+        if heading and rows:
+            table.add_row()
+            table.add_row(heading, style="bold")
+        for label, *cells in rows:
+            table.add_row(label, *(cells[place] for place in shown))
+    return table

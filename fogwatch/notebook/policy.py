@@ -49,7 +49,7 @@ def with_names(settings: Mapping[str, object]) -> dict[str, object]:
     """Replace policy classes among settings for other processes by their names.
 
     Args:
-        settings: Values by dotted field; a value may be a list of values.
+        settings: Values by dotted field; a value may be a list of values, each alone or with a label.
 
     Raises:
         BadInput: A class cannot be imported by another process.
@@ -58,6 +58,8 @@ def with_names(settings: Mapping[str, object]) -> dict[str, object]:
     def named(value: object) -> object:
         if isinstance(value, list | tuple | range):
             return [named(one) for one in value]
+        if isinstance(value, dict) and "label" in value:
+            return {key: named(part) for key, part in value.items()}
         return policy_name(value, in_process=False) if isinstance(value, type) else value
 
     return {field: named(value) for field, value in settings.items()}

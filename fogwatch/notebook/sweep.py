@@ -94,22 +94,12 @@ class SweepResult:
     def _repr_html_(self) -> str:
         """Show the sweep in a notebook: the means of each case."""
         from experiments.sweeps.caserows import case_rows
-        from experiments.sweeps.casetable import SHOWN
-        from experiments.sweeps.stats import with_interval
+        from experiments.sweeps.casetable import shown_columns
 
         rows = case_rows(self.outcome)
-        shown = {name: title for name, title in SHOWN.items() if any(name in row.metrics for row in rows)}
-        compared = any(row.against for row in rows)
-        heads = ["case", "runs", *shown.values(), *(["change of MFoW (%)", "compared with"] if compared else [])]
-        cells = [
-            [
-                row.case,
-                f"{row.runs}" + (f", {row.failed} failed" if row.failed else ""),
-                *(with_interval(row.metrics.get(name)) for name in shown),
-                *([with_interval(row.change.get("mfow_mean_s")), row.against or ""] if compared else []),
-            ]
-            for row in rows
-        ]
+        columns = shown_columns(rows, {})
+        heads = ["case", *(column.title for column in columns)]
+        cells = [[row.case, *(column.cells[place] for column in columns)] for place, row in enumerate(rows)]
         errors = [f"{result.case} seed {result.seed} failed: {result.error}" for result in self.failed]
         return table_html(heads, cells) + lines_html(errors)
 
@@ -158,10 +148,12 @@ def sweep(
         base: What is varied: a scenario file, a map's YAML file, the name of a built-in terrain, a mapping shaped like
             a scenario file, or a loaded scenario. A sweep file (docs/sweeps.md), or a mapping shaped like one, says
             everything but `seeds` itself.
-        grid: Lists of values by dotted field; every combination is a case.
+        grid: Lists of values by dotted field; every combination is a case. A value may have a name for tables and
+            figures: ``{"label": "half lost", "value": [{"kind": "loss", "rate": 0.5}]}``.
         cases: Settings by the name of a case, values by dotted field; with a grid, each is run on the whole grid.
         seeds: Seeds 1 to this number, or these seeds; the scenario's own unless given.
-        against: Each case is compared, seed by seed, with the case that differs only in these settings.
+        against: Each case is compared, seed by seed, with the case that differs only in these settings, or with the
+            named one: ``{"case": "mode"}``.
         out: The folder of the results; ``runs/<name of the sweep>`` unless given.
         workers: Runs at a time; one per core unless given.
         cluster: Address of a Dask scheduler whose workers make the runs instead.

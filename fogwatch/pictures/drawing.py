@@ -104,6 +104,32 @@ def cropped(terrain: Terrain, ground: BoolGrid) -> tuple[Terrain, tuple[slice, s
     return Terrain(terrain.name, terrain.passable[window], terrain.point, origin), window
 
 
+@dataclass(frozen=True, slots=True)
+class Box:
+    """A label's box, about as large as its text.
+
+    Attributes:
+        x: Its middle from the left of the figure, points.
+        y: Its middle from below, points.
+        wide: Its width, points.
+        high: Its height, points.
+    """
+
+    x: float
+    y: float
+    wide: float
+    high: float
+
+    def overlaps(self, other: Box) -> bool:
+        """Return True if the boxes cover a common place.
+
+        Args:
+            other: The other box.
+        """
+        aside, above = abs(self.x - other.x), abs(self.y - other.y)
+        return 2.0 * aside < self.wide + other.wide and 2.0 * above < self.high + other.high
+
+
 def canvas(terrain: Terrain, title: str) -> tuple[Figure, Axes]:
     """Draw a figure with axes in m over a whole terrain.
 
@@ -182,7 +208,15 @@ def fog_scale(stalest: float) -> ScalarMappable:
 
 
 def label(
-    axes: Axes, x: float, y: float, text: str, *, colour: str = "#000000", size: float = 7.0, above: float = 0.0
+    axes: Axes,
+    x: float,
+    y: float,
+    text: str,
+    *,
+    colour: str = "#000000",
+    size: float = 7.0,
+    above: float = 0.0,
+    taken: list[Box] | None = None,
 ) -> None:
     """Write text with a white rim, readable on any colour.
 
@@ -194,13 +228,27 @@ def label(
         colour: Its colour, #rrggbb.
         size: Its font size, font points.
         above: How far above the place it stands, font points.
+        taken: Boxes of earlier labels, which this one joins. It stands below, right or left of the place instead where
+            it would cover one of them.
     """
     from matplotlib.patheffects import withStroke
 
+    wide, high = 0.62 * size * len(text), 1.2 * size
+    shift = (0.0, above)
+    if taken is not None:
+        aside = above + 0.5 * wide
+        points = axes.transData.transform((x, y)) * 72.0 / axes.figure.dpi
+        for shift in ((0.0, above), (0.0, -above - 0.5 * high), (aside, 0.0), (-aside, 0.0)):
+            box = Box(points[0] + shift[0], points[1] + shift[1], wide, high)
+            if not any(box.overlaps(other) for other in taken):
+                break
+        else:
+            shift = (0.0, above)
+        taken.append(Box(points[0] + shift[0], points[1] + shift[1], wide, high))
     axes.annotate(
         text,
         (x, y),
-        (0.0, above),
+        shift,
         textcoords="offset points",
         ha="center",
         va="center",

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from fogwatch.grounds.map_check import MapReport
 from fogwatch.pictures.drawing import (
+    Box,
     Key,
     Layer,
     canvas,
@@ -87,10 +88,11 @@ def map_picture(report: MapReport, out: Path) -> None:
     figure, axes = canvas(shown, title)
     paint(axes, shown, painted(terrain.shape, layers)[window], ~shown.passable)
     doors = sorted(report.doors, key=lambda door: (door.passes, door.width))[:MOST_DOORS]
+    taken: list[Box] = []
     for door in doors:
-        _draw_door(axes, door)
+        _draw_door(axes, door, taken)
     for number, part in enumerate(report.parts, start=1):
-        label(axes, part.x, part.y, str(number), size=9.0)
+        label(axes, part.x, part.y, str(number), size=9.0, taken=taken)
     keys = [
         Key(layer.colour, f"{layer.label}: {np.count_nonzero(layer.mask) * terrain.point_area:.1f} m²")
         for layer in layers
@@ -147,11 +149,12 @@ def run_picture(run_folder: Path, out: Path, prepared: Prepared | None = None) -
         for facts in journal.header.robots
         if facts.number not in scenario.spares or run.last[facts.number].status != Status.ABSENT
     ]
+    taken: list[Box] = []
     for index, facts in enumerate(robots):
         colour = ROBOTS[index % len(ROBOTS)]
         _draw_path(axes, run.tracks[facts.number], recent, colour)
         if run.last[facts.number].status.is_present:
-            _draw_body(axes, run.last[facts.number], facts, colour)
+            _draw_body(axes, run.last[facts.number], facts, colour, taken)
         if index < MOST_NAMES:
             keys.append(Key(colour, f"{facts.name}{_fate(run.last[facts.number].status)}", "-"))
     if len(robots) > MOST_NAMES:
@@ -221,7 +224,7 @@ def _draw_path(axes: Axes, track: NDArray[np.float64], recent: int, colour: str)
     axes.plot(late[:, 0], late[:, 1], color=colour, linewidth=1.5, zorder=4, solid_capstyle="round")
 
 
-def _draw_body(axes: Axes, robot: RobotTick, facts: RobotFacts, colour: str) -> None:
+def _draw_body(axes: Axes, robot: RobotTick, facts: RobotFacts, colour: str, taken: list[Box]) -> None:
     """Draw a robot where it ended, with a stroke for its heading, or crossed out if it did not live to the end."""
     from matplotlib.patches import Circle
 
@@ -233,21 +236,21 @@ def _draw_body(axes: Axes, robot: RobotTick, facts: RobotFacts, colour: str) -> 
         axes.plot((robot.x, ahead[0]), (robot.y, ahead[1]), color="#ffffff", linewidth=1.0, zorder=5)
     else:
         axes.plot(robot.x, robot.y, marker="X", markersize=9, color=SHUT, markeredgecolor="white", zorder=5)
-    label(axes, robot.x, robot.y, facts.name, above=10.0)
+    label(axes, robot.x, robot.y, facts.name, above=10.0, taken=taken)
 
 
 def _fate(status: Status) -> str:
     return "" if status == Status.ALIVE else f" ({status.name.lower()})"
 
 
-def _draw_door(axes: Axes, door: Door) -> None:
+def _draw_door(axes: Axes, door: Door, taken: list[Box]) -> None:
     """Draw a circle as wide as the door, a cross where the body does not pass, and the width."""
     from matplotlib.patches import Circle
 
     colour = PASSES if door.passes else SHUT
     axes.add_patch(Circle((door.x, door.y), 0.5 * door.width, facecolor=colour, edgecolor=colour, alpha=0.35, zorder=4))
     if door.passes:
-        label(axes, door.x, door.y, f"{door.width:.2f}")
+        label(axes, door.x, door.y, f"{door.width:.2f}", taken=taken)
         return
     axes.plot(door.x, door.y, marker="X", markersize=7, color=SHUT, markeredgecolor="white", zorder=5)
-    label(axes, door.x, door.y, f"{door.width:.2f}", colour=SHUT, above=9.0)
+    label(axes, door.x, door.y, f"{door.width:.2f}", colour=SHUT, above=9.0, taken=taken)

@@ -21,6 +21,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
+CAUTIONS = {
+    "sensor.range": "robots that see farther keep ground fresher, so a part of the difference is the sensor's; the "
+    "preset paper has 12 m and the default 10 m, so give all the same --sensor-range",
+    "point": "MFoW is a maximum over points, so it depends on their size; give all the same --point",
+}
+"""Settings that make runs hard to compare, and why."""
+
 TRACE_DIGITS = 16
 """Digits of a trace hash that a table shows."""
 
@@ -69,6 +76,28 @@ def differences(runs: Sequence[Run]) -> list[tuple[str, ...]]:
         if len(set(values)) > 1:
             rows.append((field, *(value if len(value) <= 60 else f"{value[:57]}..." for value in values)))
     return rows
+
+
+def contradictions(differ: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:
+    """Return the differences without options that only some of the policies have, with one value.
+
+    Args:
+        differ: The rows of `differences`.
+    """
+    return [row for row in differ if not row[0].startswith("patrol.options.") or len(set(row[1:]) - {"-"}) > 1]
+
+
+def cautions(differ: Sequence[Sequence[str]]) -> list[str]:
+    """Return a line for each setting whose difference makes runs hard to compare.
+
+    Args:
+        differ: The rows of `differences`.
+    """
+    return [
+        f"{field} is {', '.join(dict.fromkeys(values))}: {CAUTIONS[field]}"
+        for field, *values in differ
+        if field in CAUTIONS
+    ]
 
 
 def drawings(analyses: Sequence[Analysis]) -> list[Drawing]:
@@ -149,6 +178,7 @@ def compare_html(analyses: Sequence[Analysis], figures: Sequence[Drawing]) -> st
             "scenario",
             "Differences between the scenarios",
             html.table(("field", *names), differ) if differ else html.text("None: all runs have the same scenario."),
+            *(html.text(line, "note") for line in cautions(differ)),
         ),
         html.section("fog", "Fog", html.figure(of["mfow"]), html.figure(of["fog"])),
         html.section("visits", "Time between visits", html.figure(of["gaps"])),

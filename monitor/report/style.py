@@ -37,6 +37,12 @@ DPI = 200
 PAGE_DPI = 110
 """Resolution of images within SVG."""
 
+PAD = 0.05
+"""White round the content of a file, inches."""
+
+UNDATED = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
+"""Metadata that files leave out, so that the same figure is the same file."""
+
 _HASH_SALT = "fogwatch"
 
 
@@ -49,16 +55,29 @@ class Drawing:
         heading: Heading.
         caption: Caption.
         figure: The matplotlib figure.
+        is_exact: Whether files keep the figure's own size; else its white margins are cut off.
     """
 
     name: str
     heading: str
     caption: str
     figure: Figure
+    is_exact: bool = False
 
     def page_svg(self) -> str:
         """Return the figure as an <svg> element without a fixed size, whose colours follow the page's theme."""
-        text = _svg(self.figure, transparent=True)
+        out = io.StringIO()
+        with drawn():
+            self.figure.savefig(
+                out,
+                format="svg",
+                dpi=PAGE_DPI,
+                facecolor="none",
+                bbox_inches="tight",
+                pad_inches=PAD,
+                metadata=UNDATED[".svg"],
+            )
+        text = out.getvalue()
         text = text[text.index("<svg") :]
         for colour, variable in _VARIABLES.items():
             text = text.replace(colour, f"var({variable})")
@@ -74,26 +93,34 @@ class Drawing:
         return text.replace("<svg", label, 1).strip()
 
     def save(self, folder: Path) -> list[Path]:
-        """Write the figure as PNG and as SVG.
+        """Write the figure as PNG, as SVG and as PDF.
 
         Args:
             folder: The folder; created when missing.
 
         Returns:
-            The two files.
+            The files.
 
         Raises:
             BadInput: A file cannot be written.
         """
-        png, svg = folder / f"{self.name}.png", folder / f"{self.name}.svg"
+        files = [folder / f"{self.name}.{ending}" for ending in ("png", "svg", "pdf")]
+        box = None if self.is_exact else "tight"
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            with drawn():
-                self.figure.savefig(png, format="png", dpi=DPI, facecolor="white", bbox_inches="tight", pad_inches=0.1)
-            svg.write_text(_svg(self.figure, transparent=False), encoding="utf-8")
+            for file in files:
+                with drawn():
+                    self.figure.savefig(
+                        file,
+                        dpi=DPI if file.suffix == ".png" else PAGE_DPI,
+                        facecolor="white",
+                        bbox_inches=box,
+                        pad_inches=PAD,
+                        metadata=UNDATED.get(file.suffix),
+                    )
         except OSError as error:
             raise BadInput(f"{folder}: cannot be written ({error.strerror}); choose another folder") from None
-        return [png, svg]
+        return files
 
 
 @contextmanager
@@ -108,6 +135,7 @@ def drawn() -> Iterator[None]:
 
     style: dict[str, Any] = {
         "svg.fonttype": "none",
+        "pdf.fonttype": 42,  # TrueType: many journals refuse the default, Type 3
         "svg.hashsalt": _HASH_SALT,
         "font.family": ["DejaVu Sans", "sans-serif"],
         "font.size": 9.0,
@@ -186,31 +214,15 @@ class Sketch:
         Raises:
             BadInput: matplotlib is not installed.
         """
-        with drawn():
-            return Drawing(self.name, self.heading, self.caption, self.make())
+        return draw(self.name, self.heading, self.caption, self.make)
 
 
-def draw(name: str, heading: str, caption: str, make: Callable[[], Figure]) -> Drawing:
-    """Draw a figure at once; see `Sketch`."""
-    return Sketch(name, heading, caption, make).draw()
+def draw(name: str, heading: str, caption: str, make: Callable[[], Figure], *, is_exact: bool = False) -> Drawing:
+    """Draw a figure at once; see `Sketch` and `Drawing`."""
+    with drawn():
+        return Drawing(name, heading, caption, make(), is_exact)
 
 
 def _size(points: float) -> str:
     """Return CSS limits for the width of a figure, given in points; on a phone it scrolls instead."""
     return f"min-width:{min(600.0, points):.0f}px;max-width:{points * 1.45:.0f}px"
-
-
-def _svg(figure: Figure, *, transparent: bool) -> str:
-    out = io.StringIO()
-    with drawn():
-        back = "none" if transparent else "white"
-        figure.savefig(
-            out,
-            format="svg",
-            dpi=PAGE_DPI,
-            facecolor=back,
-            bbox_inches="tight",
-            pad_inches=0.05,
-            metadata={"Date": None},
-        )
-    return out.getvalue()

@@ -32,7 +32,8 @@ def test_the_network_weighs_each_direction_alike_and_never_stays(example: Module
     assert outputs[8] < outputs[:8].min()
 
 
-def test_a_score_repeats(example: ModuleType) -> None:
+def test_ages_repeat_and_the_stalest_place_is_older_than_the_mean(example: ModuleType) -> None:
     numbers = np.array(example.START)
-    first = example.score(numbers, [3], 10.0)
-    assert first == example.score(numbers, [3], 10.0) < 0.0
+    mean_age_s, mfow_s = example.ages_of(numbers, [3], 10.0)
+    assert (mean_age_s, mfow_s) == example.ages_of(numbers, [3], 10.0)
+    assert 0.0 < mean_age_s < mfow_s == 7.25

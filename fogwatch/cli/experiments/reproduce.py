@@ -1,4 +1,7 @@
-"""``fogwatch reproduce``: make a figure of the documentation again. Raises BadInput; the caller prints it."""
+"""``fogwatch reproduce``: make figures of the documentation again, and check its numbers.
+
+Raises BadInput; the caller prints it.
+"""
 
 from __future__ import annotations
 
@@ -16,11 +19,18 @@ from rich.console import Console
 from rich.table import Table
 
 import fogwatch
+from fogwatch.cli.experiments.documented import read_samples
 from patrol.errors import BadInput, did_you_mean
 from patrol.printable import printable
 
-EXAMPLES = ["fogwatch reproduce", "fogwatch reproduce paper-table-2 --out table-2"]
-EXIT_CODES = "0 done, 1 some runs failed, 2 bad input, 130 interrupted"
+EXAMPLES = [
+    "fogwatch reproduce",
+    "fogwatch reproduce paper-table-2 --out table-2",
+    "fogwatch reproduce --check",
+    "fogwatch reproduce radio --check",
+]
+EXIT_CODES = "0 done, 1 some runs failed or some number differs, 2 bad input, 130 interrupted"
+DIFFERS = 1
 
 CLONE = Path(fogwatch.__file__).parents[1]
 """Where scripts of the documentation are, in a clone."""
@@ -67,24 +77,67 @@ def site_figures() -> list[SiteFigure]:
 
 
 def reproduce(
-    name: Annotated[str | None, typer.Argument(metavar="FIGURE", help="Its name; without one, all are listed.")] = None,
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="FIGURE", help="Its name, or with --check a page of docs/results; without one, all are listed."
+        ),
+    ] = None,
     out: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="Folder of the pictures (default: runs/FIGURE).")
     ] = None,
-) -> None:
+    check: Annotated[
+        bool,
+        typer.Option(
+            "--check",
+            help="Measure a sample of the numbers in docs/results again, and name those that have changed.",
+        ),
+    ] = False,
+) -> int:
     """Make a figure of the documentation again, from the command that made it; without a name, list the figures.
 
-    Long measurements go on where they were interrupted. Numbers that were measured with an earlier version can differ.
+    Long measurements go on where they were interrupted. Numbers that were measured with an earlier version can differ:
+    with --check, a sample of the numbers in docs/results is measured again. A number has changed if it differs by more
+    than its interval on the page, or by more than a tenth where the page gives none.
     """
+    if check:
+        if out is not None:
+            raise BadInput(f"--out {out}: --check makes no pictures; leave it out")
+        return _check(name)
     figures = site_figures()
     if name is None:
         if out is not None:
             raise BadInput(f"--out {out}: nothing is made without a FIGURE; name one")
         _list(figures)
-        return
+        return 0
     if name not in (names := [figure.figure for figure in figures]):
         raise BadInput(f"{name}: no such figure; {did_you_mean(name, names)}")
     _become(figures[names.index(name)], out or Path("runs") / name)
+    return None
+
+
+def _check(page: str | None) -> int:
+    """Measure the samples of a page, or of all pages, again."""
+    documented = read_samples(CLONE)
+    pages = list(dict.fromkeys(sample.page for sample in documented.samples))
+    if page is not None and page not in pages:
+        reason = documented.unsampled.get(page)
+        raise BadInput(
+            f"{page}: {f'has no sample: {reason}' if reason else f'no such page; {did_you_mean(page, pages)}'}"
+        )
+    changed = 0
+    samples = [sample for sample in documented.samples if page in (None, sample.page)]
+    for sample in samples:
+        stated = sample.stated(documented.folder)
+        value = sample.measure(CLONE)
+        same = abs(value - stated.value) <= stated.allowed
+        changed += not same
+        typer.echo(
+            f"{'same   ' if same else 'changed'} docs/results/{sample.page}.md: {stated.value:g} (within "
+            f"{stated.allowed:.3g}), now {value:.4g}: {sample.commands[-1]}"
+        )
+    typer.echo(f"{changed} of {len(samples)} numbers have changed")
+    return DIFFERS if changed else 0
 
 
 def _become(figure: SiteFigure, folder: Path) -> NoReturn:

@@ -9,33 +9,31 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.measure import Measurement
 from rich.table import Table
 
 from experiments.sweeps.caserows import CaseRow, case_rows
-from experiments.sweeps.casetable import SHOWN, told_apart, write_tables
+from experiments.sweeps.casetable import shown_columns, told_apart, write_tables
 from experiments.sweeps.classes import check_classes
 from experiments.sweeps.cluster import ClusterWorkers
 from experiments.sweeps.paired import PAIRING, TEST
 from experiments.sweeps.plan import Plan, read_plan
 from experiments.sweeps.pool import LocalWorkers, WorkerPool
 from experiments.sweeps.runner import SweepOutcome, run_sweep
-from experiments.sweeps.stats import with_interval
+from fogwatch.cli.columns import fits
 from fogwatch.launch.terminal.live_table import duration_text
 from fogwatch.progress import SweepProgress, print_failures
+from monitor.report.charts import WIDTH
 from patrol.errors import BadInput
 from patrol.matplotlib_check import check_matplotlib
 
 FAILED = 1
 """The exit code when some of the runs failed."""
 
-CHANGE = "change of MFoW (%)"
-
-FIGURE = re.compile(r"(cases|change|curves)-[a-z_]+\.(png|svg)")
+FIGURE = re.compile(r"(cases|change|curves)-[a-z_]+\.(png|svg|pdf)")
 """File names of the figures of sweeps."""
 
-UNLIMITED = 100_000
-"""Width of a terminal on which nothing is wrapped."""
+MM_PER_INCH = 25.4
+LEAST_WIDTH_MM = 60.0
 
 Workers = Annotated[
     int | None,
@@ -63,13 +61,26 @@ def sweep(
     seeds: Annotated[
         int | None, typer.Option(metavar="K", help="Use seeds 1 to K instead of the file's.", show_default=False)
     ] = None,
+    figure_width: Annotated[
+        float | None,
+        typer.Option(
+            metavar="MM",
+            help="Draw figures exactly so wide, without captions, for a paper: 88 is a column of many journals.",
+            show_default=False,
+        ),
+    ] = None,
 ) -> int:
     """Run a scenario with every combination of some settings and every seed, and tabulate and draw the results.
 
-    The folder gets summary.csv and summary.json (a row a case), runs.csv (a row a run), comparisons.csv (paired tests
-    of the cases that `against` compares) and figures/ as PNG and SVG. Runs that have a result there are not repeated,
-    so that an interrupted sweep continues when it is started again.
+    The folder gets summary.csv and summary.json (a row a case), table.tex (the same for LaTeX), runs.csv (a row a run),
+    comparisons.csv (paired tests of the cases that `against` compares) and figures/ as PNG, SVG and PDF. Runs that have
+    a result there are not repeated, so that an interrupted sweep continues when it is started again.
     """
+    if figure_width is not None and not LEAST_WIDTH_MM <= figure_width <= WIDTH * MM_PER_INCH:
+        raise BadInput(
+            f"--figure-width {figure_width:g}: expected {LEAST_WIDTH_MM:g} to {WIDTH * MM_PER_INCH:.0f} mm; a column "
+            "of a paper has about 88"
+        )
     plan = read_plan(file, seeds)
     check_classes(plan)
     check_matplotlib("experiments")  # before hours of runs, not after them
@@ -78,24 +89,27 @@ def sweep(
     outcome = make_runs(plan, folder, workers_of(workers, cluster), console)
     write_tables(outcome, folder)
     rows = case_rows(outcome)
-    _draw(rows, plan.name, folder / "figures")
+    _draw(rows, plan.name, folder / "figures", WIDTH if figure_width is None else figure_width / MM_PER_INCH)
     print_cases(console, rows)
     print_failures(console, outcome)
     compared = ""
     if plan.partners:
         console.print(f"changes are judged by a {TEST}, paired by the {PAIRING}", highlight=False, soft_wrap=True)
         compared = ", comparisons.csv"
+    for case in plan.unpaired:
+        line = f"no partner: {case}: no other case differs from it in what `against` sets and in nothing else"
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
     here = f"{len(outcome.plan.runs)} runs, {outcome.made} made now in {duration_text(outcome.wall_s)}"
-    files = f"{folder}: summary.csv, summary.json, runs.csv{compared}, figures"
+    files = f"{folder}: summary.csv, summary.json, table.tex, runs.csv{compared}, figures"
     console.print(f"{here}; {files}", highlight=False, soft_wrap=True)
     return FAILED if outcome.failed else 0
 
 
-def _draw(rows: list[CaseRow], name: str, folder: Path) -> None:
-    """Write the figures of a sweep; those of an earlier plan that it no longer has are removed."""
+def _draw(rows: list[CaseRow], name: str, folder: Path, width: float) -> None:
+    """Write the figures of a sweep, so many inches wide; those of an earlier plan that it no longer has are removed."""
     from fogwatch.pictures.sweep_figures import drawings  # here: its library is an extra
 
-    written = {file for drawing in drawings(rows, name) for file in drawing.save(folder)}
+    written = {file for drawing in drawings(rows, name, width) for file in drawing.save(folder)}
     for file in folder.glob("*"):
         if file not in written and FIGURE.fullmatch(file.name):
             file.unlink()
@@ -152,13 +166,13 @@ def print_cases(console: Console, rows: list[CaseRow]) -> None:
         console: Where to print.
         rows: The results case by case.
     """
-    names, shared = told_apart([row.case for row in rows])
+    names, shared = told_apart({row.case: row.words for row in rows})
     if shared:
         console.print(f"all cases: {shared}", highlight=False, markup=False, soft_wrap=True)
     table = _cases_table(rows, names, " ")
-    if not _fits(table, console):
+    if not fits(table, console):
         table = _cases_table(rows, names, "\n")
-    if not _fits(table, console):
+    if not fits(table, console):
         numbers = {case: str(number) for number, case in enumerate(names, start=1)}
         for case, number in numbers.items():
             console.print(f"case {number}: {names[case]}", highlight=False, markup=False, soft_wrap=True)
@@ -174,27 +188,16 @@ def _cases_table(rows: list[CaseRow], names: Mapping[str, str], between: str) ->
         names: What the table calls each case.
         between: What separates a mean from its interval, and the halves of a title: a space or a line break.
     """
-    shown = {name: title for name, title in SHOWN.items() if any(name in row.metrics for row in rows)}
-    compared = any(row.against for row in rows)
-    titles = [*shown.values(), *([CHANGE] if compared else [])]
     narrow = between == "\n"
-    table = Table("case", "runs", box=None, pad_edge=False, header_style="cyan", padding=(0, 1 if narrow else 2, 0, 0))
-    table.columns[1].justify = "right"
-    for title in titles:
-        head, *unit = title.rsplit(" ", 2)
-        table.add_column(between.join([head, " ".join(unit)]) if unit else title, justify="right")
-    if compared:
-        table.add_column(f"compared{between}with")
-    for row in rows:
-        runs = f"{row.runs}" + (f",{between}{row.failed} failed" if row.failed else "")
-        runs += f",{between}{row.warned} with warnings" if row.warned else ""
-        found = [row.metrics.get(name) for name in shown] + ([row.change.get("mfow_mean_s")] if compared else [])
-        against = "" if row.against is None else names.get(row.against, row.against)
-        cells = [with_interval(one).replace(" ", between) for one in found]
-        table.add_row(names[row.case], runs, *cells, *([against] if compared else []))
+    table = Table("case", box=None, pad_edge=False, header_style="cyan", padding=(0, 1 if narrow else 2, 0, 0))
+    columns = shown_columns(rows, names)
+    for column in columns:
+        head, *unit = column.title.rsplit(" ", 2) if column.is_number else column.title.split()
+        title = between.join([head, " ".join(unit)]) if unit else head
+        table.add_column(title, justify="right" if column.is_number else "left")
+    for place, row in enumerate(rows):
+        cells = [
+            column.cells[place].replace(" ", between) if column.is_number else column.cells[place] for column in columns
+        ]
+        table.add_row(names[row.case], *cells)
     return table
-
-
-def _fits(table: Table, console: Console) -> bool:
-    """Return True if no cell of a table has to be wrapped or cut."""
-    return Measurement.get(console, console.options.update(width=UNLIMITED), table).maximum <= console.width

@@ -21,7 +21,7 @@ REPORT_EXAMPLES = [
 COMPARE_EXAMPLES = ["fogwatch compare runs/yards-1 runs/yards-2 --out compare.html"]
 
 Figures = Annotated[
-    Path | None, typer.Option(metavar="DIR", help="Write each figure as PNG and SVG into this folder as well.")
+    Path | None, typer.Option(metavar="DIR", help="Write each figure as PNG, SVG and PDF into this folder as well.")
 ]
 
 
@@ -65,19 +65,26 @@ def compare(
     out: Annotated[Path, typer.Option(metavar="FILE", help="File to write.")] = Path("compare.html"),
     figures: Figures = None,
 ) -> None:
-    """Compare runs: print their measures side by side, and write an HTML file that shows their fogs as well."""
+    """Compare runs: print their measures and the settings that differ, and write an HTML file with their fogs too."""
     if len(runs) < 2:
         raise BadInput(f"compare {runs[0]}: one run cannot be compared; name two or more (or use fogwatch report)")
     from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table
 
+    from fogwatch.cli.columns import print_side_by_side
     from monitor.replay.run_files import check_out
 
     check_out(out, "compare.html")
 
     analyses = [_analysed(folder) for folder in runs]
-    from monitor.report.compare import compare_html, drawings, names_of, rows_of
+    from monitor.report.compare import (
+        cautions,
+        compare_html,
+        contradictions,
+        differences,
+        drawings,
+        names_of,
+        rows_of,
+    )
     from monitor.report.document import write_page
 
     drawn = drawings(analyses)
@@ -85,13 +92,17 @@ def compare(
     for drawing in drawn if figures is not None else ():
         drawing.save(figures or out.parent)
     opened = [analysis.run for analysis in analyses]
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
-    table.add_column("")
-    for name in names_of(opened):
-        table.add_column(escape(name), justify="right", overflow="fold")
-    for row in rows_of(opened):
-        table.add_row(*(escape(cell) for cell in row))
-    Console().print(table)
+    differ = [tuple(map(printable, row)) for row in differences(opened)]
+    shown = contradictions(differ)
+    print_side_by_side(Console(), names_of(opened), [("", rows_of(opened)), ("settings that differ", shown)])
+    if not differ:
+        typer.echo("settings: all runs have the same scenario")
+    if len(shown) < len(differ):
+        typer.echo(
+            f"{len(differ) - len(shown)} more options, which only some of the policies have: {printable(str(out))}"
+        )
+    for line in cautions(differ):
+        typer.echo(line)
     typer.echo(printable(f"comparison: {out}"))
 
 

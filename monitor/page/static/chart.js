@@ -50,7 +50,7 @@ export class Chart {
     const end = Math.max(store.facts.live ? time[time.length - 1] : store.facts.ticks * step, store.shared.end);
     const height = store.shared.stalest ? { range: [0, 1.05 * store.oldest] } : { rangemode: "tozero" };
     const layout = {
-      margin: { l: 44, r: 10, t: 26, b: 36 }, paper_bgcolor: "transparent", plot_bgcolor: "transparent",
+      margin: { l: 44, r: 16, t: 26, b: 36 }, paper_bgcolor: "transparent", plot_bgcolor: "transparent",
       font: { family: "system-ui, DejaVu Sans, sans-serif", color: colours.ink }, hovermode: "x unified", showlegend: true,
       hoverlabel: { bgcolor: colours.card, bordercolor: colours.grid, font: { color: colours.ink } },
       legend: { orientation: "h", x: 0, y: 1.16, font: { size: 11.5 } },

@@ -96,6 +96,7 @@ export class MapView {
     const place = [left, top, width * pixel * this.scale, height * pixel * this.scale];
     context.drawImage(this.fog.canvas, ...place);
     this.#paintWalls(place, context.imageSmoothingEnabled);
+    this.taken = [];
     drawZones(this);
     drawScaleBar(this);
     if (store.state) {

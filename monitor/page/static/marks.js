@@ -21,6 +21,10 @@ export function drawRobots(map) {
   robots.forEach((robot, place) => trail(map, place));
   robots.forEach((robot, place) => goal(map, robot, place));
   robots.forEach((robot, place) => body(map, robot, facts[place], place));
+  robots.forEach(([, , pose], place) => {
+    if (!pose || (robots.length > MANY && place !== map.selected)) return;
+    labelMark(map, facts[place].name, ...map.toScreen(pose[0], pose[1]), bodySize(map, facts[place]) + 4 * map.ratio, false);
+  });
   for (const [x, y] of store.state.intruders) intruder(map, x, y);
 }
 
@@ -54,9 +58,7 @@ export function drawZones(map) {
 export function drawClosures(map) {
   const c = map.context, r = map.ratio, { state, facts } = map.store;
   const { point, width, origin } = facts;
-  const labelled = [];
   c.lineCap = "butt";
-  c.font = font(r);
   for (const { name, at, edges, runs } of facts.closures) {
     const closed = state.closed.includes(name), waiting = state.waiting.includes(name);
     if (closed) {
@@ -81,11 +83,7 @@ export function drawClosures(map) {
     }
     c.setLineDash([]);
     if (!closed && !waiting) continue;
-    const text = waiting ? `${name} waits` : name, [x, y] = map.toScreen(...at), half = 0.5 * c.measureText(text).width;
-    // Where labels would overlap, the first one is drawn; the panel has all names.
-    if (labelled.some((one) => Math.abs(one.x - x) < one.half + half && Math.abs(one.y - y) < LINE * r)) continue;
-    labelled.push({ x, y, half });
-    labelMark(map, text, x, y, 6 * r, false);
+    labelMark(map, waiting ? `${name} waits` : name, ...map.toScreen(...at), 6 * r, false);
   }
 }
 
@@ -196,7 +194,8 @@ function body(map, robot, facts, place) {
   if (!pose) return;
   const c = map.context, r = map.ratio;
   const [x, y] = map.toScreen(pose[0], pose[1]);
-  const size = Math.max(facts.radius * map.scale, LEAST * r);
+  const size = bodySize(map, facts);
+  map.taken.push({ x, half: size, top: y - size, bottom: y + size });
   const gone = status === 3 || status === 4;
   const shown = robotStatus(robot);
   if (place === map.selected) ring(c, x, y, size + 5 * r, map.colours.accent, 3 * r);
@@ -234,9 +233,11 @@ function body(map, robot, facts, place) {
     ring(c, x, y, size + 4 * r, "#ffffff", 2 * r);
     c.setLineDash([]);
   }
-  if (map.store.facts.robots.length <= 24 || place === map.selected) {
-    labelMark(map, facts.name, x, y, size + 4 * r, false);
-  }
+}
+
+/** How far a robot's mark reaches from its centre. */
+function bodySize(map, facts) {
+  return Math.max(facts.radius * map.scale, LEAST * map.ratio);
 }
 
 function intruder(map, px, py) {
@@ -279,16 +280,28 @@ export function drawScaleBar(map) {
   label(c, `${length} m`, right, y - 4 * r, "right", r);
 }
 
-/** A label below or above a mark that reaches so far; on its other side, or shifted, where it would leave the map. */
+/**
+ * A label beside a mark that reaches so far: above or below it, right or left of it, the first where it lies on the map
+ * and covers no robot and no other label. Where each place covers something, it stands at the first.
+ */
 function labelMark(map, text, x, y, reach, below) {
-  const { context: c, ratio: r, canvas: { width, height } } = map;
+  const { context: c, ratio: r, canvas: { width, height }, taken } = map;
   if (x < -reach || x > width + reach || y < -reach || y > height + reach) return;
-  const away = reach + r, line = LINE * r;
-  const under = below ? y + away + line <= height : y - away - line < 0;
   c.font = font(r);
-  const half = 0.5 * c.measureText(text).width + 2 * r;
-  const left = Math.max(half, Math.min(x, width - half));
-  label(c, text, left, under ? y + away + line : y - away, "center", r);
+  const away = reach + r, line = LINE * r, half = 0.5 * c.measureText(text).width + 2 * r;
+  const middle = Math.max(half, Math.min(x, width - half));
+  const over = [middle, y - away], under = [middle, y + away + line], beside = y + 0.5 * line;
+  const places = [...(below ? [under, over] : [over, under]), [x + away + half, beside], [x - away - half, beside]]
+    .map(([x, bottom]) => ({ x, half, bottom, top: bottom - line }))
+    .filter((box) => box.top >= 0 && box.bottom <= height && box.x >= half && box.x <= width - half);
+  const place = places.find((box) => !taken.some((other) => overlap(box, other))) ?? places[0];
+  if (!place) return;
+  taken.push(place);
+  label(c, text, place.x, place.bottom, "center", r);
+}
+
+function overlap(one, other) {
+  return Math.abs(one.x - other.x) < one.half + other.half && one.top < other.bottom && other.top < one.bottom;
 }
 
 function font(r) {

@@ -83,6 +83,34 @@ def test_the_base_as_it_is_is_compared_by_what_it_means(tmp_path: Path) -> None:
     assert found.partners == {"two": "default"}
 
 
+def test_values_of_a_grid_may_have_labels_and_against_may_name_one(tmp_path: Path) -> None:
+    loss = [{"kind": "loss", "rate": 0.5}]
+    faults = [{"label": "no fault", "value": []}, {"label": "half lost", "value": loss}]
+    found = plan(tmp_path, grid={"robots.count": [1, 2], "faults": faults}, against={"faults": "no fault"})
+    assert names(found) == [f"count={n} {label}" for n in (1, 2) for label in ("no fault", "half lost")]
+    assert found.cases[1].settings == {"robots.count": 1, "faults": loss}
+    assert [(label.title, label.text) for label in found.cases[1].labels] == [("count", "1"), ("faults", "half lost")]
+    assert found.partners == {f"count={n} half lost": f"count={n} no fault" for n in (1, 2)}
+
+
+def test_cases_may_be_compared_with_a_named_one_on_the_same_grid_values(tmp_path: Path) -> None:
+    cases = [{"name": name, "set": {"patrol.options.fow": name}} for name in ("f1", "f2", "f3")]
+    found = plan(tmp_path, cases=cases, grid={"robots.count": [1, 2]}, against={"case": "f1"})
+    assert found.partners == {f"{name} count={n}": f"f1 count={n}" for n in (1, 2) for name in ("f2", "f3")}
+    alone = plan(tmp_path, grid={"robots.count": [1, 2, 3]}, against={"case": "count=2"})
+    assert alone.partners == {"count=1": "count=2", "count=3": "count=2"}
+
+
+def test_a_case_without_a_partner_is_named(tmp_path: Path) -> None:
+    cases = [
+        {"name": "plain", "set": {"patrol.options.dilatation": 0}},
+        {"name": "wide", "set": {"patrol.options.dilatation": 2}},
+        {"name": "far", "set": {"patrol.options.dilatation": 2, "sensor.range": 20}},
+    ]
+    found = plan(tmp_path, cases=cases, against={"patrol.options.dilatation": 0})
+    assert (found.partners, found.unpaired) == ({"wide": "plain"}, ("far",))
+
+
 def test_an_against_that_cannot_be_names_its_field(tmp_path: Path) -> None:
     with pytest.raises(
         BadInput, match=r"override patrol\.dilation: unknown key; did you mean patrol.options.dilatation"
@@ -148,6 +176,12 @@ def test_the_key_is_what_a_run_means(tmp_path: Path) -> None:
             'against = {"patrol.options.fow": "f1"}: no two cases differ only in that',
         ),
         ({"against": ["f1"]}, 'against = ["f1"]: expected {FIELD: VALUE'),
+        ({"cases": [{"name": "one"}], "against": {"case": "onee"}}, "no such case; did you mean one?"),
+        (
+            {"cases": [{"name": "a"}], "against": {"case": "a", "point": 1}},
+            "give either case: NAME or fields, not both",
+        ),
+        ({"grid": {"faults": [{"label": "none"}]}}, 'grid.faults.0 = {"label": "none"}: expected {label: NAME, value:'),
         ({"sedes": 3}, "sedes: unknown key; did you mean seeds?"),
         ({"name": 3}, "name = 3: expected text"),
         ({"base": 3}, "base = 3: expected a scenario's keys"),

@@ -292,7 +292,7 @@ def test_narrow_tables_have_numbers_for_names_that_do_not_fit() -> None:
 
 
 def test_only_words_that_all_names_share_are_left_out() -> None:
-    assert told_apart(["open 3", "open 5"]) == ({"open 3": "3", "open 5": "5"}, "open")
-    assert told_apart(["base"]) == ({"base": "base"}, "")
-    assert told_apart(["open", "open 5"]) == ({"open": "open", "open 5": "open 5"}, "")
-    assert told_apart(["a b", "b a"]) == ({"a b": "a b", "b a": "b a"}, "")
+    assert told_apart({"open 3": ["open", "3"], "open 5": ["open", "5"]}) == ({"open 3": "3", "open 5": "5"}, "open")
+    assert told_apart({"base": ["base"]}) == ({"base": "base"}, "")
+    assert told_apart({"open": ["open"], "open 5": ["open", "5"]}) == ({"open": "open", "open 5": "open 5"}, "")
+    assert told_apart({"a b": ["a", "b"], "b a": ["b", "a"]}) == ({"a b": "a b", "b a": "b a"}, "")

@@ -1,0 +1,160 @@
+r"""Samples of the numbers in docs/results: what a page says, and the commands that measure it again.
+
+`docs/results/samples.json` has, for each page, its samples::
+
+    {"says": "no limit \\| \\d+ \\| ([\\d.]+) ± ([\\d.]+)",     finds on the page the number, and half its interval
+     "commands": ["fogwatch run yards --in-process --set seed={seed} --out {out}"],
+     "seeds": [1, 2, 3],                                        the commands are executed with each; their mean counts
+     "value": "summary.json:mfow_mean_s"}                       where their number is
+
+and for pages without samples the reason (`unsampled`). A number without an interval may differ by `UNSTATED`, or by
+`within`.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from patrol.errors import BadInput
+
+SAMPLES = "samples.json"
+UNSTATED = 0.1
+"""Share of a number by which it may differ where its page gives no interval."""
+
+STDOUT = "stdout"
+"""Stands for a file in `Sample.value`: what the last command prints."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stated:
+    """A number as a page has it.
+
+    Attributes:
+        value: The number.
+        allowed: By how much a new measurement may differ from it.
+    """
+
+    value: float
+    allowed: float
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """A number of a page that commands measure again.
+
+    Attributes:
+        page: Name of the page in docs/results, without its ending.
+        says: Pattern that finds the number on the page, and, as a second group, half the width of its interval.
+        commands: The command lines, with {out} for the run's folder, {seed} for the seed and {clone} for the clone.
+        value: Where the number is: a file in {out} or `STDOUT`, a colon, and dotted keys or a column of a table's first
+            row.
+        seeds: Seeds to execute them with; the mean of the values counts.
+        within: By how much the number may differ where the page gives no interval; None for a tenth of it.
+        scale: What the number is multiplied by to be in the page's unit: 100 for a share that is given in percent.
+    """
+
+    page: str
+    says: str
+    commands: Sequence[str]
+    value: str
+    seeds: Sequence[int] = (0,)
+    within: float | None = None
+    scale: float = 1.0
+
+    def stated(self, folder: Path) -> Stated:
+        """Return the number that the page has.
+
+        Args:
+            folder: The folder docs/results.
+
+        Raises:
+            BadInput: The page does not have it.
+        """
+        text = " ".join((folder / f"{self.page}.md").read_text(encoding="utf-8").split())
+        match = re.search(self.says, text)
+        if match is None:
+            raise BadInput(f"docs/results/{self.page}.md: has no text like {self.says}; correct it in {SAMPLES}")
+        value, half = match[1], match[2] if match.re.groups > 1 else None
+        rounding = 0.5 * 10.0 ** -len(value.partition(".")[2])
+        if half is not None:
+            return Stated(float(value), float(half) + rounding)
+        return Stated(float(value), rounding + (UNSTATED * abs(float(value)) if self.within is None else self.within))
+
+    def measure(self, clone: Path) -> float:
+        """Execute the commands and return the mean of their numbers.
+
+        Args:
+            clone: The folder of the clone.
+
+        Raises:
+            BadInput: A command fails, or its number is not there.
+        """
+        values = []
+        with TemporaryDirectory() as scratch:
+            for seed in self.seeds:
+                out = Path(scratch) / str(seed)
+                printed = ""
+                for line in self.commands:
+                    command = line.format(out=out, seed=seed, clone=clone)
+                    words = [sys.executable, "-m", *shlex.split(command)]
+                    done = subprocess.run(words, cwd=scratch, capture_output=True, text=True, check=False)
+                    if done.returncode != 0:
+                        raise BadInput(f"{command}: exit code {done.returncode}: {done.stderr.strip()[-300:]}")
+                    printed = done.stdout
+                values.append(self._value(out, printed))
+        return self.scale * sum(values) / len(values)
+
+    def _value(self, out: Path, printed: str) -> float:
+        file, _, key = self.value.partition(":")
+        try:
+            text = printed if file == STDOUT else (out / file).read_text(encoding="utf-8")
+            if file.endswith(".csv"):
+                return float(next(csv.DictReader(text.splitlines()))[key])
+            content: Any = json.loads(text)
+            for part in key.split("."):
+                content = content[int(part) if isinstance(content, list) else part]
+            return float(content)
+        except (OSError, ValueError, LookupError, StopIteration, TypeError) as error:
+            raise BadInput(f"{self.page}: {self.value}: no number there ({error}); correct {SAMPLES}") from None
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """The samples of docs/results.
+
+    Attributes:
+        folder: That folder.
+        samples: The samples.
+        unsampled: The pages without samples, and why.
+    """
+
+    folder: Path
+    samples: tuple[Sample, ...]
+    unsampled: dict[str, str]
+
+
+def read_samples(clone: Path) -> Samples:
+    """Read the samples of docs/results.
+
+    Args:
+        clone: The folder of the clone.
+
+    Raises:
+        BadInput: This is no clone.
+    """
+    folder = clone / "docs" / "results"
+    if not (folder / SAMPLES).is_file():
+        raise BadInput(f"--check: needs docs/results/{SAMPLES}, which only a clone has; run the command in a clone")
+    content = json.loads((folder / SAMPLES).read_text(encoding="utf-8"))
+    samples = [Sample(page, **given) for page, listed in content["pages"].items() for given in listed]
+    return Samples(folder, tuple(samples), content["unsampled"])
