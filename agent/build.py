@@ -236,7 +236,7 @@ def build_mind(
         step=scenario.step,
         patience=patience,
         memory=math.floor(patrol.contact_memory / scenario.step),
-        sending=_sending(scenario, terrain),
+        sending=_sending(scenario, prepared.terrain),
         key=key,
         zones=scenario.zones,
         speed_limits=shared.speed_limits,
@@ -296,7 +296,7 @@ def _policy_of(kind: PolicyKind, setup: PolicySetup, speed_limits: SpeedLimits) 
 
 
 def _sending(scenario: Scenario, terrain: Terrain) -> Sending:
-    """Return how the robots of a scenario send."""
+    """Return how the robots of a scenario send; predictions know the map, and not what a robot believes closed."""
     radio, share = scenario.radio, scenario.radio_share
     if radio.adaptive is None:
         return Sending(radio.trail, radio.trail_every, share)

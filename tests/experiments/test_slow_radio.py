@@ -124,3 +124,16 @@ def test_a_budget_that_never_bites_changes_only_the_first_tick() -> None:
     assert rich.verdict.valid, rich.verdict.failed
     sent = plain.summary.messages.frames - rich.summary.messages.frames
     assert sent == 4, "nobody has earned anything before the first tick"
+
+
+def test_closures_that_only_one_robot_knows_change_no_prediction() -> None:
+    """A sender must foresee what the others make of its last frame, and they may not have seen the closed door."""
+    corners = [(x, y) for x in (8, 26, 46, 66, 86) for y in (20, 45, 70)]
+    closures = [
+        {"name": f"c{x}-{y}", "polygon": [[x, y], [x + 8, y], [x + 8, y + 8], [x, y + 8]], "closed": [[0, 1000]]}
+        for x, y in corners
+    ]
+    robots = {"count": 3, "speed": 3.0}
+    chosen = scenario({"trail": 2, "adaptive": {"error": 2.0}}, closures=closures, robots=robots, seed=1)
+    outcome = run_in_process(chosen)
+    assert outcome.verdict.valid, outcome.verdict.failed
