@@ -33,7 +33,7 @@ from patrol.process.starting.seldom import seldom_kernels
 from patrol.process.starting.warmup import warm
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import Scenario, naming
-from patrol.scenario.policies import BUILT_IN, CommittedPatrol
+from patrol.scenario.policies import BUILT_IN
 from patrol.scenario.radio_spec import MODELS
 
 if TYPE_CHECKING:
@@ -367,7 +367,7 @@ def _ended_as_processes(
 
 def _announce(prepared: Prepared, folder: RunFolder, options: RunOptions) -> None:
     """Show what is about to run, once its input is known to be right, and what to know of its ground."""
-    from fogwatch.grounds.ground_notes import ground_notes
+    from fogwatch.grounds.scenario_notes import scenario_notes
 
     scenario = prepared.scenario
     count = scenario.team
@@ -375,10 +375,7 @@ def _announce(prepared: Prepared, folder: RunFolder, options: RunOptions) -> Non
     if scenario.spares:
         robots += f" ({len(scenario.spares)} more may join)"
     options.display.say(f"{scenario.name}: {robots} for {scenario.duration:g} s; run folder {folder.path}")
-    notes = ground_notes(prepared)
-    if isinstance(scenario.patrol, CommittedPatrol):
-        notes = [*notes, *scenario.patrol.options.notes]
-    for line in notes:
+    for line in scenario_notes(prepared):
         options.display.say(f"warning: {line}")
 
 

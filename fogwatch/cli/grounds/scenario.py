@@ -23,7 +23,7 @@ from patrol.scenario import (
     scenario_hash,
     scenario_schema,
 )
-from patrol.scenario.policies import BUILT_IN, CommittedPatrol, LearnedPatrol
+from patrol.scenario.policies import BUILT_IN, LearnedPatrol
 from patrol.scenario.radio_spec import MODELS
 from patrol.scenario.sections import BUILT_IN_SENSORS, VERTICES
 
@@ -72,7 +72,7 @@ def check(what: What, settings: Settings = None) -> None:
     scenario = open_scenario(what, overrides)
     digest = scenario_hash(scenario)
     fleet_key(scenario.radio.key)
-    from fogwatch.grounds.ground_notes import ground_notes
+    from fogwatch.grounds.scenario_notes import scenario_notes
     from patrol.classes.static_check import check_without_running
     from patrol.own_sensor import sensor_named  # here: needs libraries that `fogwatch scenario show` does without
     from patrol.prepare import prepare
@@ -107,13 +107,10 @@ def check(what: What, settings: Settings = None) -> None:
     if scenario.terrain.graph is not None and scenario.terrain.patrolled == VERTICES:
         ground = f"{len(scenario.terrain.graph.vertices)} vertices"
     typer.echo(f"  {ground} to patrol on {prepared.terrain.name}, points of {scenario.point:g} m")
-    for line in ground_notes(prepared):
-        typer.echo(printable(f"  warning: {line}"))
     ticks = "1 tick" if scenario.ticks == 1 else f"{scenario.ticks} ticks"
     typer.echo(f"  {scenario.duration:g} s in {ticks} of {scenario.step:g} s")
-    if isinstance(scenario.patrol, CommittedPatrol):
-        for line in scenario.patrol.options.notes:
-            typer.echo(f"  warning: {line}")
+    for line in scenario_notes(prepared):
+        typer.echo(printable(f"  warning: {line}"))
     if not scenario.docks and any(spec.battery is not None for spec in scenario.roster):
         typer.echo("  no docks, so batteries are never charged")
     for line in _faults(scenario):
