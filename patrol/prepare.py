@@ -21,6 +21,7 @@ from patrol.ground.closed import ChangingFootprint
 from patrol.ground.cspace import grown, parts_of
 from patrol.ground.fields import StaticFields, compute_fields, load_grid
 from patrol.ground.footprint import REMEMBERED, Footprint
+from patrol.ground.left_out import LeftOut, left_out
 from patrol.ground.one_way import unit
 from patrol.ground.terrain import BoolGrid, Terrain, frozen_grid
 from patrol.ground.tour.round import Round
@@ -37,7 +38,6 @@ if TYPE_CHECKING:
     from patrol.regions.split import RegionSplit
     from patrol.scenario import ClosureSpec, IntruderSpec, Scenario
     from patrol.scenario.zones import Weighing
-    from patrol.summary.model import LeftOut
 
 TICKS_APART = 4
 """Most ticks between two robots of a fleet where the world waits for none of them."""
@@ -92,10 +92,11 @@ class Prepared:
 
     @cached_property
     def left_out(self) -> LeftOut | None:
-        """The free ground that no robot of the fleet sees from where it gets; None where there is none."""
-        from patrol.measures.left_out import left_out  # here: robots do not need it
-
-        return left_out(self)
+        """The free ground that no robot sees; None where there is none, and where vertices are patrolled instead."""
+        if self.scenario.terrain.patrolled == VERTICES:
+            return None
+        narrowest = min(self.scenario.roster, key=lambda spec: (spec.radius, spec.number))
+        return left_out(self.terrain, self.patrolled, self.fields[narrowest.number], narrowest.radius)
 
     @cached_property
     def graph(self) -> Graph:

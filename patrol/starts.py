@@ -185,7 +185,7 @@ def _check_not_shut_in(terrain: Terrain, radius: float, part: BoolGrid) -> None:
         return
 
     def is_let_out(finer: Terrain) -> bool:
-        return cspace_of(finer, radius).any() and _shut_door(finer, radius, starting_part(finer, radius)) is None
+        return bool(cspace_of(finer, radius).any()) and _shut_door(finer, radius, starting_part(finer, radius)) is None
 
     raise BadInput(fits_no_door(terrain, radius, door, radius == DEFAULT_RADIUS, is_let_out))
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -20,12 +20,12 @@ import numpy as np
 from experiments.inprocess import run_in_process
 from experiments.plan.division import Divider, Territory, longest_m
 from patrol.errors import BadInput, NotPrepared
+from patrol.ground.left_out import LeftOut
 from patrol.ground.maps.load import load_terrain
 from patrol.measures.best_tour import MOST_ROBOTS, BestTour, best_tour
 from patrol.prepare import Prepared, prepare
 from patrol.scenario import RobotGroup, as_mapping, load_scenario
 from patrol.scenario.policies import CommittedPatrol
-from patrol.summary.model import LeftOut
 from worldsim.output.record import lower_bound
 
 if TYPE_CHECKING:
@@ -398,7 +398,7 @@ def _size_facts(size: FleetSize, wanted_s: float | None) -> dict[str, Any]:
     return {
         "robots": size.robots,
         "patrolled_area_m2": size.area_m2,
-        "left_out": None if size.left_out is None else size.left_out.document(),
+        "left_out": None if size.left_out is None else asdict(size.left_out),
         "bound_s": size.bound_s,
         "tour_s": size.tour_s,
         "tour_m": size.tours.length_m,

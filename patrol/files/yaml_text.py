@@ -53,13 +53,13 @@ class _Loader(yaml.SafeLoader):
 
     def scan_to_next_token(self) -> None:
         """Skip tabs between tokens too, as YAML 1.2 and yaml-cpp do; PyYAML only skips spaces. None may indent."""
-        super().scan_to_next_token()  # type: ignore[no-untyped-call]
+        super().scan_to_next_token()
         while self.peek() == "\t" and (
             self.flow_level or self.buffer[self.buffer.rfind("\n", 0, self.pointer) + 1 : self.pointer].strip()
         ):
             while self.peek() in ("\t", " "):
                 self.forward()
-            super().scan_to_next_token()  # type: ignore[no-untyped-call]
+            super().scan_to_next_token()
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
         event = self.peek_event()  # type: ignore[no-untyped-call]

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict
 
+from patrol.ground.left_out import LeftOut
 from patrol.summary.metric import Metric
 
 
@@ -43,8 +44,8 @@ class Stalests(_Part):
     end: Stalest | None = None
 
 
-class LeftOut(_Part):
-    """The free ground that no robot sees from where it gets; see `patrol.measures.left_out`."""
+class LeftOutFacts(_Part):
+    """The free ground that no robot sees; see `patrol.ground.left_out.LeftOut`."""
 
     area_m2: float
     parts: int
@@ -55,13 +56,8 @@ class LeftOut(_Part):
 
     @property
     def text(self) -> str:
-        """How much it is, where and why, for example "23 m² of free ground in 2 parts; the largest, ..."."""
-        parts = "" if self.parts == 1 else f" in {self.parts} parts"
-        largest = "it is" if self.parts == 1 else f"the largest, {self.largest_m2:.0f} m², is"
-        return (
-            f"{self.area_m2:.0f} m² of free ground{parts}, which no robot sees; {largest} around ({self.x:.1f}, "
-            f"{self.y:.1f}), {self.why}"
-        )
+        """The same in words."""
+        return LeftOut(self.area_m2, self.parts, self.largest_m2, self.x, self.y, self.why).text
 
 
 class CheckFacts(_Part):
@@ -445,7 +441,7 @@ class Summary(_Part):
         int | None, Metric("with `terrain.patrolled: vertices` only: the vertices, in place of ground, that count")
     ] = None
     left_out: Annotated[
-        LeftOut | None,
+        LeftOutFacts | None,
         Metric(
             "free ground that no robot sees from where it gets, and that does not count: its area, its parts of at "
             "least 1 m², and the place of the largest and why it is left out; null where there is none"

@@ -246,6 +246,23 @@ def test_a_body_too_wide_for_every_door_is_refused_unless_told_where_to_start() 
     assert place_starts(two_rooms(0, 9), robots(0.45, starts=(chosen,)), 1) == [chosen]
 
 
+def test_a_corridor_between_the_points_of_the_grid_opens_with_the_smaller_point_that_is_advised(tmp_path: Path) -> None:
+    picture = np.zeros((100, 380), dtype=np.uint8)
+    picture[10:90, 10:90] = picture[10:90, 290:370] = 254
+    picture[43:57, 90:290] = 254  # 0.7 m wide, from 2.15 to 2.85 m: five whole points of 0.1 m
+    Image.fromarray(picture).save(tmp_path / "plan.png")
+    plan = tmp_path / "plan.yaml"
+    plan.write_text(
+        "image: plan.png\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n",
+        encoding="utf-8",
+    )
+    with pytest.raises(BadInput, match=r"too wide for every door .*; use a smaller point, such as --point 0\.05 or"):
+        place_starts(read_terrain(plan, 0.1), robots(0.3), 1)
+    assert place_starts(read_terrain(plan, 0.05), robots(0.3), 1)
+    with pytest.raises(BadInput, match=r"too wide for every door .*; use a smaller radius"):
+        place_starts(read_terrain(plan, 0.1), robots(0.4), 1)
+
+
 def test_the_error_says_whether_the_radius_is_the_default() -> None:
     for rooms, radius, default in (
         (two_rooms(0, 9), DEFAULT_RADIUS, True),

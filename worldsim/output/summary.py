@@ -130,7 +130,7 @@ def _left_out(prepared: Prepared | None) -> dict[str, Any]:
     if prepared is None:
         return {}
     left_out = prepared.left_out
-    return {"left_out": None if left_out is None else left_out.document()}
+    return {"left_out": None if left_out is None else asdict(left_out)}
 
 
 def _progress(progress: RunProgress | None) -> dict[str, Any]:

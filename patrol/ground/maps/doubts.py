@@ -125,7 +125,8 @@ def _dark_free_levels(says: MapFile, image: MapImage) -> Levels:
     """Return the greys that look like unknown ground, are read as free, and cover a notable share of what is free."""
     free, counts = free_levels(says), image.histogram()
     notable = counts >= max(NOTABLE * counts[free].sum(), 1)
-    return free & notable & (occupancy_of(says) > DARK) & (says.mode != "raw")
+    dark = occupancy_of(says) > DARK
+    return free & notable & dark if says.mode != "raw" else np.zeros_like(free)
 
 
 def _dark_free_ground(says: MapFile, image: MapImage) -> Iterator[str]:

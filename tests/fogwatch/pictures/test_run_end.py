@@ -10,7 +10,7 @@ from PIL import Image
 
 from experiments.inprocess import run_in_process
 from fogwatch.grounds.map_check import check_map
-from fogwatch.pictures.drawing import Key, Layer, canvas, fog_scale, key_column, painted, round_length
+from fogwatch.pictures.drawing import Key, Layer, canvas, cropped, fog_scale, key_column, painted, round_length
 from fogwatch.pictures.run_end import map_picture, replay, run_picture
 from patrol.errors import BadInput
 from patrol.ground.terrain import Terrain
@@ -140,3 +140,13 @@ def test_a_spare_robot_that_never_joined_is_left_out(tmp_path: Path, monkeypatch
 @pytest.mark.parametrize(("about", "length"), [(14.3, 10), (7.4, 5), (34.0, 20), (0.99, 0.5), (1.0, 1.0)])
 def test_scale_bars_are_round(about: float, length: float) -> None:
     assert round_length(about) == pytest.approx(length)
+
+
+def test_a_small_building_on_a_large_map_fills_the_picture() -> None:
+    free = np.zeros((4000, 4000), dtype=np.bool_)
+    free[1000:1100, 3000:3200] = True
+    shown, (rows, columns) = cropped(Terrain("speck", free, 0.05, (-100.0, -50.0)), free)
+    assert shown.bounds == pytest.approx((49.7, -0.3, 60.3, 5.3))
+    assert np.array_equal(free[rows, columns], shown.passable)
+    whole = np.ones((40, 60), dtype=np.bool_)
+    assert cropped(Terrain("open", whole, 1.0), whole)[0].bounds == (0.0, 0.0, 60.0, 40.0)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from PIL import Image
 
 from patrol.errors import BadInput
 from patrol.graph.from_ground import graph_from_ground
@@ -145,6 +146,23 @@ def test_what_is_no_graph_is_one_line(tmp_path: Path, old: str, new: str, says: 
     with pytest.raises(BadInput) as error:
         load_scenario({"terrain": {"builtin": "open", "graph": str(file)}})
     assert says in str(error.value)
+
+
+def test_a_graph_of_another_image_than_the_maps_is_refused(tmp_path: Path) -> None:
+    file, plan = tmp_path / "three.graph", tmp_path / "plan.yaml"
+    file.write_text(FILE, encoding="utf-8")
+    plan.write_text(
+        "image: plan.png\nresolution: 0.5\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\n"
+    )
+    width, height = (int(word) for word in FILE.split()[1:3])
+    for size in ((width, height), (height, width)):
+        Image.new("L", size, 255).save(tmp_path / "plan.png")
+        says = {"terrain": {"map": str(plan), "graph": str(file)}}
+        if size == (width, height):
+            assert load_scenario(says).terrain.graph is not None
+            continue
+        with pytest.raises(BadInput, match=f"made for an image of {width} x {height} .*map's has {height} x {width};"):
+            load_scenario(says)
 
 
 @given(st.binary(max_size=60))

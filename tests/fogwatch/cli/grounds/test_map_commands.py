@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,9 @@ from typer.testing import CliRunner
 
 from fogwatch.cli.grounds import map_commands
 from fogwatch.cli.grounds.map_commands import app
+from fogwatch.pictures.run_end import PERHAPS_UNKNOWN
 from patrol.errors import BadInput
+from patrol.palette import rgb
 
 
 def output(*arguments: str) -> str:
@@ -56,6 +59,27 @@ def test_a_start_decides_which_part_is_patrolled(flat: Path) -> None:
     assert left != right
     both = output("check", str(flat), "--radius", "0.35", "--start", "0,6.5", "--start", "7,7.5")
     assert both not in (left, right)
+
+
+def test_unknown_ground_that_is_read_as_free_is_named_and_drawn(
+    flat: Path, capsys: pytest.CaptureFixture[str], fogwatch: Callable[..., int]
+) -> None:
+    with Image.open(flat.with_suffix(".png")) as image:
+        cells = np.asarray(image).copy()
+    cells[42:56, 6:60] = 205
+    Image.fromarray(cells).save(flat.with_suffix(".png"))
+    picture = flat.with_name("flat-check.png")
+    assert fogwatch("map", "check", str(flat), "--radius", "0.35", "--picture", str(picture)) == 0
+    shown = capsys.readouterr()
+    assert "warning: flat.yaml: free_thresh = 0.2 reads grey 205 as free: 7.6 m² of" in shown.err
+    with Image.open(picture) as drawn:
+        colours = {colour for _, colour in drawn.convert("RGB").getcolors(1 << 24) or []}
+    assert rgb(PERHAPS_UNKNOWN) in colours
+
+
+def test_an_image_in_place_of_its_yaml_file_is_named(flat: Path) -> None:
+    with pytest.raises(BadInput, match=r"flat\.png: is an image; give the map's YAML file"):
+        output("check", str(flat.with_suffix(".png")))
 
 
 def test_a_terminal_gets_tables(flat: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -129,3 +129,19 @@ def test_an_interrupted_plan_leaves_nothing(
     monkeypatch.setattr("experiments.plan.plan.run_in_process", interrupt)
     assert fogwatch("plan", rooms, "--robots", "1", *BODY) == 130
     assert not (tmp_path / "runs").exists()
+
+
+def test_ground_without_a_way_to_it_is_named_in_plan_and_scenario_check(
+    rooms: str, fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    with Image.open(tmp_path / "rooms.png") as image:
+        free = np.asarray(image).copy()
+    free[:, 21] = 0
+    Image.fromarray(free).save(tmp_path / "rooms.png")
+    words = "left out: 100 m² of free ground, which no robot sees; it is around (15.8, 5.2), walled off"
+    assert fogwatch("plan", rooms, "--robots", "1", "--quick", *BODY) == 0
+    assert words in " ".join(capsys.readouterr().out.split())
+    (size,) = json.loads((tmp_path / "runs" / "plan-rooms" / "plan.json").read_text())["sizes"]
+    assert size["left_out"]["area_m2"] == 100.0
+    assert fogwatch("scenario", "check", rooms, "--set", "robots.radius=0.3", "--set", "robots.model=holonomic") == 0
+    assert "warning: left out: 101 m² of free ground" in capsys.readouterr().out

@@ -1,0 +1,96 @@
+"""The free ground that a fleet leaves out, because no robot sees it from where it gets.
+
+For example, of three rooms without doors between them a fleet that starts in one leaves out two. Its coverage and MFoW
+hold for the first room alone, and reading them needs to know that. A part of less than `LEAST_M2` is a blind corner.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from patrol.ground.cspace import parts_of
+from patrol.ground.fields import StaticFields
+from patrol.ground.terrain import BoolGrid, Terrain
+
+LEAST_M2 = 1.0
+"""Area of the smallest part that counts, m2."""
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """Free ground that no robot of a fleet sees.
+
+    Attributes:
+        area_m2: All of it, in parts of at least `LEAST_M2`.
+        parts: The number of these parts.
+        largest_m2: Area of the largest of them.
+        x: East coordinate of a place in the largest, m.
+        y: North coordinate of the place, m.
+        why: The reason why no robot sees the largest.
+    """
+
+    area_m2: float
+    parts: int
+    largest_m2: float
+    x: float
+    y: float
+    why: str
+
+    @property
+    def text(self) -> str:
+        """The same in words, such as "23 m² of free ground in 2 parts, which no robot sees; the largest, ..."."""
+        parts = "" if self.parts == 1 else f" in {self.parts} parts"
+        largest = "it is" if self.parts == 1 else f"the largest, {self.largest_m2:.0f} m², is"
+        return (
+            f"{self.area_m2:.0f} m² of free ground{parts}, which no robot sees; {largest} around ({self.x:.1f}, "
+            f"{self.y:.1f}), {self.why}"
+        )
+
+
+def left_out(terrain: Terrain, patrolled: BoolGrid, narrowest: StaticFields, radius: float) -> LeftOut | None:
+    """Return the free ground that no robot of a fleet sees.
+
+    Args:
+        terrain: The ground.
+        patrolled: bool (height, width), the points that some robot sees.
+        narrowest: The fields of the fleet's narrowest body.
+        radius: Of that body, m.
+
+    Returns:
+        What is left out; None where nothing is.
+    """
+    unseen = terrain.free & ~patrolled
+    if np.count_nonzero(unseen) * terrain.point_area < LEAST_M2:
+        return None
+    labels, count = parts_of(unseen)
+    areas_m2 = np.bincount(labels.reshape(-1), minlength=count + 1) * terrain.point_area
+    areas_m2[0] = 0.0
+    counted = areas_m2 >= LEAST_M2
+    if not counted.any():
+        return None
+    largest = labels == areas_m2.argmax()
+    rows, columns = np.nonzero(largest)
+    middle = np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2)
+    x, y = terrain.centre(int(rows[middle]), int(columns[middle]))
+    return LeftOut(
+        area_m2=round(float(areas_m2[counted].sum()), 6),
+        parts=int(np.count_nonzero(counted)),
+        largest_m2=round(float(areas_m2.max()), 6),
+        x=round(x, 6),
+        y=round(y, 6),
+        why=_reason(terrain, largest, narrowest, radius),
+    )
+
+
+def _reason(terrain: Terrain, part: BoolGrid, narrowest: StaticFields, radius: float) -> str:
+    """Return why no robot sees a part of the free ground."""
+    joined, _ = parts_of(terrain.free)
+    if not np.isin(joined[part], np.unique(joined[narrowest.reach])).any():
+        return "walled off, without an opening"
+    if not (part & narrowest.cspace).any():
+        return f"too narrow for a body of radius {radius:g} m, and out of sight"
+    if terrain.against.size:
+        return f"behind an opening too narrow for a radius of {radius:g} m, or one-way zones leave no way back"
+    return f"behind an opening that is too narrow for a body of radius {radius:g} m"

@@ -1,0 +1,62 @@
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from patrol.ground.left_out import LeftOut
+from patrol.ground.terrain import Terrain
+from patrol.prepare import prepare
+from patrol.scenario import load_scenario
+
+
+def left_out(rooms: np.ndarray, **changes: Any) -> LeftOut | None:
+    """Return what a robot of 0.2 m radius that starts at (1, 1) leaves out, on points of 0.1 m."""
+    robots = {"count": 1, "model": "holonomic", "radius": 0.2, "starts": [[1.0, 1.0]]}
+    scenario = load_scenario({"terrain": {"builtin": "open"}, "robots": robots, **changes})
+    return prepare(scenario, Terrain("rooms", rooms, 0.1)).left_out
+
+
+def three_rooms() -> np.ndarray:
+    """Rooms of 3 x 3 m with walls of 0.2 m between them."""
+    free = np.zeros((34, 98), dtype=np.bool_)
+    for left in (2, 34, 66):
+        free[2:32, left : left + 30] = True
+    return free
+
+
+def test_rooms_without_doors_are_left_out_with_their_area_place_and_reason() -> None:
+    left = left_out(three_rooms())
+    assert left is not None
+    assert (left.area_m2, left.parts, left.largest_m2) == (18.0, 2, 9.0)
+    assert (left.x, left.y) == pytest.approx((4.85, 1.65))
+    assert left.text == (
+        "18 m² of free ground in 2 parts, which no robot sees; the largest, 9 m², is around (4.8, 1.6), walled off, "
+        "without an opening"
+    )
+
+
+def test_a_door_that_is_too_narrow_is_the_reason_and_with_a_wider_one_nothing_is_left_out() -> None:
+    rooms = three_rooms()
+    rooms[30:32, 32:66] = rooms[12:18, 64:66] = True  # a slit of 0.2 m into the second room, a door to the third
+    left = left_out(rooms)
+    assert left is not None
+    assert left.parts == 1
+    assert left.text.endswith("behind an opening that is too narrow for a body of radius 0.2 m")
+    rooms[12:18, 32:34] = True
+    assert left_out(rooms) is None
+
+
+def test_a_slit_that_takes_no_body_is_out_of_sight() -> None:
+    free = np.zeros((50, 60), dtype=np.bool_)
+    free[2:22, 2:22] = True
+    free[20:22, 22:50] = free[22:50, 48:50] = free[48:50, 20:50] = True
+    left = left_out(free)
+    assert left is not None
+    assert left.why == "too narrow for a body of radius 0.2 m, and out of sight"
+
+
+def test_where_vertices_are_patrolled_they_count_and_no_ground_is_left_out() -> None:
+    terrain = {"builtin": "open", "graph": {"vertices": [[1.0, 1.0], [2.0, 2.0]]}, "patrolled": "vertices"}
+    assert left_out(three_rooms(), terrain=terrain) is None
