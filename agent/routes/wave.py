@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.routes.ground import Ground
-from agent.routes.kernels.first_steps import begin_paths
 from agent.routes.kernels.lengths import read, spread
 from agent.routes.kernels.wave import settle
 from agent.routes.path_window import FAR, Lengths, PathWindow, Place
@@ -192,5 +191,7 @@ class Wave(PathWindow):
         while not settle(*grids, self._queues, self.start_row, self.start_col, limit, *box):
             self._queues = np.zeros((2, 4 * self._queues.shape[1]), dtype=np.uint64)
         if self._ties in ("straight", "drawn"):
+            from agent.routes.kernels.first_steps import begin_paths  # here: compiled where it is needed
+
             place = (self.start_row, self.start_col, self.row0, self.col0)
             begin_paths(self.state, self.length, self.bend, *place, self._ties == "drawn", self.key, *box)

@@ -332,9 +332,14 @@ def draw_mfow(folder: Path) -> None:
 
 def draw_unstuck(folder: Path) -> None:
     """Draw a car's first dead end, and the one that the printed rule does not get it out of."""
-    run = patrol(
-        folder / "unstuck", "clutter", "letter", {"robots.count": 1, "robots.model": "car", "duration": 200, "seed": 1}
-    )
+    settings = {
+        "robots.count": 1,
+        "robots.model": "car",
+        "duration": 200,
+        "seed": 1,
+        "patrol.options.ties": "diagonal",
+    }
+    run = patrol(folder / "unstuck", "clutter", "letter", settings)
     table = run.robots.to_pydict()
     x, y, speed = (np.array(table[name]) for name in ("x_m", "y_m", "speed_m_s"))
     states = [(state, len(list(group))) for state, group in groupby(table["state"])]

@@ -130,7 +130,7 @@ class CommittedOptions(PatrolOptions):
         """Lines that name settings which change little; files state every setting, so none is refused."""
         if self.unpredictability > 0.0 or self.random_move in (0.0, RANDOM_MOVE):
             return ()
-        remedy = "raise patrol.options.unpredictability for free choices, or drop this"
+        remedy = "for free choices, which have them, raise patrol.options.unpredictability"
         return (f"patrol.options.random_move = {self.random_move:g}: robots on rounds make no random steps; {remedy}",)
 
     @model_validator(mode="after")

@@ -39,11 +39,16 @@ def _goes_straight(scenario: Scenario) -> bool:
     return scenario.patrol.paths == "straight"
 
 
+def _has_ties(scenario: Scenario) -> bool:
+    return getattr(scenario.patrol.options, "ties", "diagonal") != "diagonal"
+
+
 SELDOM: Mapping[str, Callable[[Scenario], bool]] = {
     "agent.belief.kernels.changes": _dilates,
     "agent.belief.kernels.dilate": _dilates,
     "agent.policies.learned.kernels.surroundings": _is_learned,
     "agent.policies.potential_field.kernels.force": _follows_forces,
+    "agent.routes.kernels.first_steps": _has_ties,
     "agent.routes.kernels.region_paths": _has_regions,
     "agent.routes.kernels.straight": _goes_straight,
     "patrol.ground.kernels.doors": lambda _: False,  # where a random start may be shut in

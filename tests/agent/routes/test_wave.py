@@ -93,7 +93,7 @@ def test_lengths_equal_dijkstra_to_the_last_unit(values: tuple[int, int, int, fl
 @given(values=maps, ties=st.sampled_from(["straight", "drawn"]), key=st.integers(0, 2**53 - 1))
 def test_the_first_step_is_on_a_shortest_path(values: tuple[int, int, int, float], ties: Ties, key: int) -> None:
     is_open, row, col = random_map(values)
-    wave = Wave(*is_open.shape, 40, ties)
+    wave = Wave(is_open.shape[0], is_open.shape[1], 40, ties)
     wave.begin(Ground(Terrain("t", is_open, 1.0), is_open), row + 1, col + 1, key=key)
     for limit in (700, 10**6):
         wave.extend(limit)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, get_args
 
 import pytest
@@ -155,8 +156,10 @@ def test_a_table_says_how_mean_mfow_stands_to_mean_fog() -> None:
     table = paper().table(3).part(["f3", "f4"], ["g4"])
     plan = plan_of([table], {"": SETUP})
     outcome = outcome_of(plan, lambda *_: 90.0)
-    for run in plan.runs:
-        outcome.results[run.key].metrics["fog_mean_s"] = 40.0 if " f3 " in run.case else 30.0
+    fog = outcome_of(plan, lambda case, _: 40.0 if " f3 " in case else 30.0, "fog_mean_s")
+    metrics = {key: {**result.metrics, **fog.results[key].metrics} for key, result in outcome.results.items()}
+    results = {key: replace(result, metrics=metrics[key]) for key, result in outcome.results.items()}
+    outcome = SweepOutcome(plan, results, len(results), 1.0)
     beside = compare(table, SETUP, outcome)
     assert [cell.to_mean_fog for cell in beside.cells] == [2.25, 3.0]
     assert to_mean_fog_text(beside) == "MFoW : mean fog 2.2 to 3.0, median 2.6"

@@ -107,7 +107,7 @@ def test_random_steps_that_rounds_leave_out_are_named() -> None:
 
     assert notes() == notes(random_move=0.3, unpredictability=0.5) == ()
     (note,) = notes(random_move=0.3)
-    assert note.startswith("patrol.options.random_move = 0.3: robots on rounds make no random steps; raise")
+    assert note.startswith("patrol.options.random_move = 0.3: robots on rounds make no random steps; for free")
 
 
 EFFECTLESS: list[tuple[PaperRule, dict[str, Any], str]] = [

@@ -110,6 +110,10 @@ def test_every_module_that_is_needed_seldom_exists() -> None:
             {"agent.routes.kernels.region_paths", "patrol.regions.kernels.cuts"},
         ),
         ({"patrol.policy": "potential-field", "patrol.options.paths": "straight"}, {"agent.routes.kernels.straight"}),
+        (
+            {"patrol.policy": "potential-field", "patrol.options.letter": True, "patrol.options.ties": "drawn"},
+            {"agent.routes.kernels.first_steps"},
+        ),
         ({"patrol.policy": "learned"}, {"agent.policies.learned.kernels.surroundings"}),
     ],
 )
