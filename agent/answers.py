@@ -12,6 +12,7 @@ import numpy as np
 from agent.ports import Bearing, Intent, Place, PolicyFailed, Stay, Steer
 from patrol.net.messages.phases import MAX_STATE
 from patrol.pose import Command
+from patrol.process.deadline import Late
 
 MAX_FAILURE = 300
 """Characters of the longest account of a failure."""
@@ -20,6 +21,9 @@ LARGEST = 1e9
 """Numbers beyond it mean nothing in metres and radians."""
 
 PAIR = "pair of numbers"
+
+PASSED_ON = (Late, KeyboardInterrupt)
+"""What comes out of foreign code although it has not raised it: its time is over, or somebody has pressed Ctrl-C."""
 
 _INTENTS = Bearing, Place, Stay, Steer
 _MAPPINGS = dict, Mapping
@@ -35,6 +39,20 @@ def raised_at(cause: BaseException | None) -> str:
     while last is not None and last.tb_next is not None:
         last = last.tb_next
     return "" if last is None else f" ({PurePath(last.tb_frame.f_code.co_filename).name}:{last.tb_lineno})"
+
+
+def failure_of(error: BaseException) -> str:
+    """Describe what foreign code has raised, by its type and message, also where it has no message that can be read.
+
+    Args:
+        error: Anything.
+    """
+    try:
+        return f"{type(error).__name__}: {error}"
+    except PASSED_ON:
+        raise
+    except BaseException:  # noqa: BLE001 - the error's own code is foreign too
+        return type(error).__name__
 
 
 def policy_failure(k: int, failed: BaseException) -> str:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from agent.answers import raised_at
+from agent.answers import PASSED_ON, failure_of, raised_at
 from agent.belief.believed import Area, Beliefs
 from agent.belief.blocked import Blocked
 from agent.belief.posts import Posts
@@ -287,10 +287,12 @@ def _policy_of(kind: PolicyKind, setup: PolicySetup, speed_limits: SpeedLimits) 
     """
     try:
         policy = Surround(setup, kind.make(setup))
-    except (Exception, SystemExit) as error:
+    except PASSED_ON:
+        raise
+    except BaseException as error:
         if kind.ours:
             raise
-        why = f"{type(error).__name__}: {error}{raised_at(error)}"
+        why = f"{failure_of(error)}{raised_at(error)}"
         raise PolicyFailed(f"policy {kind.name}: cannot be made for {setup.spec.name}: {why}") from error
     return Charging(setup, policy, speed_limits) if setup.docks else policy
 

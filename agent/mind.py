@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from agent.answers import checked
+from agent.answers import PASSED_ON, checked, failure_of
 from agent.belief.believed import Belief
 from agent.belief.blocked import Blocked
 from agent.belief.silent import Silent
@@ -145,10 +145,10 @@ class Mind:
             view = self.look(sensed)
         try:
             intent = checked(self.policy.decide(view))
-        except PolicyFailed:
+        except (PolicyFailed, *PASSED_ON):
             raise
-        except (Exception, SystemExit) as error:
-            raise PolicyFailed(f"raised {type(error).__name__}: {error}") from error
+        except BaseException as error:
+            raise PolicyFailed(f"raised {failure_of(error)}") from error
         choice = self.body.obey(intent, view)
         goal = choice.goal
         command = slowed(choice.command, self.facts.speed_limits.at(sensed.pose.x, sensed.pose.y, view.zones))

@@ -6,7 +6,7 @@ import os
 import platform
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from importlib import metadata
 from pathlib import Path
 from typing import Annotated
@@ -32,7 +32,7 @@ from patrol.errors import BadInput
 from patrol.pose import MODELS
 from patrol.printable import printable
 from patrol.process.exit_codes import INTERRUPTED, UNKNOWN
-from patrol.process.lifeline import heed
+from patrol.process.lifeline import ending_children, heed
 from patrol.scenario import BUILTINS, MAX_ROBOTS, RobotGroup, naming, open_scenario, parse_overrides, with_spares
 
 app = typer.Typer(
@@ -298,7 +298,7 @@ def run(
         show_kernels=None if quiet else kernel_bar(Console(stderr=True)),
     )
     try:
-        with naming(what, overridden):
+        with naming(what, overridden), ending_children() if in_process else nullcontext():
             result = execute(scenario, run_options)
     except LaunchFailed as failed:
         complain(str(failed))

@@ -5,8 +5,7 @@ from __future__ import annotations
 import signal
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from types import FrameType
 
 ANSWER_S = 60.0
 """Longest wait of the world in lockstep for a robot's answer, s of wall time: longer than on any machine that is only
@@ -16,7 +15,11 @@ DECISION_LIMIT_S = 30.0
 """Wall time, s, that a policy of one's own may take to decide: enough on a busy machine, and less than the world waits
 in lockstep."""
 
-_SLICES = 32
+MOST_CALLS = 50_000
+"""Calls inside each other at most, where foreign code has raised Python's own limit: leaving a call costs time too, so
+code that calls itself without end would be over long after its time."""
+
+_SLICES = 256
 """Number of looks at the time within a limit."""
 _MOST_AT_ONCE = 0.25
 """The share of a limit that counts between two looks: a process that is stopped for long uses up this much at most."""
@@ -26,42 +29,65 @@ class Late(BaseException):
     """The time is over. No `Exception`, so that code that catches all of these does not go on."""
 
 
-@contextmanager
-def deadline(limit_s: float | None) -> Iterator[None]:
-    """Raise in the middle of a block that takes too long.
+class deadline:  # noqa: N801 - a context manager
+    """A block that is interrupted when it takes too long.
 
     It works in the main thread of a process, and on code that comes back to Python now and then. Elsewhere there is no
     limit. A timer that was running goes on afterwards. When the whole process stands still, because it is stopped or
     the machine is suspended, at most a quarter of the limit counts each time.
-
-    Args:
-        limit_s: Wall time, s; None for no limit.
-
-    Raises:
-        Late: The block has taken longer.
     """
-    if limit_s is None or threading.current_thread() is not threading.main_thread():
-        yield
-        return
 
-    used_s, looked = 0.0, time.monotonic()
+    def __init__(self, limit_s: float | None) -> None:
+        """Set the limit.
 
-    def ring(_signal: int, _frame: object) -> None:
-        nonlocal used_s, looked
-        before, looked = looked, time.monotonic()
-        used_s += min(looked - before, _MOST_AT_ONCE * limit_s)
-        if used_s >= limit_s:
-            signal.setitimer(signal.ITIMER_REAL, 0.0)
-            raise Late(f"took longer than {limit_s:g} s to decide")
+        Args:
+            limit_s: Wall time, s; None for no limit.
+        """
+        self._limit_s = limit_s if threading.current_thread() is threading.main_thread() else None
+        self._used_s = self._looked = 0.0
 
-    left_s, interval_s = signal.setitimer(signal.ITIMER_REAL, 0.0)  # before `ring` is there, which is for our own timer
-    begun = time.monotonic()
-    handler = signal.signal(signal.SIGALRM, ring)
-    try:
-        signal.setitimer(signal.ITIMER_REAL, limit_s / _SLICES, limit_s / _SLICES)
-        yield
-    finally:
+    def __enter__(self) -> None:
+        """Begin.
+
+        Raises:
+            Late: In the middle of the block: it has taken longer, or calls itself without end.
+        """
+        if self._limit_s is None:
+            return
+        self._looked = self._begun = time.monotonic()
+        self._before = signal.setitimer(signal.ITIMER_REAL, 0.0)  # before `_ring` is there: it is for our own timer
+        self._handler = signal.signal(signal.SIGALRM, self._ring)
+        signal.setitimer(signal.ITIMER_REAL, self._limit_s / _SLICES, self._limit_s / _SLICES)
+
+    def __exit__(self, *_raised: object) -> None:
+        """End."""
+        if self._limit_s is None:
+            return
         signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, handler)
+        signal.signal(signal.SIGALRM, self._handler)
+        left_s, interval_s = self._before
         if left_s > 0.0:
-            signal.setitimer(signal.ITIMER_REAL, max(left_s - (time.monotonic() - begun), 1e-3), interval_s)
+            signal.setitimer(signal.ITIMER_REAL, max(left_s - (time.monotonic() - self._begun), 1e-3), interval_s)
+
+    def _ring(self, _signal: int, frame: FrameType | None) -> None:
+        assert self._limit_s is not None
+        if frame is not None and frame.f_code in (deadline.__enter__.__code__, deadline.__exit__.__code__):
+            return  # the block has not begun, or is over: an exception here would leave the timer running
+        before, self._looked = self._looked, time.monotonic()
+        self._used_s += min(self._looked - before, _MOST_AT_ONCE * self._limit_s)
+        if self._used_s >= self._limit_s:
+            why = f"took longer than {self._limit_s:g} s to decide"
+        elif _is_deep(frame):
+            why = f"called itself more than {MOST_CALLS} times"
+        else:
+            return
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        raise Late(why)
+
+
+def _is_deep(frame: FrameType | None) -> bool:
+    """Return True if more than `MOST_CALLS` calls are inside each other."""
+    calls = 0
+    while frame is not None and calls <= MOST_CALLS:
+        frame, calls = frame.f_back, calls + 1
+    return calls > MOST_CALLS

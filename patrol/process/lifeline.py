@@ -14,7 +14,7 @@ import select
 import signal
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import FrameType
 from typing import NoReturn
@@ -187,6 +187,8 @@ def _hold(lifeline: int, ending: Ending, on_death: Callable[[], None]) -> None:
         except OSError:
             break
     ending.ask("its launcher has died")
+    if os.getpgrp() == os.getpid():
+        os.killpg(0, signal.SIGTERM)  # what foreign code has started in this process, which is asked once more
     threading.Event().wait(GRACE_S)
     on_death()
     leave(INTERRUPTED)
@@ -204,6 +206,23 @@ def die_when_orphaned(lifeline: int | None) -> None:
     _when_orphaned(signal.SIGKILL)
     if lifeline is not None and select.select([lifeline], [], [], 0)[0]:
         leave(INTERRUPTED)
+
+
+@contextlib.contextmanager
+def ending_children() -> Iterator[None]:
+    """End the processes that foreign code starts in a block, where the system lists a process's children."""
+    before = _children()
+    try:
+        yield
+    finally:
+        for pid in _children() - before:
+            with contextlib.suppress(OSError):
+                os.kill(pid, signal.SIGTERM)
+
+
+def _children() -> set[int]:
+    lists = Path("/proc/self/task").glob("*/children")
+    return {int(pid) for children in lists for pid in children.read_text(encoding="ascii").split()}
 
 
 def _when_orphaned(number: signal.Signals) -> None:

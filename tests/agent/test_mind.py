@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from asyncio import CancelledError
 from dataclasses import replace
 from typing import Any
 
@@ -257,12 +258,27 @@ def asked(answer: Any) -> Decision:
     return mind.step(at(0, Pose(6.0, 6.0, 0.0)), [])
 
 
-@pytest.mark.parametrize("raised", [KeyError("no idea"), SystemExit(3), RecursionError("deep"), MemoryError()])
+class Unspeakable(BaseException):
+    """Has no message that could be read."""
+
+    def __str__(self) -> str:
+        raise GeneratorExit
+
+
+@pytest.mark.parametrize(
+    "raised",
+    [KeyError("no idea"), SystemExit(3), RecursionError("deep"), MemoryError(), CancelledError(), GeneratorExit()],
+)
 def test_whatever_a_policy_raises_is_its_failure(raised: BaseException) -> None:
     with pytest.raises(PolicyFailed) as failed:
         asked(raised)
     assert str(failed.value) == f"raised {type(raised).__name__}: {raised}"
     assert failed.value.__cause__ is raised
+
+
+def test_an_error_that_cannot_be_told_is_named() -> None:
+    with pytest.raises(PolicyFailed, match=r"^raised Unspeakable$"):
+        asked(Unspeakable())
 
 
 def test_a_policy_may_say_itself_that_it_has_failed() -> None:

@@ -24,11 +24,11 @@ from worldsim.verdict.frames.timing import OnTime
 from worldsim.verdict.robots.battery_checks import BatteriesLast
 from worldsim.verdict.robots.body_checks import BodiesApart, MovesAreTrue
 from worldsim.verdict.robots.closure_checks import ClosuresKept
+from worldsim.verdict.robots.event_checks import EventsFollow
 from worldsim.verdict.robots.motion_checks import MotionAsAsked
 from worldsim.verdict.robots.sense_checks import SensesAsAsked
 from worldsim.verdict.robots.status_checks import DownAreSilent, NobodyLost, PausedStandStill, StatusesFollow
 from worldsim.verdict.robots.zone_checks import KeepOutsKept, OneWayZonesKept, SlowZonesKept
-from worldsim.verdict.run.event_checks import EventsFollow
 from worldsim.verdict.run.exit_codes import ExitCodes
 from worldsim.verdict.run.fault_times import FaultsOnTime
 from worldsim.verdict.run.fog_check import FogIsTrue

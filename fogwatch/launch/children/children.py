@@ -1,7 +1,8 @@
 """The child processes of one run: started, signalled, waited for and ended.
 
-Each child runs in a session of its own, so that Ctrl-C reaches the launcher alone. Each holds the reading end of a
-pipe, its lifeline, that ends when the launcher does, however that ends (`patrol.process.lifeline`).
+Each child runs in a session of its own, so that Ctrl-C reaches the launcher alone, and what a policy starts there can
+be ended with it, unless that begins a session too. Each holds the reading end of a pipe, its lifeline, that ends when
+the launcher does, however that ends (`patrol.process.lifeline`).
 """
 
 from __future__ import annotations
@@ -116,12 +117,15 @@ class Child:
     killed_by_fault: bool = False
 
     def poll(self) -> int | None:
-        """Look whether it has ended.
+        """Look whether it has ended; what foreign code has started in it ends with it.
 
         Returns:
             Its exit code; None while it lives.
         """
-        self.code = self.process.poll()
+        if self.code is None and (code := self.process.poll()) is not None:
+            self.code = code
+            with suppress(OSError):  # there is nothing else in its group
+                os.killpg(self.process.pid, signal.SIGKILL)
         return self.code
 
     def await_start(self, limit_s: float, stopped: Callable[[], bool] = lambda: False) -> StartReport | None:

@@ -1,7 +1,9 @@
 """Policies for tests: each is fine until tick 20, when robot 2's fails; the last one cannot even be made."""
 
 import math
+import os
 import time
+from pathlib import Path
 
 from agent.ports import Bearing, Intent, PolicySetup
 from agent.view import View
@@ -28,6 +30,13 @@ class Sound:
 
 
 class Raising(Sound):
+    """Also starts a process of its own, whose id it leaves in a folder."""
+
+    def __init__(self, setup: PolicySetup) -> None:
+        super().__init__(setup)
+        pid = os.spawnlp(os.P_NOWAIT, "sleep", "sleep", "100000")
+        Path(os.environ["POLICY_PIDS"], setup.spec.name).write_text(str(pid), encoding="ascii")
+
     def fail(self) -> None:
         raise ZeroDivisionError("no idea")
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -49,14 +50,28 @@ def test_a_policy_of_ones_own_gives_the_same_trace_in_one_process_and_in_many(tm
     assert again.trace_hash == many.trace_hash
 
 
+def await_ends(pids: list[int]) -> None:
+    """Wait until none of these processes runs any more; one that nobody has waited for is a zombie."""
+    for pid in pids:
+        stat = Path(f"/proc/{pid}/stat")
+        while stat.exists() and stat.read_text(encoding="ascii").rpartition(")")[2].split()[0] != "Z":
+            time.sleep(0.01)
+
+
 @pytest.mark.processes
 @pytest.mark.parametrize(
     "name", ["Raising", "Sleeping", *(pytest.param(name, marks=pytest.mark.accept) for name in ("Nonsense", "Leaving"))]
 )
 def test_a_policy_that_fails_stops_its_robot_alone(
-    name: str, fogwatch: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    name: str,
+    fogwatch: Callable[..., int],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    path = tmp_path / "scenario.yaml"
+    path, pids = tmp_path / "scenario.yaml", tmp_path / "pids"
+    pids.mkdir()
+    monkeypatch.setenv("POLICY_PIDS", str(pids))
     path.write_text(json.dumps(scenario(f"{HERE / 'policies_that_fail.py'}:{name}")), encoding="utf-8")
     traces = []
     for way in ("--in-process", "--no-page"):
@@ -78,6 +93,8 @@ def test_a_policy_that_fails_stops_its_robot_alone(
         assert ("Traceback" in log) == (name in ("Raising", "Leaving"))
         assert not [line for line in (out / "logs").glob("robot-r[13].log") if "Traceback" in line.read_text()]
         traces.append(summary["trace_hash"])
+        await_ends([int(file.read_text(encoding="ascii")) for file in pids.iterdir()])
+        assert len(list(pids.iterdir())) == (3 if name == "Raising" else 0)
     assert traces[0] == traces[1]
 
 

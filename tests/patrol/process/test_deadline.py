@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -11,7 +12,7 @@ from types import FrameType
 
 import pytest
 
-from patrol.process.deadline import Late, deadline
+from patrol.process.deadline import MOST_CALLS, Late, deadline
 
 SHORT_S = 0.05
 LONG_S = 300.0
@@ -64,6 +65,19 @@ def test_code_that_catches_every_exception_does_not_go_on() -> None:
             went_on = True
         went_on = True
     assert not went_on
+
+
+def test_code_that_calls_itself_without_end_is_over_before_its_time() -> None:
+    def call() -> None:
+        call()
+
+    before = sys.getrecursionlimit()
+    try:
+        with pytest.raises(Late, match=f"^called itself more than {MOST_CALLS} times$"), deadline(5.0):  # noqa: PT012
+            sys.setrecursionlimit(10**9)
+            call()
+    finally:
+        sys.setrecursionlimit(before)
 
 
 def test_what_is_done_in_time_hears_no_bell() -> None:

@@ -14,7 +14,6 @@ from worldsim.faults.lifecycle import LOOKED_AT
 from worldsim.verdict.common.check import Check, CheckResult
 from worldsim.verdict.common.robots_there import RobotsThere
 from worldsim.verdict.robots.expected_statuses import ExpectedStatuses
-from worldsim.verdict.run.zone_times import ZoneTimesTold
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -42,7 +41,7 @@ class EventsFollow(Check):
         self._fault_ticks = {k for entry in run.timeline.entries for k in (entry.begin, entry.end)}
         self._closures = {closure.name for closure in run.prepared.scenario.closures}
         self._elsewhere = {OPERATOR}
-        if ZoneTimesTold.applies(run):
+        if any(zone.times is not None for zone in run.prepared.scenario.zones):
             self._elsewhere |= {IN_FORCE, OUT_OF_FORCE}
         if self._closures:
             self._elsewhere |= {CLOSED, OPENED, STAYS_OPEN}

@@ -11,7 +11,7 @@ from patrol.journal import Event
 from tests.worldsim.verdict.judged import result_of
 from worldsim.run_record import INTERRUPTED
 from worldsim.verdict.judge import judge
-from worldsim.verdict.run.event_checks import EventsFollow
+from worldsim.verdict.robots.event_checks import EventsFollow
 
 if TYPE_CHECKING:
     from collections.abc import Callable
