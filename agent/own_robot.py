@@ -98,7 +98,7 @@ def drive(
         credentials: Folder of this robot, made by ``fogwatch fleet init``; says where router and fleet are.
         router: Of the fleet, ``tcp/HOST:7447`` (default: the credentials').
         fleet: Name of the fleet (default: the credentials').
-        radio: Where the robots hear each other, as for ``python -m agent --radio`` (default: the fleet's router).
+        radio: Where the robots hear each other, as for ``fogwatch agent --radio`` (default: the fleet's router).
         epoch_s: When tick 0 begins, Unix time in s (default: derived from the first position heard).
         wait_s: How long to wait for the router and for the first position, s.
 

@@ -138,7 +138,7 @@ def _left(robot: SimRobot, warn: Callable[[str], None], ending: Ending) -> int:
 
 def simulated_parser() -> ProcessParser:
     """Make the command line's parser for a robot that a world simulates."""
-    parser = fleet_parser("agent", "One robot of a simulated fleet, as a process.", HELP, "router and world")
+    parser = fleet_parser("fogwatch agent", "One robot of a simulated fleet, as a process.", HELP, "router and world")
     add = parser.add_argument
     add("--robot", metavar="NAME", help="the robot's name in the scenario (default: the credentials')")
     add("--incarnation", type=int, default=FIRST_INCARNATION, metavar="N", help="which start this is (%(default)s)")

@@ -1,8 +1,8 @@
 """A robot of one's own in a fleet: this one only pretends to drive; yours would talk to its motors.
 
-    python -m fogwatch.router --listen tcp/127.0.0.1:7447
+    fogwatch router --listen tcp/127.0.0.1:7447
     python -m worldsim --router tcp/127.0.0.1:7447 --fleet demo --scenario examples/own-robot.yaml --out runs/own
-    python -m agent --router tcp/127.0.0.1:7447 --fleet demo --scenario examples/own-robot.yaml --robot r1   # and r2
+    fogwatch agent --router tcp/127.0.0.1:7447 --fleet demo --scenario examples/own-robot.yaml --robot r1    # and r2
     python examples/my_robot.py --router tcp/127.0.0.1:7447 --fleet demo --robot guest
 
 r1 and r2 are simulated; this one is not, and patrols with them: it hears where they are, and they hear where it is.

@@ -1,6 +1,6 @@
 """The router between a fleet's processes: a Zenoh session that forwards messages. `fogwatch run` starts one.
 
-    python -m fogwatch.router --fleet yards-1/router
+    fogwatch router --fleet yards-1/router
 
 It lets in the members of its fleet, and forwards what each may send to those who may have it. Without a fleet it lets
 everybody do everything; beyond this machine it then starts only when it is told `--open`.
@@ -29,14 +29,14 @@ A fleet on several hosts needs one router that all of them can reach. Once, for 
 
 On the router's host, and on every host of the fleet with the folder of its member:
 
-  python -m fogwatch.router --fleet yards-1/router
-  python -m agent --credentials yards-1/r1 --scenario yards.yaml
+  fogwatch router --fleet yards-1/router
+  fogwatch agent --credentials yards-1/r1 --scenario yards.yaml
 
 A fleet at two sites has a router at each, with the same folder. One connects to the other, and each process connects to
 the router of its own site:
 
-  python -m fogwatch.router --fleet yards-1/router --connect tls/192.168.1.10:7447
-  python -m agent --credentials yards-1/r2 --router tls/192.168.2.10:7447 --scenario yards.yaml
+  fogwatch router --fleet yards-1/router --connect tls/192.168.1.10:7447
+  fogwatch agent --credentials yards-1/r2 --router tls/192.168.2.10:7447 --scenario yards.yaml
 
 Without --fleet anybody who can reach the router can read, send and forge everything.
 """
@@ -125,7 +125,7 @@ def _others(options: argparse.Namespace, security: RouterSecurity | None) -> lis
 def router_parser() -> ProcessParser:
     """Return the parser of the router's command line."""
     summary = "Forward messages between the processes of a fleet."
-    parser = ProcessParser("python -m fogwatch.router", summary, HELP, reports_start=True)
+    parser = ProcessParser("fogwatch router", summary, HELP, reports_start=True)
     parser.add_argument(
         "--listen",
         metavar="tcp/HOST:PORT",

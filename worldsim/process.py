@@ -122,9 +122,9 @@ def _remedy(meeting: Meeting) -> str:
     """Return what to do about robots that have not come."""
     if meeting.credentials is None:
         return (
-            f"start each with: python -m agent --router {meeting.router} --fleet {meeting.keys.fleet} --robot NAME ..."
+            f"start each with: fogwatch agent --router {meeting.router} --fleet {meeting.keys.fleet} --robot NAME ..."
         )
-    return "start each with: python -m agent --credentials FOLDER ...; or one of them was revoked, or this world"
+    return "start each with: fogwatch agent --credentials FOLDER ...; or one of them was revoked, or this world"
 
 
 def _check_process_control(scenario: Scenario, options: Namespace) -> None:
@@ -208,7 +208,9 @@ def _judge(out: Path, prepared: Prepared, log: Log) -> int:
 
 def world_parser() -> ProcessParser:
     """Return the parser of the world's command line."""
-    parser = fleet_parser("worldsim", "The world of a simulated fleet, as a process.", HELP, "router and robots")
+    parser = fleet_parser(
+        "python -m worldsim", "The world of a simulated fleet, as a process.", HELP, "router and robots"
+    )
     add = parser.add_argument
     add("--out", required=True, type=Path, metavar="DIR", help="folder for the journal and ticks.csv")
     add(

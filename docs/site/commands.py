@@ -9,10 +9,9 @@ from typer.main import get_command
 
 from fogwatch.cli.app import app
 from fogwatch.cli.fleets.process_commands import PassedOn
-from fogwatch.router import router_parser
 from worldsim.process import world_parser
 
-PROCESSES = {"python -m fogwatch.router": router_parser, "python -m worldsim": world_parser}
+PROCESSES = {"python -m worldsim": world_parser}
 """Processes that are started by hand on other hosts, and have no command of their own."""
 
 

@@ -23,6 +23,7 @@ ORDER = (
     "key",
     "fleet",
     "doctor",
+    "router",
     "agent",
     "robot-sim",
     "status",

@@ -23,7 +23,7 @@ _HEEDS_CTRL_C = signal.getsignal(signal.SIGINT) is signal.default_int_handler
 if _HEEDS_CTRL_C:
     signal.signal(signal.SIGINT, _leave)
 
-PROCESSES = ("agent", "robot-sim")
+PROCESSES = ("agent", "robot-sim", "router")
 """The commands of `fogwatch.cli.fleets.process_commands`, which stand on nothing that the other commands load."""
 
 

@@ -65,7 +65,7 @@ def open_links(
         if stopped():
             return None
         how = f"--listen {router}" if credentials is None and is_local(router) else "--fleet FOLDER"
-        raise BadInput(f"{down}; start one with: python -m fogwatch.router {how}") from None
+        raise BadInput(f"{down}; start one with: fogwatch router {how}") from None
     if radio is None:
         return link, link
     try:

@@ -20,16 +20,16 @@ TOGETHER = """All processes are given the same scenario file. Who they
 are, and where the router is, they know from a folder of their own:
 
   fogwatch fleet init yards-1 --robots r1,r2 --host 192.168.1.10      # then copy each folder to its machine
-  python -m fogwatch.router --fleet yards-1/router
+  fogwatch router --fleet yards-1/router
   python -m worldsim --credentials yards-1/world --scenario yards.yaml --out runs/yards-1
-  python -m agent    --credentials yards-1/r1 --scenario yards.yaml
-  python -m agent    --credentials yards-1/r2 --scenario yards.yaml
+  fogwatch agent     --credentials yards-1/r1 --scenario yards.yaml
+  fogwatch agent     --credentials yards-1/r2 --scenario yards.yaml
 
 On one machine they may also meet at a router that asks nobody who they are:
 
-  python -m fogwatch.router
+  fogwatch router
   python -m worldsim --router tcp/127.0.0.1:7447 --fleet yards-1 --scenario yards.yaml --out runs/yards-1
-  python -m agent    --router tcp/127.0.0.1:7447 --fleet yards-1 --scenario yards.yaml --robot r1"""
+  fogwatch agent     --router tcp/127.0.0.1:7447 --fleet yards-1 --scenario yards.yaml --robot r1"""
 """Text in each process's help: starting a fleet by hand."""
 
 _REQUIRED = "the following arguments are required: "
@@ -81,16 +81,16 @@ class ProcessParser(argparse.ArgumentParser):
         self.exit(BAD_INPUT, f"{self.prog}: {message}; all options: {self.prog} --help\n")
 
 
-def fleet_parser(package: str, description: str, epilog: str, others: str) -> ProcessParser:
+def fleet_parser(prog: str, description: str, epilog: str, others: str) -> ProcessParser:
     """Make a parser of the options that world and agents have; the caller adds its own.
 
     Args:
-        package: Run with ``python -m``.
+        prog: How the process is started.
         description: First lines of the help.
         epilog: Last lines of the help.
         others: The processes that this one waits for.
     """
-    parser = ProcessParser(f"python -m {package}", description, epilog)
+    parser = ProcessParser(prog, description, epilog)
     add = parser.add_argument
     add("--credentials", type=Path, metavar="FOLDER", help="this member's, of a fleet made by: fogwatch fleet init")
     add("--router", metavar="LOCATOR", help="the router that the fleet meets at (default: the credentials')")

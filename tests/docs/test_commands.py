@@ -19,7 +19,7 @@ from worldsim.ros2.options import parser as sim_parser
 
 ROOT = Path(__file__).parents[2]
 DOCUMENTS = ("README.md", "CONTRIBUTING.md", "deploy/README.md", "docs/**/*.md")
-MODULES = {"agent": simulated_parser, "worldsim": world_parser, "fogwatch.router": router_parser}
+MODULES = {"worldsim": world_parser}
 """Processes that documents start by ``python -m``."""
 
 COMMANDS: Any = get_command(app)
@@ -45,8 +45,9 @@ def check(line: str) -> None:
         return
     helped = words[-1] == "--help"
     words = words[: len(words) - helped]
-    if words and words[0] in {"agent", "robot-sim"}:
-        made = sim_parser() if words[0] == "robot-sim" else ros2_parser() if "ros2" in words else simulated_parser()
+    if words and words[0] in {"agent", "robot-sim", "router"}:
+        others = {"robot-sim": sim_parser, "router": router_parser}
+        made = others.get(words[0], ros2_parser if "ros2" in words else simulated_parser)()
         if not helped:
             made.parse_args(words[1:])
         return
@@ -72,7 +73,7 @@ def test_there_are_many() -> None:
 
 
 @pytest.mark.parametrize(
-    "line", ["fogwatch run", "fogwatch run yards --sped 2", "fogwatch run yards 3", "python -m agent"]
+    "line", ["fogwatch run", "fogwatch run yards --sped 2", "fogwatch run yards 3", "fogwatch agent"]
 )
 def test_a_command_that_does_not_parse_is_found(line: str) -> None:
     with pytest.raises((Exception, SystemExit)):

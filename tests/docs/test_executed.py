@@ -22,6 +22,7 @@ from fogwatch.cli.app import app
 from tests.docs.test_commands import DOCUMENTS, ROOT, command_lines
 from tests.fleets import Processes
 from tests.fogwatch.conftest import PATIENCE_S
+from tests.routers import free_port
 
 WAITS = "goes on until Ctrl-C; tests/fogwatch/processes starts it"
 MEMBERS = "needs the machines of a fleet; tests/fogwatch/processes/test_admission.py starts them on one"
@@ -29,10 +30,12 @@ ROBOT = "needs a ROS 2 robot, or processes in several shells; tests/agent/robots
 NOT_EXECUTED = {
     "python": "starts a process of a fleet by hand; " + MEMBERS,
     "fogwatch agent": ROBOT,
+    "fogwatch router": WAITS,
     "fogwatch robot-sim": ROBOT,
     "fogwatch doctor --connect": ROBOT,
     "fogwatch monitor": WAITS,
     "fogwatch control operator": MEMBERS,
+    "fogwatch control hall-1/operator": "needs the fleet of docs/ros2/closed-fleet.md, which a test of its own starts",
     "fogwatch record --credentials": MEMBERS,
     "fogwatch status --credentials": MEMBERS,
     "fogwatch status --router": MEMBERS,
@@ -247,6 +250,31 @@ def test_the_commands_for_a_running_fleet_can_be_executed(
         run_in_here(shlex.split(re.sub(r"runs/\S+", PREPARED, line))[1:])
     fleet.processes["fleet"].send_signal(signal.SIGINT)
     assert fleet.code("fleet") == 130, fleet.said("fleet")
+
+
+WAITING = {"router": "router ready at", "robot-sim": "simulates robot1", "agent": "patrols with", "monitor": "page: "}
+"""What the processes of a page say once they can be used, by their commands."""
+
+
+@pytest.mark.processes
+def test_the_closed_fleet_of_simulated_robots_can_be_driven_as_its_page_says(
+    fleet: Processes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("os.nice", lambda _: 0)  # it would hold for all tests after this one
+    for file in (ROOT / "examples" / "maps").glob("office.*"):
+        shutil.copy(file, file.name)
+    ports = {"7448": str(free_port()), "init hall-1": f"init hall-1 --port {free_port()}"}
+    for number, line in enumerate(COMMANDS["docs/ros2/closed-fleet.md"]):
+        words = shlex.split(re.sub("|".join(ports), lambda match: ports[match[0]], line))[1:]
+        if words[0] not in WAITING:
+            run_in_here(words)
+            continue
+        name = f"{number}-{words[0]}"
+        fleet.start(name, "fogwatch", *words)
+        fleet.until(lambda name=name, ready=WAITING[words[0]]: ready in fleet.said(name))  # type: ignore[misc]
+    paused = CliRunner().invoke(app, ["control", "hall-1/operator", "pause"], catch_exceptions=False)
+    assert "fleet hall-1 has no world, and its robots obey stop and release alone" in paused.output
 
 
 def test_every_command_of_the_tutorial_is_executed() -> None:

@@ -266,7 +266,7 @@ def test_without_a_router_or_a_world_people_are_told(hand: Hand) -> None:
     assert hand.code("world") == 2
     for name in ("anna", "world"):
         assert "waiting for a router at" in hand.said(name)
-        assert "start one with: python -m fogwatch.router --listen" in hand.said(name)
+        assert "start one with: fogwatch router --listen" in hand.said(name)
     hand.start_router()
     hand.until(lambda: "router ready" in hand.said("router"))
     hand.start_agent("bert")

@@ -49,7 +49,7 @@ def test_a_link_is_closed_once_where_the_next_does_not_come(
 
 def test_robots_that_have_not_come_are_started_as_the_world_was(tmp_path: Path) -> None:
     here = Meeting("tcp/127.0.0.1:7447", fleet_keys("f"))
-    assert "python -m agent --router tcp/127.0.0.1:7447 --fleet f --robot NAME" in _remedy(here)
+    assert "fogwatch agent --router tcp/127.0.0.1:7447 --fleet f --robot NAME" in _remedy(here)
     guarded = Meeting("tls/a:7447", fleet_keys("f"), Credentials("f", "tls/a:7447", WORLD_ROLE, folder=tmp_path))
-    assert "python -m agent --credentials FOLDER" in _remedy(guarded)
+    assert "fogwatch agent --credentials FOLDER" in _remedy(guarded)
     assert "--router" not in _remedy(guarded)

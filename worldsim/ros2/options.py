@@ -21,7 +21,7 @@ MOST_ROBOTS = 64
 HELP = """
 Robots that talk like real ones, with a localisation, on a Zenoh router that you start; ROS is not needed:
 
-  python -m fogwatch.router                                                       # as rmw_zenohd on a robot
+  fogwatch router                                                                 # as rmw_zenohd on a robot
   fogwatch robot-sim --map plan.yaml --connect tcp/127.0.0.1:7447 --robots robot1
   fogwatch agent --robot ros2 --namespace robot1 --map plan.yaml --connect tcp/127.0.0.1:7447
 

@@ -124,7 +124,7 @@ def _simulation(process: ProcessContext, prepared: Prepared, pace: float) -> Sim
         except LinkDown as down:
             if process.ending:
                 raise AskedToLeave from None
-            raise BadInput(f"--connect {options.connect}: {down}; start one: python -m fogwatch.router") from None
+            raise BadInput(f"--connect {options.connect}: {down}; start one: fogwatch router") from None
         process.closing.callback(link.close)
         nodes[named.name] = RobotNode(link, SimulatedRobot(build), habits, terrain)
     ground = CollisionGround(terrain, sensor_footprint(scenario, terrain), prepared.patrolled, scenario.step)

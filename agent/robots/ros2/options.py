@@ -71,7 +71,7 @@ Exit codes: 1 the robot or its policy failed, 2 bad input, 130 interrupted.
 
 
 def wanted(arguments: Sequence[str]) -> bool:
-    """Return True if a command line of ``python -m agent`` is meant for a ROS 2 robot.
+    """Return True if a command line of ``fogwatch agent`` is meant for a ROS 2 robot.
 
     A robot of a simulated fleet may be called ros2; its command line names a scenario and no robot's router.
 

@@ -98,20 +98,26 @@ def control(
     if fleet is not None:
         raise BadInput(f"--fleet {fleet}: is for stop and release; leave the option out")
     asked = control_of(do, value)
-    from patrol.net.keys import fleet_keys
+    from patrol.net.keys import WORLD, fleet_keys
     from patrol.net.link import LinkDown, open_link
+    from patrol.net.messages.stop_orders import robots_there
     from patrol.net.security.access import read_access
     from patrol.net.security.control_auth import ControlClient, Unanswered
     from patrol.scenario.controls import read_control
 
     read_control(asked)
     access = read_access(run, "control")
+    keys = fleet_keys(access.fleet)
     try:
         link = open_link(access.router, wait, credentials=access.credentials)
     except LinkDown as down:
         raise BadInput(f"{run}: {down}; is the fleet still running?") from None
     try:
-        client = ControlClient(link, fleet_keys(access.fleet), access.token, time.monotonic, os.urandom)
+        if not link.sees(keys.alive(WORLD)) and robots_there(link, keys):
+            why = f"{do}: fleet {keys.fleet} has no world, and its robots obey stop and release alone"
+            typer.echo(printable(f"fogwatch: {why}, as in: fogwatch control {run} stop"), err=True)
+            return UNANSWERED
+        client = ControlClient(link, keys, access.token, time.monotonic, os.urandom)
         operated = client.ask(asked, wait)
     except Unanswered as unanswered:
         revocable = access.credentials is not None and access.credentials.folder is not None

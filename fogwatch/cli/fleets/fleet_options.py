@@ -63,6 +63,26 @@ def check_one_fleet(
         raise BadInput(f"{command}: name a run's folder, or --router and --fleet of a running fleet, or --credentials")
 
 
+def fleet_access(command: str, run: Path | None, scenario: Path | None) -> Path | None:
+    """Return what gives the right to control a running fleet, from a command's RUN; None without one.
+
+    Args:
+        command: Name of the command.
+        run: As for `control_file`.
+        scenario: Of robots without a world, which an operator may watch as well.
+
+    Raises:
+        BadInput: There is no such fleet, or it is a run, which has a scenario of its own.
+    """
+    from patrol.net.security.credentials import MEMBER
+
+    if run is None:
+        return None
+    if scenario is not None and run.is_dir() and not (run / MEMBER).is_file():
+        raise BadInput(f"{command}: --scenario is for robots without a world, and {run} has one; leave the option out")
+    return control_file(command, run)
+
+
 def control_file(command: str, run: Path) -> Path:
     """Return the file that says how to reach and control a running fleet.
 

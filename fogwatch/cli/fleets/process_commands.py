@@ -1,4 +1,4 @@
-"""``fogwatch agent`` and ``fogwatch robot-sim``: processes whose command lines are read where they run."""
+"""``fogwatch agent``, ``router`` and ``robot-sim``: processes whose command lines are read where they run."""
 
 from __future__ import annotations
 
@@ -16,6 +16,11 @@ AGENT_EXAMPLES = [
     "fogwatch agent --credentials yards-1/r1 --scenario yards.yaml",
 ]
 AGENT_CODES = "0 the run is over, 1 the robot failed, 2 bad input, 130 interrupted"
+ROUTER_EXAMPLES = [
+    "fogwatch router --fleet yards-1/router",
+    "fogwatch router",
+]
+ROUTER_CODES = "0 it was asked to stop, 2 bad input, or the port is taken"
 SIM_EXAMPLES = [
     "fogwatch robot-sim --map map.yaml --connect tcp/127.0.0.1:7447 --robots robot1",
 ]
@@ -67,6 +72,17 @@ class AgentCommand(PassedOn):
         return f"With --robot ros2, for a ROS 2 robot:\n\n{ros2}\nFor a robot that a world simulates:\n\n{simulated}"
 
 
+class RouterCommand(PassedOn):
+    """`fogwatch router`."""
+
+    @staticmethod
+    def listed() -> str:
+        """The options of the router."""
+        from fogwatch.router import router_parser
+
+        return router_parser().list_options()
+
+
 class RobotSimCommand(PassedOn):
     """`fogwatch robot-sim`."""
 
@@ -84,6 +100,16 @@ def agent(ctx: typer.Context) -> int:
     For a ROS 2 robot, no scenario is needed, and no ROS on this machine.
     """
     from agent.process import main
+
+    return _code(main, ctx.args)
+
+
+def router(ctx: typer.Context) -> int:
+    """Forward messages between the processes of a fleet: one router, which all of them can reach.
+
+    With --fleet it lets in only the fleet's members. Without it everybody may do everything, on this machine alone.
+    """
+    from fogwatch.router import main
 
     return _code(main, ctx.args)
 
@@ -106,6 +132,7 @@ def register(app: typer.Typer, panel: str) -> None:
         panel: The panel that the group's help lists them in.
     """
     command(app, examples=AGENT_EXAMPLES, exit_codes=AGENT_CODES, panel=panel, kind=AgentCommand)(agent)
+    command(app, examples=ROUTER_EXAMPLES, exit_codes=ROUTER_CODES, panel=panel, kind=RouterCommand)(router)
     command(app, "robot-sim", examples=SIM_EXAMPLES, exit_codes=SIM_CODES, panel=panel, kind=RobotSimCommand)(robot_sim)
 
 

@@ -17,7 +17,7 @@ from fogwatch.cli.fleets.fleet_options import (
     Router,
     Wait,
     check_one_fleet,
-    control_file,
+    fleet_access,
 )
 from patrol.errors import BadInput
 from patrol.process.exit_codes import INTERRUPTED
@@ -71,8 +71,7 @@ def status(
     from patrol.scenario import load_scenario
 
     check_one_fleet("status", run, credentials, router, fleet)
-    if scenario is not None and run is not None:
-        raise BadInput("status: --scenario is for robots without a world; name their --router and --fleet as well")
+    access = fleet_access("status", run, scenario)
     if not 0.1 <= seconds <= 600.0:
         raise BadInput(f"--seconds {seconds:g}: expected 0.1 to 600")
     if scenario is not None:
@@ -81,7 +80,7 @@ def status(
     what = Namespace(
         replay=None,
         key=None,
-        access=None if run is None else control_file("status", run),
+        access=access,
         credentials=credentials,
         router=router,
         fleet=fleet,

@@ -20,7 +20,7 @@ from fogwatch.cli.fleets.fleet_options import (
     Router,
     Wait,
     check_one_fleet,
-    control_file,
+    fleet_access,
 )
 from fogwatch.cli.runs.open_run import KEY, open_folder, print_state
 from patrol.errors import BadInput
@@ -36,6 +36,7 @@ MONITOR_EXAMPLES = [
     "fogwatch monitor runs/yards-20260101-120000",
     "fogwatch monitor --credentials yards-1/viewer",
     "fogwatch monitor yards-1/operator",
+    "fogwatch monitor yards-1/operator --scenario patrol.yaml",
 ]
 
 EXIT_CODES = "2 bad input, 130 ended by Ctrl-C"
@@ -107,13 +108,12 @@ def monitor(
 ) -> int:
     """Show a running fleet on a live page, without slowing it. Ctrl-C ends the page, not the fleet.
 
-    Given the folder of a run or an operator's credentials, the page can also pause the fleet and inject faults. Given
-    --credentials of a viewer, or --router and --fleet, it only shows the fleet. A fleet may have any number of pages.
+    Given the folder of a run or an operator's credentials, the page can also pause the fleet and inject faults, or, for
+    robots without a world, with their --scenario, stop and release them. Given --credentials of a viewer, or --router
+    and --fleet, it only shows the fleet. A fleet may have any number of pages.
     """
     check_one_fleet("monitor", run, credentials, router, fleet)
-    access = None if run is None else control_file("monitor", run)
-    if scenario is not None and run is not None:
-        raise BadInput("monitor: --scenario is for robots without a world; name their --router and --fleet as well")
+    access = fleet_access("monitor", run, scenario)
     arguments = Namespace(
         replay=None,
         key=key,

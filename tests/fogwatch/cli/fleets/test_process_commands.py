@@ -19,7 +19,7 @@ CONNECT = ["--connect", "tcp/127.0.0.1:9", "--wait", "0.2"]
         (["agent", "--help"], "fogwatch agent --robot ros2 --namespace robot1 --map map.yaml"),
         (["agent", "--help"], "--localisation {tf,pose,odometry}"),
         (["agent", "--help"], "--incarnation N"),
-        (["agent", "--robot", "r1", "--help"], "python -m agent    --credentials yards-1/r1 --scenario yards.yaml"),
+        (["agent", "--robot", "r1", "--help"], "fogwatch agent     --credentials yards-1/r1 --scenario yards.yaml"),
         (["robot-sim", "--help"], "--drift-heading RAD/M"),
     ],
 )
@@ -39,12 +39,12 @@ def test_the_help_of_a_process_is_its_own(
             ["agent", "--robot", "ros2"],
             "--connect LOCATOR is missing: the robot's Zenoh router, tcp/HOST:7447; all",
         ),
-        (["agent", "--robot", "r1", "--fleet", "f"], "python -m agent: --scenario FILE is missing: the scenario, the"),
+        (["agent", "--robot", "r1", "--fleet", "f"], "fogwatch agent: --scenario FILE is missing: the scenario, the"),
         (["robot-sim"], "--connect LOCATOR is missing: the Zenoh router of the robots, tcp/HOST:7447; --robots NAME"),
         (["robot-sim", "--robots", "a", *CONNECT], "robot-sim: --map, --scenario: give one of the two"),
         (["robot-sim", "--robots", "a,a", "--map", "PLAN", *CONNECT], "--robots a,a: give up to 64 different names"),
         (["robot-sim", "--robots", "a:dds", "--map", "PLAN", *CONNECT], "--robots a 'dds': no such format; known are"),
-        (["robot-sim", "--robots", "a", "--map", "PLAN", *CONNECT], "start one: python -m fogwatch.router"),
+        (["robot-sim", "--robots", "a", "--map", "PLAN", *CONNECT], "start one: fogwatch router"),
         (["robot-sim", "--robots", "a", "--map", "PLAN", "--start", "1,2", *CONNECT], "--start 1,2: not a pose"),
         (["robot-sim", "--robots", "a", "--map", "PLAN", "--unplug", "b@3", *CONNECT], "expected NAME@S with one of a"),
         (
