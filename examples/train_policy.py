@@ -2,15 +2,18 @@
 
     python examples/train_policy.py --out trained.npz
     fogwatch run yards --robots 5 --model holonomic --set point=1 --set patrol.policy=learned \
-        --set patrol.options.weights=trained.npz --set 'patrol.options.inputs=[sectors]'
+        --set patrol.options.weights=trained.npz --set 'patrol.options.inputs=[sectors]' \
+        --set patrol.options.actions=place --set patrol.options.decide=arrival
 
-In each of eight directions a robot sees five features (docs/environments.md). The policy goes in the direction with the
-greatest weighted sum of them; the five weights, the same for all directions and robots, are what is trained. It begins
-with the staleness nearby alone. What is to become small is the mean age of the ground plus its greatest age, the MFoW:
-by the mean age alone, a corner that is never seen hardly counts.
+In each of eight directions a robot sees five features (docs/environments.md). Their weighted sum is how strongly the
+direction pulls, and the robot goes to the place to which the eight pulls together point; there it chooses the next. The
+five weights, the same for all directions and robots, are what is trained. They begin with the staleness alone, nearby
+and farther away. What is to become small is the mean age of the ground plus its greatest age, the MFoW: by the mean age
+alone, a corner that is never seen hardly counts.
 """
 
 import argparse
+import math
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
@@ -24,20 +27,17 @@ from fogwatch.learn import Layers, PatrolEnv, action_of, flattened, parallel_env
 
 INPUTS = ("sectors",)
 SECTORS = 8
-START = (1.0, 0.0, 0.0, 0.0, 0.0)
+START = (3.0, 3.0, 0.0, 0.0, 0.0)
 """Weights of the staleness nearby and farther away, the free way, the nearness of others, and going straight on."""
 
 Numbers = NDArray[np.float64]
 
 
 def network_of(numbers: Numbers) -> Layers:
-    """Lay the weights out as one layer: each direction's features count for that direction. Nobody stays."""
-    weights = np.zeros((SECTORS * len(numbers), SECTORS + 1))
-    for sector in range(SECTORS):
-        weights[sector * len(numbers) : (sector + 1) * len(numbers), sector] = numbers
-    bias = np.zeros(SECTORS + 1)
-    bias[SECTORS] = -1e6
-    return Layers([weights], [bias])
+    """Lay the weights out as one layer: each direction's features pull towards it."""
+    angles = [2.0 * math.pi * sector / SECTORS for sector in range(SECTORS)]
+    weights = np.concatenate([np.outer(numbers, (math.cos(angle), math.sin(angle))) for angle in angles])
+    return Layers([weights], [np.zeros(2)])
 
 
 def play(env: PatrolEnv, network: Layers, seed: int) -> tuple[float, float]:
@@ -45,12 +45,10 @@ def play(env: PatrolEnv, network: Layers, seed: int) -> tuple[float, float]:
     observations, _ = env.reset(seed=seed)
     ages = []
     while env.agents:
-        actions = {
-            agent: action_of(network(flattened(parts)), parts["action_mask"]) for agent, parts in observations.items()
-        }
+        actions = {agent: action_of(network(flattened(parts)), None) for agent, parts in observations.items()}
         observations, _, _, _, infos = env.step(actions)
         true = next(iter(infos.values()))
-        ages.append((true["mean_age_s"], true["mfow_s"]))
+        ages += [(true["mean_age_s"], true["mfow_s"])] * true["ticks"]
     mean_age_s, mfow_s = np.mean(ages[len(ages) // 2 :], axis=0)
     return float(mean_age_s), float(mfow_s)
 
@@ -58,7 +56,7 @@ def play(env: PatrolEnv, network: Layers, seed: int) -> tuple[float, float]:
 def make_env(duration: float) -> PatrolEnv:
     """Make the environment: five robots that move in any direction, on points of 1 m."""
     settings = {"robots.count": 5, "robots.model": "holonomic", "point": 1, "duration": duration}
-    return parallel_env("yards", settings, inputs=INPUTS)
+    return parallel_env("yards", settings, inputs=INPUTS, actions="place", decide="arrival")
 
 
 def ages_of(numbers: Numbers, seeds: Sequence[int], duration: float) -> tuple[float, float]:
@@ -74,7 +72,7 @@ def train(generations: int, children: int, duration: float, seed: int, workers: 
     All play on the same two seeds, so that their scores can be compared.
     """
     rng = np.random.default_rng(seed)
-    spread = 0.5
+    spread = 1.5
     judge = partial(ages_of, seeds=(1000, 1001), duration=duration)
     # Each worker is a process with a world of its own; the result does not depend on how many there are.
     with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
@@ -95,8 +93,8 @@ def main() -> None:
     """Train, and compare the result with the start on seeds that training has not seen."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("trained.npz"), help="where to write the network")
-    parser.add_argument("--generations", type=int, default=8)
-    parser.add_argument("--children", type=int, default=8, help="in each generation")
+    parser.add_argument("--generations", type=int, default=5)
+    parser.add_argument("--children", type=int, default=6, help="in each generation")
     parser.add_argument("--duration", type=float, default=400.0, help="of an episode, simulated s")
     parser.add_argument("--seed", type=int, default=1, help="of the evolution")
     parser.add_argument("--workers", type=int, default=1, help="processes")

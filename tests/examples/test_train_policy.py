@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import math
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -24,12 +25,12 @@ def load_example() -> ModuleType:
     return module
 
 
-def test_the_network_weighs_each_direction_alike_and_never_stays(example: ModuleType) -> None:
+def test_each_direction_pulls_by_its_features_alike(example: ModuleType) -> None:
     numbers = np.array([1.0, -2.0, 0.5, 3.0, 0.25])
     features = np.random.default_rng(1).random((8, 5))
-    outputs = example.network_of(numbers)(features.ravel())
-    np.testing.assert_allclose(outputs[:8], features @ numbers)
-    assert outputs[8] < outputs[:8].min()
+    pulls, angles = features @ numbers, [math.radians(45.0 * sector) for sector in range(8)]
+    expected = [pulls @ [math.cos(angle) for angle in angles], pulls @ [math.sin(angle) for angle in angles]]
+    np.testing.assert_allclose(example.network_of(numbers)(features.ravel()), expected)
 
 
 def test_ages_repeat_and_the_stalest_place_is_older_than_the_mean(example: ModuleType) -> None:
