@@ -42,7 +42,6 @@ ORDER = (
     "experiment",
     "paper",
     "reproduce",
-    "chaos",
     "version",
 )
 """The order in which the help lists the commands: as a newcomer meets them."""
