@@ -86,6 +86,14 @@ test-hard: export PYTHONDONTWRITEBYTECODE :=
 test-hard: develop ## hunt for tests that depend on speed, order or neighbours (hours; N=5 rounds, TESTS="tests/agent")
 	$(BIN)/python -m tests.hunt --times $(N) $(if $(SEED),--seed $(SEED)) -- -n auto --maxprocesses 4 --dist worksteal $(TESTS)
 
+# A folder that has been begun is gone on with: make chaos RUNS=500 OUT=build/chaos; PROCESSES=K runs every K-th seed as
+# real processes too.
+RUNS ?= 30
+.PHONY: chaos
+chaos: develop ## hunt for faults with random scenarios (RUNS=30 SEED=1), about two seconds each
+	$(BIN)/python -m tests.chaos --runs $(RUNS) $(if $(SEED),--seed $(SEED)) $(if $(OUT),--out $(OUT)) \
+		$(if $(PROCESSES),--processes $(PROCESSES))
+
 # Tests of code that runs kernels, and those that call the kernels themselves, without whole patrols and large maps: these
 # take about two minutes, compiling included.
 KERNEL_TESTS := tests/patrol/ground tests/patrol/regions tests/agent tests/worldsim tests/monitor tests/experiments

@@ -15,7 +15,7 @@ import typer
 
 from fogwatch.cli.command_help import FINISHED, MANY, OTHER, RUNNING, START, OrderedGroup, command
 from fogwatch.cli.ending import complain, run_app
-from fogwatch.cli.experiments import benchmark, chaos_command, experiment, paper, reproduce, sweep
+from fogwatch.cli.experiments import benchmark, experiment, paper, reproduce, sweep
 from fogwatch.cli.fleets import control, doctor_command, fleet, key, process_commands, status_command
 from fogwatch.cli.grounds import map_commands, plan_command, scenario
 from fogwatch.cli.runs import (
@@ -85,7 +85,6 @@ command(
 command(app, examples=sweep.EXAMPLES, exit_codes=sweep.EXIT_CODES, panel=MANY)(sweep.sweep)
 command(app, examples=benchmark.EXAMPLES, exit_codes=sweep.EXIT_CODES, panel=MANY)(benchmark.benchmark)
 command(app, examples=reproduce.EXAMPLES, exit_codes=reproduce.EXIT_CODES, panel=MANY)(reproduce.reproduce)
-command(app, examples=chaos_command.EXAMPLES, exit_codes=chaos_command.EXIT_CODES, panel=MANY)(chaos_command.chaos)
 
 PAGE_SPARES = 2
 """Number of robots that may join a run with a live page, unless the scenario or an option sets another."""

@@ -43,7 +43,6 @@ ORDER = (
     "experiment",
     "paper",
     "reproduce",
-    "chaos",
     "version",
 )
 """The order in which the help lists the commands: as a newcomer meets them."""

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import statistics
+import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from itertools import zip_longest
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from agent.policies.found import POLICIES
@@ -16,6 +18,8 @@ from patrol.errors import BadInput
 if TYPE_CHECKING:
     from agent.ports import Intent, Policy, PolicySetup
     from agent.view import View
+    from patrol.prepare import Prepared
+    from patrol.scenario import Scenario
     from worldsim.world import World
 
 TICKS = 60
@@ -45,6 +49,12 @@ SITUATIONS: Mapping[str, Mapping[str, Any]] = {
 }
 """Changes of the fleet, by situation."""
 
+WITH_PLACES = ("at a wall", "beside an intruder")
+"""Situations that hold on the fleet's own ground alone."""
+
+SEEDS = range(1, 6)
+"""Seeds of the random scenarios that a policy is tried in."""
+
 
 @dataclass(frozen=True, slots=True)
 class PolicyReport:
@@ -54,11 +64,13 @@ class PolicyReport:
         decisions: Number that it took.
         median_ms: Wall time of half of them at most, ms.
         slowest_ms: Wall time of the slowest, ms; compiling counts. It is not judged: machines differ.
+        seeds: Seeds of the random scenarios that it ran in; the settings may rule some out.
     """
 
     decisions: int
     median_ms: float
     slowest_ms: float
+    seeds: tuple[int, ...] = ()
 
     def __str__(self) -> str:
         return f"{self.decisions} decisions, median {self.median_ms:.2f} ms, slowest {self.slowest_ms:.1f} ms"
@@ -70,18 +82,22 @@ def check_policy(
     options: Mapping[str, Any] | None = None,
     models: tuple[str, ...] = ("holonomic", "differential", "car"),
     settings: Mapping[str, Any] | None = None,
+    seeds: Iterable[int] = SEEDS,
 ) -> PolicyReport:
     """Check that a policy keeps the rules of `agent.ports.Policy`.
 
     It is run in a fleet of three, twice, with other states of `random` and `numpy.random`: both runs must give the same
     trace. Then it is run alone, beside silent robots, at a wall, with nothing in view, off the ground that its robot
-    knows, after a restart and beside an intruder: it must answer with an intent that its body can obey.
+    knows, after a restart and beside an intruder, and in short random scenarios (`fogwatch.testing.swarm`): it must
+    answer with an intent that its body can obey, and the verdict on the random ones must be valid.
 
     Args:
         policy: The class, or its name as in a scenario (``./file.py:Class``).
         options: What `patrol.options` says.
         models: Body models that the policy is for.
-        settings: More of the scenario, by dotted field; for example ``{"patrol.give_way": False}``.
+        settings: More of the scenario, by dotted field; for example ``{"patrol.give_way": False}``, a body's
+            ``{"robots.radius": 0.4}`` or ``{"terrain": {"map": "office.yaml"}, "point": 0.2}``.
+        seeds: Of the random scenarios; a failure names the one that repeats it.
 
     Returns:
         How many decisions it took, and how long they lasted.
@@ -92,18 +108,29 @@ def check_policy(
     """
     checked = class_of(policy, POLICIES)
     runs: list[_Run] = []
+    more = {**{f"patrol.options.{option}": value for option, value in (options or {}).items()}, **(settings or {})}
     for model in models:
-        first, second = (
-            _run(checked, options, {"robots.model": model, **(settings or {})}, f"a fleet ({model})", number)
-            for number in (1, 2)
-        )
+        fleet = _fleet({"robots.model": model, **more})
+        first, second = (_run(checked, fleet, f"a fleet ({model})", number) for number in (1, 2))
         _compare(first, second)
         runs += [first, second]
         for situation, changes in SITUATIONS.items():
-            changed = {"robots.model": model, **changes, **(settings or {})}
-            runs.append(_run(checked, options, changed, f"{situation} ({model})", 0))
+            if situation in WITH_PLACES and any(field.partition(".")[0] == "terrain" for field in more):
+                continue
+            changed = _fleet({"robots.model": model, **changes, **more})
+            runs.append(_run(checked, changed, f"{situation} ({model})", 0))
+    ran: list[int] = []
+    for seed in seeds:
+        model = models[seed % len(models)]
+        with tempfile.TemporaryDirectory(prefix="fogwatch-check-") as folder:
+            drawn = _drawn(seed, Path(folder), {"robots.model": model, **more})
+            try:
+                runs.append(_run(checked, drawn, f"random scenario, seeds=[{seed}] ({model})", 0, judged=True))
+            except _NotDrawn:
+                continue
+        ran.append(seed)
     times = [spent for run in runs for spent in run.times_ms]
-    return PolicyReport(len(times), statistics.median(times), max(times))
+    return PolicyReport(len(times), statistics.median(times), max(times), tuple(ran))
 
 
 @dataclass(slots=True)
@@ -123,17 +150,44 @@ class _Run:
     trace: str = ""
 
 
-def _run(
-    policy: type[Any], options: Mapping[str, Any] | None, changes: Mapping[str, Any], situation: str, chance: int
-) -> _Run:
-    """Run a fleet with a policy; raise RuleBroken where it fails."""
+class _NotDrawn(Exception):
+    """The settings rule a random scenario out, or its ground leaves no room."""
+
+
+Make = Callable[[str], "Scenario | Prepared"]
+"""Makes a scenario with the policy of a name."""
+
+
+def _fleet(changes: Mapping[str, Any]) -> Make:
+    def make(name: str) -> Scenario:
+        from patrol.scenario import load_scenario
+
+        mapping = {**FLEET, "duration": TICKS * FLEET["step"], "patrol": {"policy": name}}
+        return load_scenario(mapping, changes)
+
+    return make
+
+
+def _drawn(seed: int, folder: Path, settings: Mapping[str, Any]) -> Make:
+    def make(name: str) -> Prepared:
+        from fogwatch.testing.swarm import random_fleet
+
+        try:
+            return random_fleet(seed, folder, {"patrol.policy": name, **settings})
+        except BadInput as refused:  # not wrong by themselves: the fleet has run with them
+            raise _NotDrawn from refused
+
+    return make
+
+
+def _run(policy: type[Any], make: Make, situation: str, chance: int, *, judged: bool = False) -> _Run:
+    """Run a scenario with a policy; raise RuleBroken where it fails."""
     from experiments.inprocess import run_in_process
-    from patrol.scenario import load_scenario
+    from patrol.prepare import Prepared
 
     run = _Run(situation)
-    mapping = {**FLEET, "duration": TICKS * FLEET["step"], "patrol": {"policy": put_up(_watched(policy, run))}}
-    overrides = {f"patrol.options.{option}": value for option, value in (options or {}).items()}
-    scenario = load_scenario(mapping, {**overrides, **changes})
+    made = make(put_up(_watched(policy, run)))
+    scenario = made.scenario if isinstance(made, Prepared) else made
     failures: list[tuple[str, BaseException | None]] = []
 
     def fail(number: int, reason: str, error: BaseException | None) -> None:
@@ -143,13 +197,17 @@ def _run(
         disturb_chance(1000 * world.tick + chance)
 
     try:
-        run.trace = run_in_process(scenario, failure=fail, look=disturb).summary.trace_hash or ""
+        outcome = run_in_process(made, failure=fail, look=disturb)
+        run.trace = outcome.summary.trace_hash or ""
     except BadInput:
         if not failures:
             raise
     if failures:
         reason, error = failures[0]
         raise RuleBroken(f"{policy.__name__}, {situation}: it must always answer with an intent; {reason}") from error
+    if judged and not outcome.verdict.valid:
+        problems = "; ".join(f"{check.name}: {check.detail}" for check in outcome.verdict.failed)
+        raise RuleBroken(f"{policy.__name__}, {situation}: the verdict is {outcome.verdict.outcome} by {problems}")
     return run
 
 

@@ -71,7 +71,6 @@ SHORTER = {
     "fogwatch paper table": f"{SHORT_TABLE} --rows f3 --columns g4",
     "fogwatch intruder .* --learned": "--horizon 60 --trials 2",
     "fogwatch sweep": "--seeds 1 --cluster HERE",
-    "fogwatch chaos": "--runs 1",
 }
 """How a command begins (the first that fits), and what is added to make it short: the last of two options counts.
 

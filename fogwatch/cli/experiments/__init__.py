@@ -1,1 +1,1 @@
-"""Commands that run many runs: experiments, sweeps, the paper, chaos."""
+"""Commands that run many runs: experiments, sweeps, the paper."""

@@ -17,7 +17,6 @@ from typing import Self
 
 from rich.console import Console
 
-from fogwatch.chaos_session import BROKEN
 from fogwatch.launch.terminal.live_table import duration_text
 from patrol.errors import BadInput
 from patrol.values.types import MAX_SEED
@@ -83,7 +82,7 @@ class HostileSession:
                 self._done += 1
         finally:
             self._sum_up()
-        return BROKEN if self._broken else 0
+        return int(bool(self._broken))
 
     def _spell(self, spell: Spell) -> None:
         begun = time.monotonic()

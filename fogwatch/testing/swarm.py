@@ -1,0 +1,375 @@
+"""Random scenarios for a hunt: short fleets, in each of which half of all features and kinds of faults may occur.
+
+Theory of operation
+    Leaving out half of everything finds more than drawing everything each time, because features hide each other's
+    faults: a fleet whose radio is jammed all the time never tells what it does with late frames (Groce et al., "Swarm
+    Testing", ISSTA 2012). The seeds 2n and 2n + 1 take complementary halves, and policies come in turn, so that few
+    seeds meet everything once. A scenario is made in two steps: first what the ground depends on, then what needs to
+    know the ground, such as doors, docks and zones. Sections that the caller sets are left as the caller sets them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from agent.policies.found import POLICIES
+from fogwatch.grounds.random_building import random_building
+from patrol.errors import NotPrepared
+from patrol.ground.doors.rooms import Rooms
+from patrol.ground.maps.load import load_terrain
+from patrol.pose import MODELS
+from patrol.prepare import Prepared, prepare
+from patrol.random import Draws, Purpose
+from patrol.scenario import Scenario, load_scenario
+from patrol.scenario.faults.kinds import PROCESS_KINDS
+from patrol.scenario.faults.nemesis_draws import DRAWN
+from patrol.scenario.policies import COMMITTED, LEARNED, PAPER
+from patrol.starts import starting_part
+
+FEATURES = (
+    "adaptive",
+    "batteries",
+    "budget",
+    "building",
+    "closures",
+    "graph",
+    "intruders",
+    "key",
+    "mixed bodies",
+    "narrow view",
+    "path loss",
+    "quality",
+    "spares",
+    "trail",
+    "view through walls",
+    "zones",
+)
+"""Features of which a seed takes half."""
+
+FAULT_KINDS = (*DRAWN, "close", "open")
+"""Kinds of faults of which a seed takes half; a nemesis does not draw the last two, because they need a closure."""
+
+EXCLUDED = {"age": {"quality", "narrow view", "mixed bodies"}, "one_way": {"closures"}}
+"""Features that a zone with such a rule leaves out: a wanted age is compared with a tour, which these have not."""
+
+DEFAULT_SHARE = 0.25
+"""Share of the scenarios with the default policy; the others take all in turn."""
+
+QUIET = 0.25
+"""Share of a run without faults at its end."""
+
+MOST_TRIES = 40
+"""Draws of a scenario until the ground has room for it."""
+
+KEY = b"a hunt has no secrets"
+"""The key of fleets that have one."""
+
+
+def random_fleet(seed: int, folder: Path, settings: Mapping[str, Any] | None = None) -> Prepared:
+    """Draw a short scenario with faults, on ground that has room for it.
+
+        random_fleet(7, folder, {"patrol.policy": "./mine.py:Mine", "terrain": {"map": "office.yaml"}})
+
+    Args:
+        seed: Decides everything.
+        folder: An existing folder, for what the scenario names: the map of a random building, a key, a network.
+        settings: Fields of the scenario that are not drawn, by dotted name. A section of which one is given is not
+            drawn at all, but for `robots`.
+
+    Raises:
+        BadInput: The settings are wrong, or leave no room.
+    """
+    problem = NotPrepared("")
+    for attempt in range(MOST_TRIES):
+        try:
+            return prepare(_Drawing(seed, attempt, folder, settings or {}).scenario())
+        except NotPrepared as refused:
+            problem = refused
+    raise problem
+
+
+class _Drawing:
+    """One scenario in the making."""
+
+    def __init__(self, seed: int, attempt: int, folder: Path, settings: Mapping[str, Any]) -> None:
+        self._seed = seed
+        self._dice = Draws(seed, Purpose.CHAOS, attempt)
+        self._folder = folder
+        self._settings = settings
+        self._given = {field.partition(".")[0] for field in settings} - {"robots"}
+        features = set(_half(FEATURES, seed, 1))
+        self._rule = Draws(seed, Purpose.CHAOS, -1).choice("age", "one_way", "", "", "") if "zones" in features else ""
+        self._features = features - EXCLUDED.get(self._rule, set())
+        self._kinds = _half(FAULT_KINDS, seed, 2)
+
+    def scenario(self) -> Scenario:
+        """Return the scenario, with its faults written out."""
+        dice = self._dice
+        step, ticks = dice.choice(0.5, 0.5, 0.25, 1.0), dice.whole(60, 140)
+        ground = {
+            "name": f"chaos-{self._seed}",
+            "seed": self._seed,
+            "step": step,
+            "duration": ticks * step,
+            **self._ground(),
+        }
+        ground |= {"sensor": self._sensor(), "patrol": self._patrol()}
+        mapping = self._not_given(ground)
+        base = load_scenario({"terrain": {"builtin": "open"}, **mapping}, self._settings)
+        self._terrain = terrain = load_terrain(base.terrain, base.point, base.base)
+        part = starting_part(terrain, max(spec.radius for spec in base.roster))
+        self._places = [terrain.centre(row, col) for row, col in np.argwhere(part).tolist()]
+        self._doors = [(door.x, door.y, door.width) for door in Rooms(terrain, base.roster[0].radius, part).doors()]
+        closures = self._closures(base)
+        mapping |= self._not_given(
+            {
+                "radio": self._radio(base),
+                "docks": self._docks(base),
+                "zones": self._zones(base),
+                "closures": closures,
+                "intruders": self._intruders(base),
+                "faults": [*self._acts(base), *self._closing(base, closures)],
+                "nemesis": self._nemesis(base),
+            }
+        )
+        if self._takes("graph") and "terrain" not in self._given:
+            mapping["terrain"] = {**mapping["terrain"], **self._graph()}
+        return load_scenario(mapping, self._settings)
+
+    def _takes(self, feature: str) -> bool:
+        return feature in self._features
+
+    def _not_given(self, sections: Mapping[str, Any]) -> dict[str, Any]:
+        return {name: section for name, section in sections.items() if name not in self._given}
+
+    # --- first what the ground depends on ----------------------------------------------------------------------------
+
+    def _ground(self) -> dict[str, Any]:
+        """Draw terrain, point and robots, which have to fit together."""
+        dice = self._dice
+        models = MODELS if self._takes("mixed bodies") else (dice.choice(*MODELS),)
+        indoors = self._takes("building") or "terrain" in self._given
+        radii = (dice.between(0.2, 0.4),) if indoors else (0.3, 1.0)
+        bodies = [
+            {
+                "model": dice.choice(*models),
+                "speed": dice.between(0.5, 1.5) if indoors else dice.between(1.0, 5.0),
+                "radius": dice.choice(*radii),
+                "turning_radius": dice.between(0.6, 1.2) if indoors else dice.between(1.0, 4.0),
+                **({"battery": self._battery()} if self._takes("batteries") else {}),
+            }
+            for _ in range(3 if self._takes("mixed bodies") else 1)
+        ]
+        robots = [dict(dice.choice(*bodies)) for _ in range(dice.whole(2, 6))]
+        if self._takes("spares"):
+            robots[-1]["spare"] = True
+        if not indoors:
+            builtin, point = dice.choice("open", "yards", "clutter", "site"), dice.choice(1.0, 2.0)
+            return {"terrain": {"builtin": builtin}, "point": point, "robots": robots}
+        point = dice.choice(0.25, 0.4)
+        if "terrain" in self._given:
+            return {"point": point, "robots": robots}
+        building = random_building(dice.whole(0, 10**6), radii[0], point)
+        name = f"building-{dice.whole(0, 10**9)}"
+        return {"terrain": {"map": str(building.write(self._folder, name))}, "point": point, "robots": robots}
+
+    def _battery(self) -> dict[str, Any]:
+        dice = self._dice
+        capacity = dice.between(0.3, 3.0)
+        return {"capacity": capacity, "idle": 10.0, "drive": 30.0, "charge": 200.0, "start": dice.between(0.5, 1.0)}
+
+    def _sensor(self) -> dict[str, Any]:
+        dice = self._dice
+        return {
+            "range": dice.between(4.0, 8.0) if self._takes("building") else dice.between(10.0, 25.0),
+            "angle": dice.choice(180, 90) if self._takes("narrow view") else 360,
+            "line_of_sight": not self._takes("view through walls"),
+            "quality": dice.choice(0.5, [[2, 1.0], [10, 0.3]]) if self._takes("quality") else 1.0,
+        }
+
+    def _patrol(self) -> dict[str, Any]:
+        dice = self._dice
+        policies = [name for name in POLICIES.built_in if name != COMMITTED]
+        turn, place = divmod(self._seed, len(policies))
+        policy = Draws(turn, Purpose.CHAOS, 3).shuffled(policies)[place]
+        if dice.share() < DEFAULT_SHARE:
+            policy = COMMITTED
+        return {
+            "policy": policy,
+            "options": self._options(policy),
+            "avoidance": dice.choice("none", "goal-refinement", "goal-refinement"),
+            "give_way": dice.choice(True, True, False),
+            "manoeuvres": dice.choice(True, True, False),
+        }
+
+    def _options(self, policy: str) -> dict[str, Any]:
+        dice = self._dice
+        if policy == LEARNED:
+            weights = self._folder / "network.npz"
+            np.savez(weights, w0=np.eye(4, 9) - 0.1, b0=np.zeros(9), activation=np.array("tanh"))
+            return {"weights": str(weights), "inputs": ["pose"]}
+        if policy not in (COMMITTED, PAPER):
+            return {}
+        mechanisms = ["claims", "artificial-obstacles", "semaphores"]
+        options: dict[str, Any] = {"random_move": dice.between(0.0, 0.3)}
+        if policy == COMMITTED:
+            options["unpredictability"] = dice.choice(0.0, 0.3)
+        else:
+            mechanisms.append("repulsion")
+            direction = dice.choice("mode", "mode", "vector")
+            paths = dice.choice("wave", "straight", "regions")
+            options |= {
+                "letter": dice.choice(False, False, ["one-direction", "far-goal"]),
+                "fow": dice.choice("f1", "f2", "f3", "f4", "f5"),
+                "distance": dice.choice("g1", "g2", "g3", "g4", "g5"),
+                "paths": "wave" if self._takes("closures") else paths,
+                "direction": direction,
+                "sectors": dice.choice(8, 5, 16),
+                "dilatation": dice.choice(0, 3, 5),
+                "fuzzy": direction == "mode" and dice.choice(False, False, True),
+            }
+        separation = dice.choice("none", dice.choice(*mechanisms), dice.some(mechanisms, len(mechanisms)))
+        return {**options, "separation": separation}
+
+    # --- then what needs to know the ground --------------------------------------------------------------------------
+
+    def _place(self) -> tuple[float, float]:
+        """Draw a place where the widest body gets to."""
+        return self._dice.choice(*self._places)
+
+    def _box(self, half: float, *, at_doors: bool = True) -> list[list[float]]:
+        """Draw a box around such a place at any angle, or around a door."""
+        dice = self._dice
+        (x, y), angle = self._place(), dice.between(0.0, math.pi)
+        if self._doors and at_doors and dice.share() < 0.5:
+            x, y, width = dice.choice(*self._doors)
+            half, angle = 0.5 * width + self._terrain.point, 0.0
+        across, up = half * math.cos(angle), half * math.sin(angle)
+        return [[x + across, y + up], [x - up, y + across], [x - across, y - up], [x + up, y - across]]
+
+    def _span(self, base: Scenario) -> list[list[float]]:
+        """Draw a stretch of time within the run."""
+        begin, length = self._dice.whole(0, base.ticks - 10), self._dice.whole(4, 60)
+        return [[begin * base.step, (begin + length) * base.step]]
+
+    def _radio(self, base: Scenario) -> dict[str, Any]:
+        dice, step = self._dice, base.step
+        forget_s = dice.between(10.0 * step, 40.0 * step)
+        radio: dict[str, Any] = {"forget_after": forget_s}
+        if self._takes("key"):
+            file = self._folder / "fleet.key"
+            file.write_bytes(KEY)
+            radio["key"] = str(file)
+        if self._takes("adaptive"):
+            radio["adaptive"] = {"error": dice.between(0.0, 4.0), "silence": dice.between(step, forget_s)}
+        if self._takes("budget"):
+            needed = 700.0 * len(base.roster) / forget_s
+            radio["budget"] = {"bits_per_s": dice.between(2.0, 8.0) * needed, "overhead": dice.choice(0, 8)}
+        narrow = base.sensor.angle < 360.0
+        if self._takes("trail") and not (narrow and (self._takes("adaptive") or self._takes("budget"))):
+            radio |= {"trail": dice.whole(1, 4), "trail_every": 1 if narrow else dice.whole(1, 3)}
+        if self._takes("path loss"):
+            radio |= {"model": "path-loss", "options": {"exponent": dice.choice(2.5, 4.0), "redraw": 20.0 * step}}
+        return radio
+
+    def _docks(self, base: Scenario) -> list[dict[str, Any]]:
+        if all(spec.battery is None for spec in base.roster):
+            return []
+        return [{"place": self._place(), "radius": 1.0} for _ in range(self._dice.whole(1, 2))]
+
+    def _closures(self, base: Scenario) -> list[dict[str, Any]]:
+        if not self._takes("closures") or base.patrol.paths != "wave":
+            return []
+        dice = self._dice
+        drawn = []
+        for number in range(dice.whole(1, 3)):
+            rates = {"closes": dice.between(0.02, 0.2), "opens": dice.between(0.05, 0.3)}
+            when = dice.choice({}, {"closed": self._span(base)}, rates)
+            drawn.append({"name": f"door-{number}", "polygon": self._box(1.5 * base.roster[0].radius), **when})
+        return drawn
+
+    def _closing(self, base: Scenario, closures: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
+        """Draw faults that close and open closures."""
+        faults = []
+        for closure in closures:
+            for kind in ("close", "open"):
+                if kind in self._kinds:
+                    ((begin, end),) = self._span(base)
+                    faults.append({"kind": kind, "closure": closure["name"], "at": begin, "for": end - begin})
+        return faults
+
+    def _zones(self, base: Scenario) -> list[dict[str, Any]]:
+        if not self._takes("zones"):
+            return []
+        dice, step = self._dice, base.step
+        largest = max(2.0 * spec.radius + spec.speed * step for spec in base.roster)
+        rules: list[dict[str, Any]] = [
+            {"keep_out": True},
+            {"weight": dice.between(0.1, 10.0)},
+            {"weight": 2.0, "weights": [[20.0 * step, 0.5], [40.0 * step, 5.0]]},
+            {"speed": dice.between(0.2, 0.9) * max(spec.speed for spec in base.roster)},
+        ]
+        chosen = dice.shuffled(rules)[: dice.whole(1, 3)]
+        if self._rule == "age":
+            chosen[0] = {"age": dice.between(5.0, 60.0)}
+        if self._rule == "one_way" and base.patrol.policy != PAPER:
+            chosen[0] = {"one_way": 45 * dice.whole(0, 7)}
+        drawn = []
+        for number, rule in enumerate(chosen):
+            half = dice.between(0.5, 1.0) * largest if "keep_out" in rule else dice.between(1.0, 4.0) * largest
+            timed = {} if rule.keys() & {"keep_out", "one_way", "weights"} else {"times": self._span(base)}
+            zone = {
+                "name": f"zone-{number}",
+                "polygon": self._box(half, at_doors="one_way" not in rule),
+                **rule,
+                **dice.choice({}, timed),
+            }
+            drawn.append(zone)
+        return drawn
+
+    def _intruders(self, base: Scenario) -> list[dict[str, Any]]:
+        if not self._takes("intruders"):
+            return []
+        spans = [self._span(base)[0] for _ in range(self._dice.whole(1, 2))]
+        return [{"place": self._place(), "at": begin, "for": end - begin} for begin, end in spans]
+
+    def _graph(self) -> dict[str, Any]:
+        """Draw a graph: some places, each joined with the nearest before it."""
+        dice = self._dice
+        places = [self._place() for _ in range(dice.whole(4, 12))]
+        edges = []
+        for last in range(1, len(places)):
+            length, first = min((math.dist(places[last], place), number) for number, place in enumerate(places[:last]))
+            if length > 0.0:
+                edges.append([first, last, length])
+        graph = {"vertices": places, "edges": edges, "visit": 2.0 * self._terrain.point}
+        return {"graph": graph, "patrolled": dice.choice("ground", "vertices")}
+
+    def _acts(self, base: Scenario) -> list[dict[str, Any]]:
+        """Draw when spare robots join, and acts on robots that, unlike a nemesis's, may come one on top of another."""
+        dice, spares = self._dice, [spec.name for spec in base.roster if spec.spare]
+        acts: list[dict[str, Any]] = [{"kind": "join", "who": name} for name in spares]
+        if dice.share() < 0.3:
+            kinds = [kind for kind in self._kinds if kind in PROCESS_KINDS]
+            acts += [{"kind": dice.choice(*kinds), "who": dice.choice("one", "half")} for _ in kinds]
+        return [{**act, "at": dice.between(0.0, 0.7 * base.duration)} for act in acts]
+
+    def _nemesis(self, base: Scenario) -> dict[str, Any] | None:
+        kinds = [kind for kind in self._kinds if kind in DRAWN]
+        faults = self._dice.whole(2, 14)
+        return {
+            "kinds": kinds,
+            "quiet": QUIET * base.duration,
+            "interval": max((1.0 - QUIET) * base.duration / faults, base.step),
+        }
+
+
+def _half(names: Iterable[str], seed: int, salt: int) -> list[str]:
+    """Return half of some names; the two seeds of a pair share them out."""
+    shuffled = Draws(seed // 2, Purpose.CHAOS, salt).shuffled(list(names))
+    return shuffled[seed % 2 :: 2]

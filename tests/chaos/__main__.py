@@ -1,0 +1,99 @@
+"""A hunt for faults of fogwatch: `make chaos RUNS=30 SEED=1`.
+
+Each seed is a random scenario (`fogwatch.testing.swarm`), run in several ways (`tests.chaos.examine`). What broke is
+written as a scenario file, what was met to ``seeds.jsonl``, a line for each seed; a folder that has such a file is
+gone on with. The hunt fails when a seed breaks, and when many seeds have never met something (`tests.chaos.table`).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+
+from fogwatch.testing.swarm import random_fleet
+from patrol.scenario import Scenario, dump_scenario
+from tests.chaos.examine import Breakage, Examiner, TooSlow, without_needless_faults
+from tests.chaos.table import SEEDS, missing, read_lines
+
+ROOT = Path(__file__).resolve().parents[2]
+PROCESSES_EVERY = 50
+"""A seed of so many is run as real processes too."""
+
+
+def main() -> int:
+    """Run the hunt."""
+    parser = argparse.ArgumentParser(prog="python -m tests.chaos", description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--runs", type=int, default=30, help="number of seeds (default: 30)")
+    parser.add_argument("--seed", type=int, default=1, help="the first seed (default: 1)")
+    parser.add_argument("--out", type=Path, default=ROOT / "build" / "chaos", help="folder (default: build/chaos)")
+    parser.add_argument("--processes", type=int, default=PROCESSES_EVERY, metavar="K", help="every K-th as processes")
+    asked = parser.parse_args()
+    asked.out.mkdir(parents=True, exist_ok=True)
+    file = asked.out / SEEDS
+    done = {line["seed"] for line in read_lines(file)} if asked.runs > 1 else set()
+    broken = 0
+    for seed in range(asked.seed, asked.seed + asked.runs):
+        if seed in done:
+            continue
+        line = hunt(seed, asked.out, processes=asked.processes > 0 and seed % asked.processes == 0)
+        broken += line["broke"] is not None
+        with file.open("a", encoding="utf-8") as lines:
+            lines.write(json.dumps(line) + "\n")
+    seeds = read_lines(file)
+    never = missing(seeds)
+    for name in never:
+        print(f"never met in {len(seeds)} seeds: {name}")
+    print(f"{asked.runs} seeds: {broken} broke, {len(never)} names never met; python -m tests.chaos.table {asked.out}")
+    return 1 if broken or never else 0
+
+
+def hunt(seed: int, out: Path, *, processes: bool) -> dict[str, object]:
+    """Run one seed and return its line."""
+    begun_s = time.process_time()
+    again = f"make chaos RUNS=1 SEED={seed}{' PROCESSES=1' if processes else ''}"
+    folder = out / f"seed-{seed}"
+    folder.mkdir(parents=True, exist_ok=True)
+    prepared = random_fleet(seed, folder)
+    examiner = Examiner(prepared, processes=processes, keep=folder / "run")
+    try:
+        breakage = examiner.examine()
+    except TooSlow as slow:
+        breakage = Breakage("too slow", str(slow))
+    spent_s = time.process_time() - begun_s
+    if breakage is None:
+        for path in folder.iterdir():
+            path.unlink()
+        folder.rmdir()
+    else:
+        scenario = prepared.scenario
+        _write(folder / "scenario.yaml", scenario, breakage, again)
+        last = breakage.detail.strip().rpartition("\n")[2]
+        print(f"seed {seed} breaks: {breakage.kind}\n  {last}\n  {again}", flush=True)
+
+        def breaks(fewer: Scenario) -> bool:
+            repeated = examiner.examine(fewer)
+            return repeated is not None and repeated.kind == breakage.kind
+
+        if breakage.kind != "too slow":
+            _write(folder / "fewer.yaml", without_needless_faults(scenario, breaks), breakage, again)
+    print(f"seed {seed}: {spent_s:.1f} s", file=sys.stderr, flush=True)
+    return {
+        "seed": seed,
+        "cpu_s": round(spent_s, 2),
+        "processes": processes,
+        "broke": breakage and breakage.kind,
+        "met": sorted(examiner.met),
+    }
+
+
+def _write(file: Path, scenario: Scenario, breakage: Breakage, again: str) -> None:
+    text = f"{again} breaks: {breakage.kind}\n{breakage.detail}"
+    comment = "\n".join(f"# {line}".rstrip() for line in text.splitlines())
+    file.write_text(f"{comment}\n\n{dump_scenario(scenario)}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
