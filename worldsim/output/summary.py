@@ -126,10 +126,8 @@ def _tour(prepared: Prepared | None) -> dict[str, float | None]:
 
 
 def _left_out(prepared: Prepared | None) -> dict[str, Any]:
-    """Return the free ground that no robot sees; nothing where the ground is not known."""
-    if prepared is None:
-        return {}
-    left_out = prepared.left_out
+    """Return the free ground that no robot sees; None too where the ground is not known."""
+    left_out = None if prepared is None else prepared.left_out
     return {"left_out": None if left_out is None else asdict(left_out)}
 
 

@@ -55,7 +55,10 @@ def test_the_summary_has_what_it_promises(lab: Lab) -> None:
 
 WITH_ZONES = {"mfow_weighted_mean_s", "mfow_weighted_late_mean_s", "mfow_weighted_max_s", "best_weighted_s", "zones"}
 WITH_CLOSURES = {"mfow_open_mean_s", "mfow_open_late_mean_s", "mfow_open_max_s", "closed_out_share", "closures"}
-IN_SOME_RUNS = {"nodes", "intruders", "refused", "deadlines", "direct", "exit_codes"} | WITH_ZONES | WITH_CLOSURES
+ON_SOME_GROUND = {"patrolled_vertices", "nodes"}
+IN_SOME_RUNS = (
+    {"intruders", "refused", "deadlines", "direct", "exit_codes"} | ON_SOME_GROUND | WITH_ZONES | WITH_CLOSURES
+)
 
 
 def test_every_metric_is_declared_and_computed_in_the_order_of_its_declaration(lab: Lab) -> None:
