@@ -204,7 +204,8 @@ class PotentialFieldOptions(PatrolOptions):
             problem = f"{self.ties} has no effect unless patrol.options.letter has first-step"
             raise wrong("ties", f"{problem}; set that as well, or drop this")
         if self.origin == "robot" and self.paths != "straight":
-            raise wrong("origin", "robot has no effect unless paths is straight; set that as well, or drop this")
+            problem = "robot has no effect unless patrol.options.paths is straight"
+            raise wrong("origin", f"{problem}; set that as well, or drop this")
         return self
 
     @property

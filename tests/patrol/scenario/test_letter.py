@@ -77,7 +77,7 @@ def test_hashes_are_as_before_there_was_a_letter() -> None:
     [
         ({"ties": "drawn"}, "patrol.options.ties: drawn has no effect unless patrol.options.letter has first-step"),
         ({"letter": "no-stop", "ties": "straight"}, "patrol.options.ties: straight has no effect"),
-        ({"origin": "robot"}, "patrol.options.origin: robot has no effect unless paths is straight"),
+        ({"origin": "robot"}, "patrol.options.origin: robot has no effect unless patrol.options.paths is straight"),
         ({"ties": "first"}, "patrol.options.ties"),
     ],
 )

@@ -20,12 +20,14 @@ from agent.ports import Bearing, Decision, Intent, Place, Policy, State, Stay
 from agent.routes.ground import Ground
 from agent.routes.path_window import CENTRE, Aside
 from agent.view import View
+from experiments.inprocess import run_in_process
+from fogwatch.presets import preset_settings
 from patrol.ground.fields import StaticFields
 from patrol.ground.fog import Fog
 from patrol.ground.swept_path import advance
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import Pose
-from patrol.scenario import BodyLengths, PotentialFieldOptions, RobotSpec, load_scenario
+from patrol.scenario import BodyLengths, PotentialFieldOptions, RobotSpec, load_scenario, open_scenario
 from patrol.scenario.letter import PaperRule
 from tests.agent.minds import at, prepared_on
 
@@ -256,6 +258,27 @@ def test_getting_unstuck_as_printed_leaves_nothing_to_chance() -> None:
     unstuck.begin(100, math.pi)
     speeds = [unstuck.step(100 + k, Pose(30.0, 30.0, 0.0), bumped=k > 0) for k in range(round(2 * HOPELESS_S / 0.5))]
     assert [drive.speed < 0.0 for drive in speeds if drive is not None] == [k % 2 == 0 for k in range(len(speeds))]
+
+
+def test_cars_get_unstuck_as_printed_where_ties_are_drawn() -> None:
+    """Where all paths begin diagonally that can, they drive to and fro before the same wall."""
+
+    def dead_end_share(ties: str) -> float:
+        settings = {
+            **preset_settings("letter"),
+            "point": 1.0,
+            "duration": 300,
+            "seed": 2,
+            "robots.count": 3,
+            "robots.model": "car",
+            "patrol.avoidance": "none",
+            "patrol.options.dilatation": 0,
+            "patrol.options.ties": ties,
+        }
+        robots = run_in_process(open_scenario("clutter", settings), verify_fog=False).summary.robots.values()
+        return sum(robot.dead_end_share or 0.0 for robot in robots) / len(robots)
+
+    assert dead_end_share("drawn") < 0.5 * dead_end_share("diagonal")
 
 
 def test_forces_alone_surround_an_intruder() -> None:
