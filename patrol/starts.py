@@ -66,11 +66,11 @@ def place_starts(
     Raises:
         BadInput: For an explicit start that does not fit, and where no place is left.
     """
-    placed: dict[int, tuple[Pose, float]] = {}
+    placed = _Placed(terrain, max(spec.radius for spec in roster), all_closed)
     for spec in roster:
         if spec.start is not None:
             _check_explicit(terrain, spec, spec.start, placed)
-            placed[spec.number] = (spec.start, spec.radius)
+            placed.add(spec.number, spec.start, spec.radius)
     waiting = [spec for spec in roster if spec.start is None]
     if waiting:
         widest = max(spec.radius for spec in waiting)
@@ -78,14 +78,105 @@ def place_starts(
         part = starting_part(terrain, widest, first)
         if first is None:
             _check_not_shut_in(terrain, widest, part)
+        _check_area(terrain, roster)
         places = np.flatnonzero(part)
         for spec in sorted(waiting, key=lambda spec: (spec.spare, -spec.radius, spec.number)):
-            pose = _place(terrain, spec, seed, places, list(placed.values()), all_closed)
+            pose = _place(terrain, spec, seed, places, placed, all_closed)
             if pose is None:
                 fleet = sum(not robot.spare for robot in roster)
-                raise BadInput(no_room_for_all(terrain, spec.radius, fleet, len(placed)))
-            placed[spec.number] = (pose, spec.radius)
-    return [placed[spec.number][0] for spec in roster]
+                why = f"no place is left for a body of radius {spec.radius:g} m after {len(placed.bodies)}"
+                raise BadInput(no_room_for_all(terrain, spec.radius, fleet, why))
+            placed.add(spec.number, pose, spec.radius)
+    return [placed.bodies[spec.number][0] for spec in roster]
+
+
+class _Placed:
+    """The bodies placed so far, and the places that they leave, found without looking at all of them.
+
+    Bodies lie in squares of a side that no two bodies need to keep apart, so only those of nine squares can be too near
+    to a place. What is left for bodies of a radius is kept as a grid once somebody has asked for it.
+
+    Attributes:
+        bodies: Pose and radius (m) by robot number.
+    """
+
+    def __init__(self, terrain: Terrain, widest: float, all_closed: Terrain | None) -> None:
+        self.bodies: dict[int, tuple[Pose, float]] = {}
+        self._terrain = terrain
+        self._all_closed = all_closed
+        self._side = 2.0 * widest + SPACING * terrain.point
+        self._squares: dict[tuple[int, int], list[int]] = {}
+        self._left: dict[float, BoolGrid] = {}
+
+    def add(self, number: int, pose: Pose, radius: float) -> None:
+        """Place a body."""
+        self.bodies[number] = pose, radius
+        self._squares.setdefault(self._square(pose.x, pose.y), []).append(number)
+        for other_radius, left in self._left.items():
+            self._take(left, other_radius, pose, radius)
+
+    def near(self, x: float, y: float) -> list[int]:
+        """Return the numbers of the bodies that may be too near to a place, as they were placed."""
+        col, row = self._square(x, y)
+        around = ((col + across, row + up) for across in (-1, 0, 1) for up in (-1, 0, 1))
+        return [number for square in around for number in self._squares.get(square, ())]
+
+    def is_apart(self, x: float, y: float, radius: float) -> bool:
+        """Return True if a body would have its distance from all others."""
+        spacing = SPACING * self._terrain.point - TOLERANCE
+        for number in self.near(x, y):
+            other, other_radius = self.bodies[number]
+            if math.hypot(x - other.x, y - other.y) < radius + other_radius + spacing:
+                return False
+        return True
+
+    def is_full(self, radius: float) -> bool:
+        """Return True if `left` is known to return nothing."""
+        return radius in self._left and not self._left[radius].any()
+
+    def left(self, radius: float, places: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the places for a body of some radius, of all those that there are, as flat indices."""
+        if radius not in self._left:
+            left = np.zeros(self._terrain.shape, dtype=np.bool_)
+            left.flat[places] = True if self._all_closed is None else cspace_of(self._all_closed, radius).flat[places]
+            for pose, other_radius in self.bodies.values():
+                self._take(left, radius, pose, other_radius)
+            self._left[radius] = left
+        return np.flatnonzero(self._left[radius])
+
+    def _square(self, x: float, y: float) -> tuple[int, int]:
+        return math.floor(x / self._side), math.floor(y / self._side)
+
+    def _take(self, left: BoolGrid, radius: float, pose: Pose, other_radius: float) -> None:
+        """Take the places from a grid that are too near to a body."""
+        terrain = self._terrain
+        spaced = other_radius + radius + SPACING * terrain.point
+        row0, col0 = terrain.point_at(pose.x - spaced, pose.y - spaced)
+        row1, col1 = terrain.point_at(pose.x + spaced, pose.y + spaced)
+        rows = np.arange(max(row0, 0), min(row1 + 1, terrain.height))
+        cols = np.arange(max(col0, 0), min(col1 + 1, terrain.width))
+        xs = terrain.origin[0] + (cols + 0.5) * terrain.point
+        ys = terrain.origin[1] + (rows + 0.5) * terrain.point
+        far = np.hypot(xs[None, :] - pose.x, ys[:, None] - pose.y) >= spaced - TOLERANCE
+        left[max(row0, 0) : row1 + 1, max(col0, 0) : col1 + 1] &= far
+
+
+def _check_area(terrain: Terrain, roster: Sequence[RobotSpec]) -> None:
+    """Refuse a fleet whose bodies, with half the distance that they keep around each, have more area than the ground.
+
+    Raises:
+        BadInput: They cannot all find a place, wherever that is.
+    """
+    around = 0.5 * SPACING * terrain.point
+    fleet = [spec for spec in roster if not spec.spare]
+    taken_m2 = sum(math.pi * (spec.radius + around) ** 2 for spec in fleet if spec.start is None)
+    free = np.pad(terrain.free, 1)
+    for axis in (0, 1):  # by a point, as the distance may reach beyond the ground
+        free = free | np.roll(free, 1, axis) | np.roll(free, -1, axis)
+    if taken_m2 > np.count_nonzero(free) * terrain.point_area:
+        area_m2 = np.count_nonzero(terrain.free) * terrain.point_area
+        why = f"with the distance that they keep they take {taken_m2:.0f} m², and {area_m2:.0f} m² are free"
+        raise BadInput(no_room_for_all(terrain, max(spec.radius for spec in fleet), len(fleet), why))
 
 
 def starting_part(terrain: Terrain, radius: float, first: Pose | None = None) -> BoolGrid:
@@ -136,7 +227,7 @@ def preferred_part(terrain: Terrain, labels: NDArray[np.int32], count: int, radi
     return inner if sizes[inner] > 0 and sizes[inner] >= ENCLOSED_SHARE * sizes[outer] else outer
 
 
-def _check_explicit(terrain: Terrain, spec: RobotSpec, start: Pose, placed: dict[int, tuple[Pose, float]]) -> None:
+def _check_explicit(terrain: Terrain, spec: RobotSpec, start: Pose, placed: _Placed) -> None:
     where = f"robots: start ({start.x:g}, {start.y:g}) of {spec.name}"
     if not terrain.contains(start.x, start.y):
         xmin, ymin, xmax, ymax = terrain.bounds
@@ -149,7 +240,8 @@ def _check_explicit(terrain: Terrain, spec: RobotSpec, start: Pose, placed: dict
             f"{where}: a wall, a keep-out or the edge is {clear:.3g} m away, nearer than the "
             f"radius of {spec.radius:g} m; move it"
         )
-    for number, (other_pose, radius) in placed.items():
+    for number in sorted(placed.near(start.x, start.y)):
+        other_pose, radius = placed.bodies[number]
         gap = math.hypot(other_pose.x - start.x, other_pose.y - start.y)
         if gap < radius + spec.radius - TOLERANCE:
             raise BadInput(f"{where}: overlaps robot {number}, {gap:.3g} m away; move one")
@@ -222,32 +314,23 @@ def _place(
     spec: RobotSpec,
     seed: int,
     places: NDArray[np.int64],
-    placed: Sequence[tuple[Pose, float]],
+    placed: _Placed,
     all_closed: Terrain | None,
 ) -> Pose | None:
     """Draw a random start clear of closures and of the bodies placed so far, or None when no place is left."""
     heading = wrap(TAU * draw(seed, Purpose.START, spec.number, 0))
-    for attempt in range(1, DRAWS + 1):
+    for attempt in range(1, 1 if placed.is_full(spec.radius) else DRAWS + 1):
         index = places[int(draw(seed, Purpose.START, spec.number, attempt) * places.size)]
         x, y = terrain.centre(*divmod(int(index), terrain.width))
-        is_apart = all(_apart(x, y, spec.radius, other, radius, terrain.point) for other, radius in placed)
-        if is_apart and _is_clear(all_closed, x, y, spec.radius):
+        if placed.is_apart(x, y, spec.radius) and _is_clear(all_closed, x, y, spec.radius):
             return Pose(x, y, heading)
-    is_free = np.ones(places.size, dtype=np.bool_)
-    if all_closed is not None:
-        is_free &= cspace_of(all_closed, spec.radius).flat[places]
-    xs = terrain.origin[0] + (places % terrain.width + 0.5) * terrain.point
-    ys = terrain.origin[1] + (places // terrain.width + 0.5) * terrain.point
-    for other_pose, radius in placed:
-        spaced = radius + spec.radius + SPACING * terrain.point
-        is_free &= np.hypot(xs - other_pose.x, ys - other_pose.y) >= spaced - TOLERANCE
-    open_places = np.flatnonzero(is_free)
-    if open_places.size == 0:
+    left = placed.left(spec.radius, places)
+    if left.size == 0:
         if not spec.spare:
             return None
-        open_places = np.arange(places.size)
-    chosen = open_places[int(draw(seed, Purpose.START, spec.number, DRAWS + 1) * open_places.size)]
-    return Pose(float(xs[chosen]), float(ys[chosen]), heading)
+        left = places
+    row, col = divmod(int(left[int(draw(seed, Purpose.START, spec.number, DRAWS + 1) * left.size)]), terrain.width)
+    return Pose(*terrain.centre(row, col), heading)
 
 
 def _is_clear(all_closed: Terrain | None, x: float, y: float, radius: float) -> bool:
@@ -257,8 +340,3 @@ def _is_clear(all_closed: Terrain | None, x: float, y: float, radius: float) -> 
     from patrol.ground.swept_path import line_is_free  # here: it loads kernels, and few scenarios have closures
 
     return line_is_free(all_closed, (x, y), (x, y), radius)
-
-
-def _apart(x: float, y: float, radius: float, other: Pose, other_radius: float, point: float) -> bool:
-    gap = math.hypot(x - other.x, y - other.y)
-    return gap >= radius + other_radius + SPACING * point - TOLERANCE

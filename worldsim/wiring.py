@@ -7,8 +7,8 @@ import socket
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
@@ -21,11 +21,21 @@ from patrol.net.link import Link
 from patrol.net.mailbox import Air, Mailbox, Presence, Question
 from patrol.net.messages.feed import FOG, TICKS
 from patrol.net.messages.phases import MAX_REPLY, ToWorld, decode_to_world
-from patrol.net.messages.telemetry import EVENTS, METRICS, TRAPPED, pack_view, read_traffic
+from patrol.net.messages.telemetry import (
+    EVENTS,
+    MAX_TEXT,
+    METRICS,
+    NOT_RECORDED,
+    TRAPPED,
+    Notice,
+    pack_view,
+    read_traffic,
+)
 from patrol.net.security.control_auth import ASK, CHALLENGE, MAX_REQUEST, NONCE, ControlGate
 from patrol.net.security.seats import seat_of
 from patrol.net.security.tick_chain import TickChain
 from patrol.net.session import WorldRun
+from patrol.printable import printable
 from patrol.process.reporting.logs import Log
 from patrol.process.reporting.vitals import MFOW, ROBOTS, ROUTER_SILENT
 from patrol.radio.message import MAX_FRAME
@@ -42,7 +52,7 @@ from worldsim.fleet.sessions import Interrupted, Sessions
 from worldsim.output.feed_publisher import MOST_ASKING, Feed
 from worldsim.output.live_progress import LiveProgress
 from worldsim.radio.listener import MAX_TRAFFIC, ROOM, Listener
-from worldsim.run_record import PutOff, recording
+from worldsim.run_record import PutOff, Unwritten, recording
 
 if TYPE_CHECKING:
     from argparse import Namespace
@@ -270,8 +280,18 @@ class Wiring:
         progress = LiveProgress(world, time.monotonic)
         to_metrics, to_events = (self.outward.publisher(self.keys.truth(topic)) for topic in (METRICS, EVENTS))
 
+        @contextmanager
+        def recorded(k: int) -> Iterator[None]:
+            """Name a failure to viewers too: the log may lie on the same full disk."""
+            try:
+                with recording(self.options.out):
+                    yield
+            except Unwritten as unwritten:
+                to_events(pack_view(Notice(k, NOT_RECORDED, "", printable(str(unwritten))[:MAX_TEXT])))
+                raise
+
         def on_tick(record: TickRecord) -> None:
-            with recording(self.options.out):
+            with recorded(record.k):
                 recorder.tick(record)
                 table.tick(record)
             metrics, notices = progress.tick(record)
@@ -286,7 +306,7 @@ class Wiring:
             between()
 
         def on_event(event: Event) -> None:
-            with recording(self.options.out):
+            with recorded(event.k):
                 recorder.event(event)
             notice = progress.event(event)
             to_events(pack_view(notice))

@@ -280,9 +280,13 @@ class Launch:
                 self.display.metrics(arrived[1])
                 if self.clerk is not None:
                     self.clerk.ticking()
-            while (news := notices.get()) is not None:
-                self.display.notice(news[1])
+            self._show(notices)
             self._check_children()
+        self._show(notices)
+
+    def _show(self, notices: Mailbox[Notice]) -> None:
+        while (news := notices.get()) is not None:
+            self.display.notice(news[1])
 
     def _check_children(self) -> None:
         """Restart a router or a page that has died; report an agent that has, and give up if the run had not begun."""

@@ -57,6 +57,7 @@ class JournalWriter:
 
     def __init__(self, path: Path, header: Header) -> None:
         self._longest = longest_record(len(header.robots))
+        self._bytes = 0
         self._file = io.FileIO(path, "xb")
         with suppress(OSError):  # not every network drive has locks
             fcntl.flock(self._file, fcntl.LOCK_EX)
@@ -104,8 +105,14 @@ class JournalWriter:
 
     def _put(self, data: bytes) -> None:
         unwritten = memoryview(data)
-        while unwritten:
-            unwritten = unwritten[self._file.write(unwritten) :]
+        try:
+            while unwritten:
+                unwritten = unwritten[self._file.write(unwritten) :]
+        except OSError:
+            with suppress(OSError):  # as on a full disk: what is written stays whole
+                self._file.truncate(self._file.seek(self._bytes))
+            raise
+        self._bytes += len(data)
 
 
 class _Rest(NamedTuple):

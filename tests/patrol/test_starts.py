@@ -102,6 +102,15 @@ def test_a_crowd_fills_the_last_gap_and_one_more_is_refused() -> None:
         place_starts(terrain, robots(1.0, 1.0, 1.0), 1)
 
 
+def test_a_fleet_larger_than_the_ground_is_refused_before_any_place_is_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    terrain = Terrain("hall", np.ones((60, 60), dtype=np.bool_), 1.0)
+    assert len(place_starts(terrain, robots(*[1.0] * 150), 1)) == 150
+    monkeypatch.setattr("patrol.starts.draw", lambda *_: pytest.fail("drew"))
+    taken = r"with the distance that they keep they take 5027 m², and 3600 m² are free"
+    with pytest.raises(BadInput, match=rf"^robots: 400 robots do not fit on hall: {taken}; use .*fewer"):
+        place_starts(terrain, robots(*[1.0] * 400), 1)
+
+
 def test_spare_robots_move_nobody_and_may_have_to_wait_for_their_place() -> None:
     terrain = Terrain("field", building(), 0.1, (-5.0, 3.0))
     fleet = robots(0.2, 0.3)

@@ -76,26 +76,23 @@ def fits_no_door(
     )
 
 
-def no_room_for_all(terrain: Terrain, radius: float, robots: int, placed: int) -> str:
+def no_room_for_all(terrain: Terrain, radius: float, robots: int, why: str) -> str:
     """Return the error for a fleet that finds no room at the start.
 
     Args:
         terrain: The ground.
         radius: Of the robot for which there is no place left, m.
         robots: Number of robots in the fleet.
-        placed: Number of robots that have a place.
+        why: What shows that they do not fit.
 
     Returns:
         One line that names the cause and the remedy.
     """
     fleet = f"{robots} {'robot' if robots == 1 else 'robots'}"
-    if why := _map_to_blame(terrain, f"{fleet} with a radius of {radius:g} m"):
-        return why
+    if to_blame := _map_to_blame(terrain, f"{fleet} with a radius of {radius:g} m"):
+        return to_blame
     remedies = [*_finer_points(0.0, radius, terrain.point), "fewer or smaller robots"]
-    return (
-        f"robots: {fleet} do not fit on {terrain.name}: no place is left for a body of radius {radius:g} m after "
-        f"{placed}; use {', or '.join(remedies)}"
-    )
+    return f"robots: {fleet} do not fit on {terrain.name}: {why}; use {', or '.join(remedies)}"
 
 
 def _named(radius: float, default: bool) -> str:

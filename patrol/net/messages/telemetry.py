@@ -27,7 +27,8 @@ METRICS = "metrics"
 EVENTS = "events"
 TRAPPED = "trapped"
 FREE = "no longer trapped"
-"""Kinds of the notices about a robot that makes no progress; they are no events of the journal."""
+NOT_RECORDED = "not recorded"
+"""Kinds of the notices that are no events of the journal: about a robot that makes no progress, and a full disk."""
 SHOW_S = 0.1
 """Wall time between two metrics."""
 MAX_VIEW = 1 << 22

@@ -34,10 +34,13 @@ def small_files() -> Iterator[None]:
 def test_a_run_that_cannot_be_recorded_says_why_and_leaves_no_half_recording(start: Callable[..., Run]) -> None:
     run = start({**OPEN, "duration": 100_000}, "--recording")
     assert run.end() == 3, run.errors
-    assert "the run cannot be recorded any more (File too large), so it ends here; make room" in run.errors
+    said = "the run cannot be recorded any more (File too large), so it ends here; make room"
+    assert any(": not recorded: " in line and said in line for line in run.errors.splitlines()), "also without its log"
     assert "Traceback" not in run.errors
     assert not list(run.folder.glob("*.part"))
-    assert run.summary()["verdict"]["outcome"] == "unknown"
+    verdict = run.summary()["verdict"]
+    assert verdict["outcome"] == "unknown"
+    assert verdict["checks"][0]["detail"].endswith("without an end record"), "no half record is left"
 
 
 def test_a_folder_that_is_moved_away_gets_its_summary(start: Callable[..., Run]) -> None:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import os
+import resource
 import signal
 import struct
 import subprocess
@@ -44,6 +45,25 @@ HEADER = Header(
     bound_s=16.4,
     started="2026-01-01T12:00:00+00:00",
 )
+
+
+def test_a_record_that_could_not_be_written_leaves_nothing_of_itself(tmp_path: Path) -> None:
+    """As on a full disk."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    with JournalWriter(tmp_path / "journal", HEADER) as writer:
+        writer.write(tick(0))
+        resource.setrlimit(resource.RLIMIT_FSIZE, ((tmp_path / "journal").stat().st_size + 50, limits[1]))
+        try:
+            with pytest.raises(OSError, match="File too large"):
+                writer.write(tick(1))
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+            signal.signal(signal.SIGXFSZ, ignored)
+        journal = read_journal(tmp_path / "journal")
+        assert (list(journal.ticks), journal.truncated) == ([tick(0)], False)
+        writer.write(tick(1))  # there is room again
+    assert list(read_journal(tmp_path / "journal").ticks) == [tick(0), tick(1)]
 
 
 def tick(k: int, robots: int = 2) -> TickRecord:
