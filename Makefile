@@ -18,9 +18,14 @@ help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | while IFS= read -r line; do \
 		printf '  make %-12s %s\n' "$${line%%:*}" "$${line#*## }"; done
 
+# One make at a time changes .venv: `make docs` beside `make develop` would make it twice, and clear it meanwhile.
+SET_UP = @flock $(CURDIR) $(MAKE) --no-print-directory --quiet
+
 .PHONY: install develop
-install: $(VENV)/.installed ## set up .venv with what a run needs, as locked
-develop: $(VENV)/.developed ## add what the other targets need: tools for tests and checks, libraries for experiments
+install: ## set up .venv with what a run needs, as locked
+	$(SET_UP) $(VENV)/.installed
+develop: ## add what the other targets need: tools for tests and checks, libraries for experiments
+	$(SET_UP) $(VENV)/.developed
 
 .PHONY: demo
 demo: install ## run five cars, each a process, on the terrain `site` for ten simulated minutes
@@ -50,7 +55,8 @@ tables: develop ## make the tables of metrics and columns in docs again, from th
 
 # Every page is read anew (-E): Sphinx drops the options of pages that it does not read from the search's index.
 .PHONY: docs
-docs: develop $(VENV)/.documented $(if $(CI),browser) ## build the documentation's site, and check its links, pages and search
+docs: develop $(if $(CI),browser) ## build the documentation's site, and check its links, pages and search
+	$(SET_UP) $(VENV)/.documented
 	$(BIN)/python -m sphinx -q -E -W --keep-going -b html -c docs -d build/doctrees . build/site
 	$(BIN)/python -m pytest -q -m site tests/docs
 	@echo "the site begins at $(CURDIR)/build/site/index.html"
@@ -138,7 +144,8 @@ else
 	$(BIN)/python -m bench.table $$out/*.json
 endif
 
-rivals: develop $(VENV)/.rivals ## install the libraries that benchmarks compare our kernels with (needs a C++ compiler)
+rivals: develop ## install the libraries that benchmarks compare our kernels with (needs a C++ compiler)
+	$(SET_UP) $(VENV)/.rivals
 
 # scikit-fmm is published as source alone.
 $(VENV)/.rivals: requirements-bench.lock | $(VENV)/.developed

@@ -145,14 +145,21 @@ def test_the_wheel_for_x86_64_runs_a_fleet_without_git_and_make_and_compiles_not
     assert not [*(folder / "home").rglob("*.nbc")], "kernels were compiled"
 
 
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+PYTHONS = [kind.rpartition(" ")[2] for kind in PROJECT["classifiers"] if kind.startswith("Programming Language")]
+
+
 @pytest.mark.parametrize("machine", ["aarch64", "x86_64"])
-def test_each_dependency_of_a_robot_has_a_wheel(machine: str, folder: Path) -> None:
-    needed = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["dependencies"]
+@pytest.mark.parametrize("python", PYTHONS)
+def test_each_dependency_of_a_robot_has_a_wheel_for_each_python_that_we_name(
+    machine: str, python: str, folder: Path
+) -> None:
+    needed, target = PROJECT["dependencies"], folder / f"{machine}-{python}"
     platforms = [word for glibc in ("2_28", "2_17") for word in ("--platform", f"manylinux_{glibc}_{machine}")]
     done = run(
-        *(sys.executable, "-m", "pip", "download", "--only-binary=:all:", "--python-version", "3.11", *platforms),
-        *("--platform", f"manylinux2014_{machine}", "-d", folder / machine, *needed),
+        *(sys.executable, "-m", "pip", "download", "--only-binary=:all:", "--python-version", python, *platforms),
+        *("--platform", f"manylinux2014_{machine}", "-d", target, *needed),
         folder=folder,
     )
     assert done.returncode == 0, done.stderr
-    assert any(path.name.startswith("numba-") and machine in path.name for path in (folder / machine).iterdir())
+    assert any(path.name.startswith("numba-") and machine in path.name for path in target.iterdir())

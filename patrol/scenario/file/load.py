@@ -385,6 +385,8 @@ def _read_mapping(path: Path) -> tuple[dict[str, Any], str]:
         raise BadInput(f"{path}: is empty; give at least 'terrain: {{builtin: yards}}'")
     if not isinstance(raw, dict):
         raise BadInput(f"{path}: holds {quoted(raw)}; expected keys and values such as 'terrain: {{builtin: yards}}'")
+    if "base" in raw and "terrain" not in raw:
+        raise BadInput(f"{path}: is a sweep of many runs; make them with: fogwatch sweep {path}, or name its base")
     return raw, text
 
 

@@ -400,3 +400,10 @@ def test_a_setting_stands_beside_its_switch_or_among_lengths(options: dict[str, 
     patrol = {"policy": "potential-field", "options": options}
     scenario = load_scenario({"terrain": {"builtin": "open"}, "patrol": patrol})
     assert load_scenario(as_mapping(scenario)) == scenario
+
+
+def test_a_sweeps_file_is_no_scenario(tmp_path: Path) -> None:
+    file = tmp_path / "many.yaml"
+    file.write_text("base: {terrain: {builtin: open}}\ngrid: {seed: [1, 2]}\n")
+    with pytest.raises(BadInput, match=f"{file}: is a sweep of many runs; make them with: fogwatch sweep {file}"):
+        open_scenario(str(file))
