@@ -323,6 +323,7 @@ OWN_FILES = {
     "agent/psi.py": "fields that its launcher prepared",
     "experiments/paper/printed.py": "data of the package",
     "experiments/sweeps/results.py": "the file that it goes on with, checked like others",
+    "fogwatch/cli/experiments/documented.py": "pages of the clone, and what its own commands have written",
     "fogwatch/cli/experiments/reproduce.py": "data of the package",
     "fogwatch/cli/main.py": "what stands in for a standard stream that is closed",
     "fogwatch/certificates.py": "the certificate of the authority that it has made",

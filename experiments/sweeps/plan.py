@@ -121,6 +121,12 @@ class Plan:
     partners: Mapping[str, str] = default(default_factory=dict)
     unpaired: tuple[str, ...] = ()
 
+    @property
+    def notes(self) -> list[str]:
+        """A line for each case without a partner, for people."""
+        why = "no other case differs from it in what `against` sets and in nothing else"
+        return [f"no partner: {case}: {why}" for case in self.unpaired]
+
     def runs_of(self, case: str) -> list[Run]:
         """Return the runs of a case, one per seed.
 

@@ -101,7 +101,7 @@ class SweepResult:
         heads = ["case", *(column.title for column in columns)]
         cells = [[row.case, *(column.cells[place] for column in columns)] for place, row in enumerate(rows)]
         errors = [f"{result.case} seed {result.seed} failed: {result.error}" for result in self.failed]
-        return table_html(heads, cells) + lines_html(errors)
+        return table_html(heads, cells) + lines_html([*self.outcome.plan.notes, *errors])
 
 
 class _Shown:

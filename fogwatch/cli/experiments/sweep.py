@@ -96,8 +96,7 @@ def sweep(
     if plan.partners:
         console.print(f"changes are judged by a {TEST}, paired by the {PAIRING}", highlight=False, soft_wrap=True)
         compared = ", comparisons.csv"
-    for case in plan.unpaired:
-        line = f"no partner: {case}: no other case differs from it in what `against` sets and in nothing else"
+    for line in plan.notes:
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     here = f"{len(outcome.plan.runs)} runs, {outcome.made} made now in {duration_text(outcome.wall_s)}"
     files = f"{folder}: summary.csv, summary.json, table.tex, runs.csv{compared}, figures"

@@ -45,11 +45,14 @@ def test_a_run_in_one_process_from_a_built_in_terrain(
 
 def test_the_options_override_the_scenario(fogwatch: Callable[..., int], tmp_path: Path) -> None:
     options = ["--robots", "2", "--model", "holonomic", "--radius", "0.5", "--speed", "2", "--seed", "9"]
+    options += ["--turning-radius", "1.5", "--sensor-range", "7"]
     starts = ["--start", "10,20", "--start", "30,40,1.5"]
     out = tmp_path / "out"
     assert fogwatch("run", "open", *options, *starts, "--in-process", "--quiet", "--out", str(out), *COARSE) == 0
     header = (out / "scenario.yaml").read_text(encoding="utf-8")
     for words in ("model: holonomic", "radius: 0.5", "speed: 2.0", "seed: 9", "count: 2", "goal_distance: 6.0"):
+        assert words in header
+    for words in ("turning_radius: 1.5", "range: 7.0"):
         assert words in header
     again = ["--in-process", "--threads", "2", "--quiet", "--out", str(tmp_path / "two")]
     assert fogwatch("run", str(out / "scenario.yaml"), *again) == 0

@@ -16,7 +16,7 @@ from monitor.replay.run import open_run
 from monitor.report import html
 from monitor.report.analysis import analyse, measures, state_of
 from monitor.report.charts import troubles_chart
-from monitor.report.compare import compare_html, differences, names_of, rows_of
+from monitor.report.compare import cautions, compare_html, contradictions, differences, names_of, rows_of
 from monitor.report.compare import drawings as drawings_of_several
 from monitor.report.document import drawings, report_html, write_page, write_report
 from monitor.report.style import draw
@@ -244,6 +244,18 @@ def test_two_copies_of_a_policy_and_of_a_map_are_no_difference(tmp_path: Path) -
     assert field == "patrol.policy"
     assert values[0] == values[1] != values[2]
     assert all(re.fullmatch(r"Lazy \(sha256 [0-9a-f]{12}\)", value) for value in values)
+
+
+def test_options_that_only_one_policy_has_are_no_contradiction_and_another_sensor_is_cautioned_about() -> None:
+    differ = [
+        ("patrol.options.alpha", "40.0", "-"),
+        ("patrol.options.random_move", "0.1", "0.02"),
+        ("patrol.policy", "potential-field", "committed"),
+        ("sensor.range", "12.0", "10.0"),
+    ]
+    assert contradictions(differ) == differ[1:]
+    (caution,) = cautions(differ)
+    assert caution.startswith("sensor.range is 12.0, 10.0: ")
 
 
 def test_a_report_shows_intruders_with_their_numbers(tmp_path: Path) -> None:
