@@ -92,8 +92,7 @@ test-hard: export PYTHONDONTWRITEBYTECODE :=
 test-hard: develop ## hunt for tests that depend on speed, order or neighbours (hours; N=5 rounds, TESTS="tests/agent")
 	$(BIN)/python -m tests.hunt --times $(N) $(if $(SEED),--seed $(SEED)) -- -n auto --maxprocesses 4 --dist worksteal $(TESTS)
 
-# A folder that has been begun is gone on with: make chaos RUNS=500 OUT=build/chaos; PROCESSES=K runs every K-th seed as
-# real processes too.
+# make chaos RUNS=500 OUT=FOLDER goes on where the folder ends; PROCESSES=K runs every K-th seed as real processes too.
 RUNS ?= 30
 .PHONY: chaos
 chaos: develop ## hunt for faults with random scenarios (RUNS=30 SEED=1), about two seconds each

@@ -196,6 +196,7 @@ def _run(policy: type[Any], make: Make, situation: str, chance: int, *, judged: 
     def disturb(world: World, _: object) -> None:
         disturb_chance(1000 * world.tick + chance)
 
+    outcome = None
     try:
         outcome = run_in_process(made, failure=fail, look=disturb)
         run.trace = outcome.summary.trace_hash or ""
@@ -205,7 +206,7 @@ def _run(policy: type[Any], make: Make, situation: str, chance: int, *, judged: 
     if failures:
         reason, error = failures[0]
         raise RuleBroken(f"{policy.__name__}, {situation}: it must always answer with an intent; {reason}") from error
-    if judged and not outcome.verdict.valid:
+    if judged and outcome is not None and not outcome.verdict.valid:
         problems = "; ".join(f"{check.name}: {check.detail}" for check in outcome.verdict.failed)
         raise RuleBroken(f"{policy.__name__}, {situation}: the verdict is {outcome.verdict.outcome} by {problems}")
     return run

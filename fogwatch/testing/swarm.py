@@ -288,7 +288,7 @@ class _Drawing:
         dice = self._dice
         drawn = []
         for number in range(dice.whole(1, 3)):
-            rates = {"closes": dice.between(0.02, 0.2), "opens": dice.between(0.05, 0.3)}
+            rates: dict[str, Any] = {"closes": dice.between(0.02, 0.2), "opens": dice.between(0.05, 0.3)}
             when = dice.choice({}, {"closed": self._span(base)}, rates)
             drawn.append({"name": f"door-{number}", "polygon": self._box(1.5 * base.roster[0].radius), **when})
         return drawn
@@ -322,14 +322,10 @@ class _Drawing:
         drawn = []
         for number, rule in enumerate(chosen):
             half = dice.between(0.5, 1.0) * largest if "keep_out" in rule else dice.between(1.0, 4.0) * largest
-            timed = {} if rule.keys() & {"keep_out", "one_way", "weights"} else {"times": self._span(base)}
-            zone = {
-                "name": f"zone-{number}",
-                "polygon": self._box(half, at_doors="one_way" not in rule),
-                **rule,
-                **dice.choice({}, timed),
-            }
-            drawn.append(zone)
+            is_timed = not rule.keys() & {"keep_out", "one_way", "weights"}
+            times: dict[str, Any] = {"times": self._span(base)} if is_timed else {}
+            polygon = self._box(half, at_doors="one_way" not in rule)
+            drawn.append({"name": f"zone-{number}", "polygon": polygon, **rule, **dice.choice({}, times)})
         return drawn
 
     def _intruders(self, base: Scenario) -> list[dict[str, Any]]:

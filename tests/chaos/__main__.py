@@ -1,8 +1,8 @@
 """A hunt for faults of fogwatch: `make chaos RUNS=30 SEED=1`.
 
-Each seed is a random scenario (`fogwatch.testing.swarm`), run in several ways (`tests.chaos.examine`). What broke is
-written as a scenario file, what was met to ``seeds.jsonl``, a line for each seed; a folder that has such a file is
-gone on with. The hunt fails when a seed breaks, and when many seeds have never met something (`tests.chaos.table`).
+Each seed is a random scenario (`fogwatch.testing.swarm`), run in several ways (`tests.chaos.examine`). What breaks is
+written as scenario files, what was met to ``seeds.jsonl``, a line for each seed. The hunt fails when a seed breaks, and
+when many seeds have never met something (`tests.chaos.table`). With ``--out`` it goes on where that folder ends.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import time
 from pathlib import Path
 
 from fogwatch.testing.swarm import random_fleet
+from patrol.errors import BadInput
 from patrol.scenario import Scenario, dump_scenario
 from tests.chaos.examine import Breakage, Examiner, TooSlow, without_needless_faults
 from tests.chaos.table import SEEDS, missing, read_lines
@@ -28,25 +29,25 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.chaos", description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--runs", type=int, default=30, help="number of seeds (default: 30)")
     parser.add_argument("--seed", type=int, default=1, help="the first seed (default: 1)")
-    parser.add_argument("--out", type=Path, default=ROOT / "build" / "chaos", help="folder (default: build/chaos)")
+    parser.add_argument("--out", type=Path, help="folder to go on in (default: build/chaos, from the beginning)")
     parser.add_argument("--processes", type=int, default=PROCESSES_EVERY, metavar="K", help="every K-th as processes")
     asked = parser.parse_args()
-    asked.out.mkdir(parents=True, exist_ok=True)
-    file = asked.out / SEEDS
-    done = {line["seed"] for line in read_lines(file)} if asked.runs > 1 else set()
-    broken = 0
+    out = asked.out or ROOT / "build" / "chaos"
+    out.mkdir(parents=True, exist_ok=True)
+    file = out / SEEDS
+    if asked.out is None:
+        file.unlink(missing_ok=True)
+    done = {line["seed"] for line in read_lines(file)}
     for seed in range(asked.seed, asked.seed + asked.runs):
-        if seed in done:
-            continue
-        line = hunt(seed, asked.out, processes=asked.processes > 0 and seed % asked.processes == 0)
-        broken += line["broke"] is not None
-        with file.open("a", encoding="utf-8") as lines:
-            lines.write(json.dumps(line) + "\n")
+        if seed not in done:
+            line = hunt(seed, out, processes=asked.processes > 0 and seed % asked.processes == 0)
+            with file.open("a", encoding="utf-8") as lines:
+                lines.write(json.dumps(line) + "\n")
     seeds = read_lines(file)
-    never = missing(seeds)
+    broken, never = sum(line["broke"] is not None for line in seeds), missing(seeds)
     for name in never:
-        print(f"never met in {len(seeds)} seeds: {name}")
-    print(f"{asked.runs} seeds: {broken} broke, {len(never)} names never met; python -m tests.chaos.table {asked.out}")
+        print(f"never met: {name}")
+    print(f"{len(seeds)} seeds: {broken} broke, {len(never)} names never met; python -m tests.chaos.table {out}")
     return 1 if broken or never else 0
 
 
@@ -56,7 +57,12 @@ def hunt(seed: int, out: Path, *, processes: bool) -> dict[str, object]:
     again = f"make chaos RUNS=1 SEED={seed}{' PROCESSES=1' if processes else ''}"
     folder = out / f"seed-{seed}"
     folder.mkdir(parents=True, exist_ok=True)
-    prepared = random_fleet(seed, folder)
+    line: dict[str, object] = {"seed": seed, "processes": processes}
+    try:
+        prepared = random_fleet(seed, folder)
+    except BadInput as refused:
+        print(f"seed {seed} is refused: {refused}\n  {again}", flush=True)
+        return {**line, "cpu_s": 0.0, "broke": f"not drawn: {refused}", "met": []}
     examiner = Examiner(prepared, processes=processes, keep=folder / "run")
     try:
         breakage = examiner.examine()
@@ -80,13 +86,7 @@ def hunt(seed: int, out: Path, *, processes: bool) -> dict[str, object]:
         if breakage.kind != "too slow":
             _write(folder / "fewer.yaml", without_needless_faults(scenario, breaks), breakage, again)
     print(f"seed {seed}: {spent_s:.1f} s", file=sys.stderr, flush=True)
-    return {
-        "seed": seed,
-        "cpu_s": round(spent_s, 2),
-        "processes": processes,
-        "broke": breakage and breakage.kind,
-        "met": sorted(examiner.met),
-    }
+    return {**line, "cpu_s": round(spent_s, 2), "broke": breakage and breakage.kind, "met": sorted(examiner.met)}
 
 
 def _write(file: Path, scenario: Scenario, breakage: Breakage, again: str) -> None:

@@ -11,6 +11,7 @@ import time
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -105,7 +106,7 @@ class Examiner:
         """
         traces: dict[str, str] = {}
         for name, way in self.ways.items():
-            result = attempt(name, lambda way=way: way(scenario or self._prepared.scenario))
+            result = attempt(name, partial(way, scenario or self._prepared.scenario))
             if isinstance(result, Breakage):
                 return result
             if name != DIRECTLY:  # keeps to the clock, so it does not repeat

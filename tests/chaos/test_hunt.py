@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,9 +14,10 @@ from patrol.errors import BadInput
 from patrol.scenario import load_scenario
 from patrol.scenario.faults.kinds import KINDS
 from tests.chaos.__main__ import hunt
+from tests.chaos.bugs import BUGS
 from tests.chaos.coverage import SINGLES
 from tests.chaos.examine import Breakage, Ran, attempt
-from tests.chaos.planted import BUGS, Seeds, find
+from tests.chaos.planted import Seeds, find
 from tests.chaos.table import ENOUGH, ENOUGH_FOR_PAIRS, missing
 from worldsim.run_record import COMPLETED, INTERRUPTED
 from worldsim.verdict.common.check import CheckResult
@@ -101,7 +101,7 @@ def test_what_was_never_met_fails_after_enough_seeds() -> None:
 
 
 @pytest.fixture(scope="module")
-def seeds(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Seeds]:
+def seeds(tmp_path_factory: pytest.TempPathFactory) -> Seeds:
     return Seeds(tmp_path_factory.mktemp("seeds"))
 
 

@@ -1,0 +1,546 @@
+"""The faults that are planted into fogwatch: patches of this process, the verdict's code included.
+
+Code that world and verdict share is wrong for both, so only a check that does not use it can tell. For example, losses
+that drop half as many frames as asked for are dropped in the same way by the ether with which the check `radio`
+recomputes their fates; `losses` counts them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from itertools import count
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import pytest
+
+from agent import sender
+from agent.mind import Mind
+from agent.ports import PolicyFailed
+from agent.routes import ground
+from experiments.inprocess import InProcessFleet
+from patrol.energy import Batteries
+from patrol.ground.terrain import ALL_WAYS, Terrain
+from patrol.journal import Event, Status
+from patrol.radio import inbox
+from patrol.radio.allowance import Allowance
+from patrol.radio.message import Rejected, RejectReason
+from patrol.scenario.faults.kinds import Clock
+from tests.chaos.examine import TRACES_DIFFER
+from worldsim import world
+from worldsim.faults import timeline
+from worldsim.output import record
+from worldsim.radio import ether, forging, rules
+from worldsim.radio.models import path_loss
+from worldsim.robots import motion, noise
+from worldsim.robots.bodies import Body, standstill
+from worldsim.robots.closures import Closures
+from worldsim.robots.senses import Senses
+from worldsim.truth import Truth
+from worldsim.world import World
+
+Plant = Callable[[pytest.MonkeyPatch], None]
+
+
+@dataclass(frozen=True)
+class Bug:
+    """A planted fault.
+
+    Attributes:
+        check: The check of the verdict that has to find it.
+        plant: Patches this process.
+        kind: The kind of fault that it is planted into; empty for none.
+        needs: Kind of fault or feature without which it cannot show; empty for none.
+        settings: Of the scenarios.
+    """
+
+    check: str
+    plant: Plant
+    kind: str
+    needs: str
+    settings: Mapping[str, Any]
+
+
+BUGS: dict[str, Bug] = {}
+"""By what is wrong."""
+
+LONG_BURSTS = {"duration": 600.0, "faults": [{"kind": "loss", "rate": 0.5, "mean_burst": 10}]}
+UNEVEN = {
+    "duration": 600.0,
+    "faults": [{"kind": "motion", "who": "all", "jitter": {"size": 0.5}, "slip": {"rate": 0.4}}],
+}
+CALM = {"terrain": {"builtin": "open"}, "point": 2.0, "step": 1.0, "duration": 1000.0, "nemesis": None, "faults": []}
+SHORT_PAUSE = {**CALM, "faults": [{"kind": "pause", "who": "one", "at": 5.0, "for": 5.0}]}
+"""What some checks need in order to judge: runs that are long enough for shares, or for a patrol to come round."""
+
+
+def _bug(
+    what: str,
+    check: str,
+    *plants: Plant,
+    kind: str = "",
+    needs: str = "",
+    settings: Mapping[str, Any] = MappingProxyType({}),
+) -> None:
+    def plant(patch: pytest.MonkeyPatch) -> None:
+        for each in plants:
+            each(patch)
+
+    BUGS[what] = Bug(check, plant, kind, needs or kind, settings)
+
+
+def _put(owner: Any, name: str, make: Callable[[Any], Any]) -> Plant:
+    """Put something in the place of an attribute.
+
+    Args:
+        owner: The module or class.
+        name: The attribute.
+        make: Makes what takes its place from it.
+    """
+    return lambda patch: patch.setattr(owner, name, make(getattr(owner, name)))
+
+
+def _with(**changed: Any) -> Callable[[Any], Any]:
+    """Make a change of a frozen model or dataclass."""
+    return lambda value: value.model_copy(update=changed) if hasattr(value, "model_copy") else replace(value, **changed)
+
+
+# --- what faults do --------------------------------------------------------------------------------------------------
+
+
+def _stood_down(expected: Status, **changed: Any) -> Plant:
+    """Change a body when its robot is stood down with a status."""
+
+    def make(real: Any) -> Any:
+        def stand_down(of: World, number: int, status: Status, reason: str, *, away: bool = False) -> Event:
+            event: Event = real(of, number, status, reason, away=away)
+            for name, value in changed.items() if status is expected else ():
+                setattr(of.bodies[number], name, value)
+            return event
+
+        return stand_down
+
+    return _put(World, "stand_down", make)
+
+
+def _resumes(real: Any) -> Any:
+    def wake(of: World, number: int, reason: str) -> Any:
+        return Event(of.tick, "alive", number, reason) if "resume" in reason else real(of, number, reason)
+
+    return wake
+
+
+def _joins(real: Any) -> Any:
+    def wake(of: World, number: int, reason: str) -> Any:
+        event, body = real(of, number, reason), of.bodies[number]
+        if "join" in reason:
+            body.pose = replace(body.pose, x=body.pose.x + 0.1)
+        return event
+
+    return wake
+
+
+def _hears(real: Any) -> Any:
+    def hit(of: Any, entry: Any, *args: Any) -> Any:
+        mask = real(of, entry, *args)
+        return np.zeros_like(mask) if getattr(entry.fault, "direction", "") == "in" else mask
+
+    return hit
+
+
+def _clock(real: Any) -> Any:
+    def clock(of: Senses, number: int, k: int) -> float:
+        begins = [e.begin for e in of.timeline.at(k) if isinstance(e.fault, Clock) and number in e.who]
+        return float(real(of, number, min(begins)) + (k - min(begins)) * of._step if begins else real(of, number, k))
+
+    return clock
+
+
+def _drawn(purpose: int, change: Callable[[float], float]) -> Plant:
+    """Change the draws of motion noise for a purpose."""
+    return _put(noise, "draw", lambda real: lambda *of: change(real(*of)) if of[-1] == purpose else real(*of))
+
+
+def _held(ignored: bool) -> Plant:
+    """Ignore the faults that close closures, or those that open them."""
+    return _put(
+        Closures,
+        "_held",
+        lambda real: lambda of, k: {name: is_ for name, is_ in real(of, k).items() if is_ is not ignored},
+    )
+
+
+_dropped = _put(InProcessFleet, "kill", lambda _: lambda *_: None)
+_bug("a killed robot goes on", "statuses", _stood_down(Status.DEAD, status=Status.ALIVE), _dropped, kind="kill")
+_bug("a wreck that is to stay is removed", "moves", _stood_down(Status.DEAD, away=True), kind="kill")
+_bug(
+    "a restarted robot never comes",
+    "statuses",
+    _put(InProcessFleet, "arrived", lambda _: lambda *_: False),
+    kind="restart",
+)
+_bug(
+    "a restarted robot keeps what it has heard",
+    "refused frames",
+    _put(InProcessFleet, "_drop", lambda _: lambda *_: None),
+    _put(
+        InProcessFleet, "start", lambda real: lambda of, number, n: None if number in of.minds else real(of, number, n)
+    ),
+    kind="restart",
+)
+_bug("a paused robot drives on", "statuses", _stood_down(Status.PAUSED, status=Status.ALIVE), kind="pause")
+_bug("a resumed robot stays paused", "statuses", _put(World, "wake", _resumes), kind="resume")
+_bug("a robot joins beside its start", "moves", _put(World, "wake", _joins), kind="join")
+_bug(
+    "a robot that has left is still in the way",
+    "moves",
+    _put(Body, "present", lambda _: property(lambda _: True)),
+    kind="leave",
+)
+_bug(
+    "a loss drops half as much",
+    "losses",
+    _put(rules, "below", lambda real: lambda *of: real(*of[:3], 0.5 * of[3])),
+    kind="loss",
+)
+_bug(
+    "a burst lasts half as long",
+    "losses",
+    _put(rules, "chain_of", lambda real: lambda rate, mean: real(rate, max(0.5 * mean, 1.0))),
+    kind="loss",
+    settings=LONG_BURSTS,
+)
+_bug(
+    "a delay is half as long", "on time", _put(rules, "waited", lambda real: lambda *of: 0.5 * real(*of)), kind="delay"
+)
+_copies = rules.RadioRules, "copies"
+_bug("a duplicate makes no copy", "delays and copies", _put(*_copies, lambda _: lambda *_: []), kind="duplicate")
+_bug(
+    "a duplicate makes two copies", "on time", _put(*_copies, lambda real: lambda *of: 2 * real(*of)), kind="duplicate"
+)
+_bug(
+    "a frame that is held back is held for two steps more",
+    "on time",
+    _put(
+        rules.RadioRules, "delays", lambda real: lambda of, *link: [(n, s + 2.0 * of._step) for n, s in real(of, *link)]
+    ),
+    kind="reorder",
+)
+_bug(
+    "a one-way partition cuts both ways",
+    "nothing crossed",
+    _put(rules, "_cut", lambda real: lambda entry, fault, *of: real(entry, _with(direction="both")(fault), *of)),
+    kind="partition",
+)
+_bug(
+    "a silence does not stop what robots hear",
+    "nothing crossed",
+    _put(rules.RadioRules, "_hit", _hears),
+    kind="silence",
+)
+_bug(
+    "a reach is a tenth longer",
+    "reach",
+    _put(
+        rules.RadioRules,
+        "_is_out_of_reach",
+        lambda real: lambda of, fault, *link: real(of, _with(reach=1.1 * fault.reach)(fault), *link),
+    ),
+    kind="range",
+)
+_bug("a radio reaches through walls", "reach", _put(rules, "walls_on_line", lambda _: lambda *_: 0), kind="range")
+_bug(
+    "a bandwidth is twice as wide",
+    "bandwidth",
+    _put(rules.Bucket, "__init__", lambda real: lambda of, rate, *more: real(of, 2.0 * rate, *more)),
+    kind="bandwidth",
+)
+_bug(
+    "a forged place is a metre off",
+    "forgeries",
+    _put(forging, "Pose", lambda real: lambda x, *of: real(x - 1.0, *of)),
+    kind="spoof",
+)
+_bug(
+    "a drift does not grow",
+    "senses",
+    _put(Senses, "_error", lambda real: lambda of, e, fault, *at: real(of, e, _with(growth=(0.0, 0.0))(fault), *at)),
+    kind="drift",
+)
+_bug("a clock does not gain", "senses", _put(Senses, "clock", _clock), kind="clock")
+_bug(
+    "jitter is half as large",
+    "motion",
+    _drawn(noise._JITTER, lambda share: 0.25 + 0.5 * share),
+    kind="motion",
+    settings=UNEVEN,
+)
+_bug("a body slips half as often", "motion", _drawn(noise._SLIP, math.sqrt), kind="motion", settings=UNEVEN)
+_bug("a closure that is to be closed stays as it is", "closures", _held(True), kind="close")
+_bug("a closure that is to be open stays as it is", "closures", _held(False), kind="open")
+
+
+# --- what else checks look at ----------------------------------------------------------------------------------------
+
+
+def _recorded(change: Callable[[Any], Any]) -> Plant:
+    """Change what the world records of a tick."""
+    return _put(World, "end_tick", lambda real: lambda *of: change(real(*of)))
+
+
+def _rows(where: Callable[[Any, int], bool], **changed: Any) -> Plant:
+    """Change the rows of some robots in each tick's record."""
+    change = _with(**changed)
+    return _recorded(lambda of: replace(of, robots=tuple(change(r) if where(r, of.k) else r for r in of.robots)))
+
+
+def _init(owner: Any, change: Callable[[Any], None]) -> Plant:
+    """Change objects of a class once they are made."""
+
+    def make(real: Any) -> Any:
+        def init(of: Any, *args: Any, **more: Any) -> None:
+            real(of, *args, **more)
+            change(of)
+
+        return init
+
+    return _put(owner, "__init__", make)
+
+
+def _ends_early(of: World) -> None:
+    of.ticks -= 1
+
+
+def _stays_silent(of: Any) -> None:
+    of._sending = replace(of._sending, silence=of._sending.silence + 2)
+
+
+def _knows_no_direction(of: Any) -> None:
+    of.against = ALL_WAYS
+
+
+def _decides(change: Callable[[Any, Any, Any], Any]) -> Plant:
+    """Change minds' decisions, by the mind, what it senses and its decision."""
+    return _put(Mind, "decide", lambda real: lambda of, sensed, *more: change(of, sensed, real(of, sensed, *more)))
+
+
+def _fails(_mind: Any, sensed: Any, decision: Any) -> Any:
+    if sensed.k == 20:
+        raise PolicyFailed("it was planted")
+    return decision
+
+
+def _stops(since: int) -> Plant:
+    def change(mind: Any, sensed: Any, decision: Any) -> Any:
+        return replace(decision, command=standstill(mind.spec)) if sensed.k >= since else decision
+
+    return _decides(change)
+
+
+def _trace(real: Any) -> Any:
+    class Forgetful(real):  # type: ignore[misc]
+        def tick(self, of: Any) -> None:
+            if of.k != 10:
+                super().tick(of)
+
+    return Forgetful
+
+
+def _driven(_: Any) -> Any:
+    def driven(of: Any, k: int, commands: Any) -> Any:
+        speed = 0.9 if k % 7 == 0 else 1.0
+        return {number: noise._changed(command, speed, 1.0, 0.0, of._step) for number, command in commands.items()}
+
+    return driven
+
+
+def _untagged(real: Any) -> Any:
+    def decode(frame: bytes, key: Any) -> Any:
+        try:
+            return real(frame, key)
+        except Rejected as rejected:
+            if rejected.reason is not RejectReason.TAG:
+                raise
+            return real(frame[:-8], None)
+
+    return decode
+
+
+def _accepts_again(real: Any) -> Any:
+    def hear(cells: Any, *args: Any) -> Any:
+        is_past = real(cells, *args)
+        cells["sequence"] = np.where(cells["sequence"] > 0, cells["sequence"] - 1, cells["sequence"])
+        return is_past
+
+    return hear
+
+
+def _sent(**moved: int) -> Plant:
+    """Add to fields of the frames that robots send."""
+
+    def make(real: Any) -> Any:
+        def encode(position: Any, key: Any) -> Any:
+            return real(replace(position, **{name: getattr(position, name) + by for name, by in moved.items()}), key)
+
+        return encode
+
+    return _put(sender, "encode", make)
+
+
+_calls = count()
+
+
+def _hesitates(mind: Any, _sensed: Any, decision: Any) -> Any:
+    """Stand still at every hundredth decision of this process, in whatever run."""
+    return replace(decision, command=standstill(mind.spec)) if next(_calls) % 100 == 0 else decision
+
+
+def _free(real: Any, ground_of: Callable[[Any], Any]) -> Any:
+    return lambda terrain, *of: real(ground_of(terrain), *of)
+
+
+_path_is_free = motion, "path_is_free"
+_bug("the run ends a tick early", "complete", _init(World, _ends_early))
+_bug("the trace leaves out a tick", "trace", _put(record, "TraceHash", _trace))
+_bug("a mind fails", "nobody lost", _decides(_fails))
+_bug(
+    "a robot that is down decides",
+    "the down are silent",
+    _rows(lambda row, _: row.status is not Status.ALIVE, state="patrolling"),
+)
+_bug("a robot leaves the terrain", "robots there", _rows(lambda row, k: row.number == 1 and k == 5, x=-1000.0))
+_bug(
+    "a delivery is not recorded", "links add up", _recorded(lambda of: replace(of, deliveries=list(of.deliveries)[1:]))
+)
+_bug("faults last a tick longer", "fault times", _put(timeline, "ticks_of", lambda real: lambda *of: real(*of) + 1))
+_bug("bodies pass through each other", "bodies apart", _put(motion, "_cancel_meeting", lambda _: lambda *_: None))
+_bug("bodies pass through walls", "bodies apart", _put(*_path_is_free, lambda _: lambda *_: True))
+_bug(
+    "bodies get a little farther",
+    "moves",
+    _put(motion, "advance", lambda real: lambda at, of, step: real(at, of, 1.001 * step)),
+)
+_bug(
+    "a robot exceeds its top speed",
+    "moves",
+    _put(world, "within_limits", lambda _: lambda _, command: noise._changed(command, 1.5, 1.0, 0.0, 1.0)),
+)
+_bug("moves are uneven without a fault", "moves", _put(noise.MotionNoise, "driven", _driven))
+_bug(
+    "robots drive with an empty battery",
+    "batteries",
+    _put(Batteries, "is_empty", lambda _: lambda *_: False),
+    needs="feature batteries",
+)
+_bug(
+    "bodies pass through keep-outs",
+    "keep-outs",
+    _put(*_path_is_free, lambda real: _free(real, lambda t: Terrain(t.name, t.passable, t.point, t.origin))),
+    needs="feature zone: keep-out",
+)
+_bug(
+    "slow zones slow nothing",
+    "slow zones",
+    _put(world, "slowed", lambda _: lambda command, _: command),
+    needs="feature zone: slow",
+)
+_bug(
+    "minds know no direction of zones",
+    "one-way zones",
+    _init(ground.Ground, _knows_no_direction),
+    needs="feature zone: one-way",
+)
+_bug(
+    "zones begin and end unseen",
+    "zone times",
+    _put(World, "close_and_open", lambda real: lambda of: (event for event in real(of) if "force" not in event.kind)),
+    needs="feature zone: times",
+)
+_bug(
+    "bodies pass through what is closed",
+    "closures",
+    _put(*_path_is_free, lambda real: _free(real, lambda t: getattr(t, "base", t))),
+    needs="feature closures by times",
+)
+_bug(
+    "closures close on robots",
+    "closures",
+    _put(Closures, "_overlaps", lambda _: lambda *_: False),
+    needs="feature closures by rates",
+)
+_bug("robots send places a centimetre off", "frames", _sent(x_cm=1))
+_bug("robots send their clock a millisecond late", "frames", _sent(time_ms=1))
+_bug(
+    "robots report no intruder",
+    "frames",
+    _put(sender.Sender, "frames", lambda real: lambda *of: real(*of)[:1]),
+    needs="feature intruders",
+)
+_bug(
+    "adaptive robots stay silent for too long",
+    "frames",
+    _init(sender.Sender, _stays_silent),
+    needs="feature adaptive sending",
+)
+_bug(
+    "the world's draws are not repeated",
+    "radio",
+    _put(world, "ether_of", lambda real: lambda of, *more, **named: real(_with(seed=of.seed + 1)(of), *more, **named)),
+    needs="loss",
+)
+_bug(
+    "a drop names a fault that was not there",
+    "drops",
+    _put(rules, "cause", lambda _: lambda entry: f"loss:{entry.id}x"),
+    needs="loss",
+)
+_bug("strangers know the key", "forged frames", _put(inbox, "decode", _untagged), needs="spoof")
+_bug(
+    "a forged frame comes twice",
+    "forgeries",
+    _put(forging.Forger, "forge", lambda real: lambda *of: 2 * real(*of)),
+    needs="spoof",
+)
+_bug(
+    "walls do not weaken the radio",
+    "path loss",
+    _put(path_loss, "walls_between", lambda _: lambda *of: np.zeros((len(of[4]),) * 2)),
+    needs="feature path loss",
+)
+_bug(
+    "a frame meets twice the noise",
+    "path loss",
+    _put(path_loss.PathLoss, "_noise", lambda real: lambda *of: real(*of) + 3.0),
+    needs="feature path loss",
+)
+_bug(
+    "robots send more than their share",
+    "budget",
+    _put(Allowance, "suffices", lambda _: lambda *_: True),
+    _put(Allowance, "take", lambda _: lambda *_: True),
+    needs="feature radio budget",
+)
+_bug(
+    "late frames come a tick early",
+    "on time",
+    _put(ether, "arrival", lambda real: lambda k, *of: max(real(k, *of) - 1, k)),
+    needs="delay",
+)
+_bug(
+    "one robot sees nothing",
+    "fog",
+    _put(Truth, "observe", lambda real: lambda of, k, poses: real(of, k, [pose for pose in poses if pose[0] != 1])),
+)
+_bug(
+    "a robot counts a refused frame too many",
+    "refused frames",
+    _rows(lambda row, k: row.rejected is not None and k > 10, rejected=1000),
+    needs="feature key",
+)
+_bug("inboxes accept a frame again and again", "refused frames", _put(inbox, "hear", _accepts_again), needs="duplicate")
+_bug("minds count what others decide", TRACES_DIFFER, _decides(_hesitates))
+_bug("minds stop deciding", "progress", _stops(0), settings=CALM)
+_bug("minds stop deciding after a fault", "recovery", _stops(20), settings=SHORT_PAUSE)
