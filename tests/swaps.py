@@ -115,7 +115,7 @@ class SwapPolicy:
         way = view.way(place)
         if way is not None and way.place == place and way.length < self._shortest - NEARER * view.stride:
             self._shortest, self._progress_at = way.length, view.tick
-        return Place(*place, exact=True)
+        return Place(*place, exact=True, gives_room=True)
 
     def _choose(self, view: View) -> tuple[int, int]:
         left_out = {(row, col) for row, col, until, _ in self._given_up.places if view.tick < until}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from agent.bodies.giveway import GiveWay
 from agent.bodies.goal import GoalFinder
+from agent.bodies.keeping_right import KeepingRight
 from agent.bodies.passing import Passing
 from agent.ports import Bearing, Choice, Intent, Place, PolicyFailed, State, Stay, Steer
 from agent.routes.ground import Disc, Ground
@@ -85,13 +86,16 @@ class BodyBase(ABC):
         self._point = setup.ground.terrain.point
         gives = setup.patrol.give_way
         self._give_way = GiveWay(*setup.identity, dict(setup.radii), setup.step) if gives else None
-        passes = Passing(setup.spec.number, setup.radii, setup.ground, setup.step, self.stride)
-        self._passing = passes if gives else None
+        facts = setup.spec.number, setup.radii, setup.ground, setup.step, self.stride
+        self._passing = Passing(*facts) if gives else None
+        self._keeping_right = KeepingRight(*facts) if gives else None
+        self._stopped_short = False
 
     def obstacles(self, tick: int, pose: Pose, bumped: bool, peers: Mapping[int, Peer]) -> Sequence[Disc]:
         """Return the robots that this one gives way to (`agent.ports.Body.obstacles`)."""
         if self._give_way is None or self._passing is None:
             return ()
+        bumped = bumped or self._stopped_short
         blocker = self._passing.blocker(pose, peers) if bumped else None
         if blocker is None:
             self._give_way.update(tick, pose, bumped, peers, 2.0 * self.stride)
@@ -101,12 +105,28 @@ class BodyBase(ABC):
 
     def obey(self, intent: Intent, view: View) -> Choice:
         """Return the command that best carries out an intent (`agent.ports.Body.obey`)."""
+        if self._stopped_short:
+            view = replace(view, bumped=True)
         self.way_back.note(view.pose.x, view.pose.y)
-        return self._carry_out(self._led(intent, view), view)
+        if self._keeping_right is not None:
+            self._keeping_right.note(view)
+        choice = self._choose(self._led(intent, view), view)
+        right, gives_room = self._keeping_right, isinstance(intent, Place) and intent.gives_room
+        self._stopped_short = right is not None and gives_room and right.touches(choice.command, view)
+        return replace(choice, command=halted(self.spec.model)) if self._stopped_short else choice
+
+    def _choose(self, intent: Intent, view: View) -> Choice:
+        """Return the command for an intent that has been led past others."""
+        return self._carry_out(intent, view)
 
     def _led(self, intent: Intent, view: View) -> Intent:
-        """Return the intent, or another one for a robot that cannot get past another on its way to a place."""
-        return intent if self._passing is None else self._passing.lead(intent, view)
+        """Return the intent, or another one for a robot that has another one before it on its way to a place."""
+        if self._passing is None or self._keeping_right is None:
+            return intent
+        led = self._passing.lead(intent, view)
+        if self._passing.role is None and isinstance(led, Place) and led.gives_room:
+            return self._keeping_right.past(led, view)
+        return led
 
     def _carry_out(self, intent: Intent, view: View) -> Choice:
         match intent:
