@@ -15,7 +15,8 @@ have just moved. Two that go on like that, and would touch within a few steps, b
 - Where no way leads past, or only a long one, robots go on, and settle it as in `agent.bodies.passing`.
 
 A step that would touch another robot, if that goes on as before, is not taken. The body then does what it does after
-a bump. So robots that cannot pass, or whose guess was wrong, mostly stop before they touch.
+a bump. So robots that cannot pass, or whose guess was wrong, mostly stop before they touch. After a few such stops in a
+row it drives, because positions that are wrong or forged must not hold it for good.
 """
 
 from __future__ import annotations

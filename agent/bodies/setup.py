@@ -32,6 +32,9 @@ CLEAR_SHARE = 0.5
 BLOCKED_SHARE = 0.1
 """A robot that can make less than this share of a step in every direction is in a dead end."""
 
+MOST_STOPS = 4
+"""So many times in a row a body stops before it would touch another; the other's position may be wrong, or forged."""
+
 BARELY = 1e-3
 """A move shorter than this counts as none, m."""
 
@@ -89,13 +92,13 @@ class BodyBase(ABC):
         facts = setup.spec.number, setup.radii, setup.ground, setup.step, self.stride
         self._passing = Passing(*facts) if gives else None
         self._keeping_right = KeepingRight(*facts) if gives else None
-        self._stopped_short = False
+        self._stops = 0
 
     def obstacles(self, tick: int, pose: Pose, bumped: bool, peers: Mapping[int, Peer]) -> Sequence[Disc]:
         """Return the robots that this one gives way to (`agent.ports.Body.obstacles`)."""
         if self._give_way is None or self._passing is None:
             return ()
-        bumped = bumped or self._stopped_short
+        bumped = bumped or self._stops > 0
         blocker = self._passing.blocker(pose, peers) if bumped else None
         if blocker is None:
             self._give_way.update(tick, pose, bumped, peers, 2.0 * self.stride)
@@ -105,15 +108,24 @@ class BodyBase(ABC):
 
     def obey(self, intent: Intent, view: View) -> Choice:
         """Return the command that best carries out an intent (`agent.ports.Body.obey`)."""
-        if self._stopped_short:
+        if self._stops:
             view = replace(view, bumped=True)
         self.way_back.note(view.pose.x, view.pose.y)
         if self._keeping_right is not None:
             self._keeping_right.note(view)
         choice = self._choose(self._led(intent, view), view)
-        right, gives_room = self._keeping_right, isinstance(intent, Place) and intent.gives_room
-        self._stopped_short = right is not None and gives_room and right.touches(choice.command, view)
-        return replace(choice, command=halted(self.spec.model)) if self._stopped_short else choice
+        if not self._stops_short(intent, choice, view):
+            self._stops = 0
+            return choice
+        self._stops += 1
+        return replace(choice, command=halted(self.spec.model))
+
+    def _stops_short(self, intent: Intent, choice: Choice, view: View) -> bool:
+        """Return True if the body stops before it touches another one; one that has stopped for long drives on."""
+        right = self._keeping_right
+        if right is None or self._stops >= MOST_STOPS or not (isinstance(intent, Place) and intent.gives_room):
+            return False
+        return right.touches(choice.command, view)
 
     def _choose(self, intent: Intent, view: View) -> Choice:
         """Return the command for an intent that has been led past others."""

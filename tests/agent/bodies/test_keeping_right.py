@@ -6,7 +6,7 @@ import pytest
 
 from agent.ports import Place
 from patrol.pose import Pose
-from tests.agent.plans import Robots, plan, prepared_in
+from tests.agent.plans import Robots, Says, plan, prepared_in
 
 RADIUS = 0.2
 LEFT, RIGHT = (1.5, 2.0), (13.5, 2.0)
@@ -51,8 +51,15 @@ def test_a_robot_that_does_not_give_room_bumps_first() -> None:
 @pytest.mark.parametrize("model", ["holonomic", "differential", "car"])
 def test_a_robot_that_stands_is_gone_round(model: str) -> None:
     robots = meeting(model, 6.0)
-    standing = robots.minds[1]
     robots.bodies[1].pose = Pose(8.0, 2.0, 0.0)
-    standing.policy.decide = lambda _: Place(8.0, 2.0)  # type: ignore[method-assign]
+    robots.minds[1].policy = Says(Place(8.0, 2.0))
     robots.until_near(RIGHT, 0.5, 40)
     assert collisions(robots) == 0
+
+
+def test_a_wrong_position_in_the_way_does_not_hold_a_robot_for_good() -> None:
+    robots = meeting("holonomic", 1.5)
+    robots.bodies[1].away = True  # it is heard there, and is not
+    robots.bodies[1].pose = Pose(8.0, 2.0, 0.0)
+    robots.minds[1].policy = Says(Place(8.0, 2.0))
+    robots.until_near(RIGHT, 0.5, 400)
