@@ -90,6 +90,8 @@ class Place:
         lean: A point to head for in place of the bend as long as that leads on, such as one pushed aside by others.
         wander: A direction, rad, to be taken for this one step instead where the body can; None for none.
         exact: Whether a car that is as near as one step brings it goes on until it is on the very point of the place.
+        gives_room: Whether the body passes others on the right, and stops before it touches one
+            (`agent.bodies.keeping_right`); otherwise it goes round others once it has bumped.
         state: What the robot is doing while it obeys.
         figures: For telemetry.
     """
@@ -100,6 +102,7 @@ class Place:
     lean: Spot | None = None
     wander: float | None = None
     exact: bool = False
+    gives_room: bool = False
     state: str = State.PATROLLING
     figures: Figures = field(default_factory=dict)
 

@@ -1,7 +1,8 @@
 """Hunt for tests that depend on speed, order or neighbours: `make test-hard`.
 
-Each round runs pytest in an order drawn from a seed, beside busy loops that take the processors, and beside this
-process, which stops one process of the tests after the other for a moment: a fleet's, a browser's, a worker of pytest.
+Each round runs pytest in an order drawn from a seed, with examples of its own for property tests, beside busy loops
+that take the processors, and beside this process, which stops one process of the tests after the other for a moment: a
+fleet's, a browser's, a worker of pytest.
 What failed stands in ``build/hard/failures.csv`` with its seed and its log, for all hunts so far.
 
 A process is stopped by ptrace(2) and not by SIGSTOP, for two reasons. Faults and tests send SIGSTOP and SIGCONT
@@ -178,6 +179,7 @@ def hunt(seed: int, folder: Path, loops: int, arguments: list[str], found: list[
     cache = folder / f"{seed}.cache"
     number = uuid.uuid4().hex
     command = [sys.executable, "-m", "pytest", f"--shuffle={seed}", f"--hypothesis-seed={seed}"]
+    command += ["--hypothesis-profile=free"]
     command += ["-o", f"cache_dir={cache}", *arguments]
     # AddressSanitizer looks for leaks by tracing its own process, which fails while that is traced from here.
     environment = {**os.environ, MARK: number, "ASAN_OPTIONS": "detect_leaks=0"}

@@ -2,6 +2,7 @@
 
     python -m tests.swaps                              # 1,002 swaps, as a table: some minutes
     python -m tests.swaps --count 50 --team car        # 50 swaps of cars alone
+    python -m tests.swaps --wide                       # corridors of two to six bodies, in which they can pass
 
     +-------+                  +-------+
     | 1     +------------------+       |       The corridor is one to two bodies wide. In a narrow one the robots cannot
@@ -53,8 +54,11 @@ TEAMS: Mapping[str, tuple[str, str]] = {
 }
 """The bodies of robots 1 and 2."""
 
-CLASSES = (1.0, 1.25, 1.5, 1.75, 2.0)
+CLASSES = (1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0, 6.1)
 """Bounds of the classes of corridors by width, in bodies."""
+
+NARROW, WIDE = (1, 2), (2, 6)
+"""Least and greatest width of a corridor, in bodies; a wide one may have a point more."""
 
 PER_TEAM = 167
 """Swaps of each team: 1,002 in all."""
@@ -115,7 +119,7 @@ class SwapPolicy:
         way = view.way(place)
         if way is not None and way.place == place and way.length < self._shortest - NEARER * view.stride:
             self._shortest, self._progress_at = way.length, view.tick
-        return Place(*place, exact=True)
+        return Place(*place, exact=True, gives_room=True)
 
     def _choose(self, view: View) -> tuple[int, int]:
         left_out = {(row, col) for row, col, until, _ in self._given_up.places if view.tick < until}
@@ -184,12 +188,13 @@ def is_in(room: Box, x: float, y: float, margin: float = 0.0) -> bool:
     return left + margin <= x <= right - margin and bottom + margin <= y <= top - margin
 
 
-def random_passage(seed: int, team: str) -> Passage:
+def random_passage(seed: int, team: str, widths: tuple[int, int] = NARROW) -> Passage:
     """Draw a passage: the radius, both rooms (2.5 to 5 bodies a side), the corridor (2 to 12 bodies long), the starts.
 
     Args:
         seed: Random seed.
         team: A key of `TEAMS`.
+        widths: Bounds of the corridor's width, in bodies; rooms are at least as wide.
     """
     number = iter(range(100))
 
@@ -199,10 +204,11 @@ def random_passage(seed: int, team: str) -> Passage:
     radius = RADII[int(between(0, len(RADII)))]
     body = round(2.0 * radius / POINT)
     # Routes need a point more room than the body does.
-    width = body + 1 + int(between(0, body))
+    narrowest, widest = widths
+    width = narrowest * body + 1 + int(between(0, (widest - narrowest) * body))
     length = round(between(2.0, 12.0) * body)
     sides = [round(between(2.5, 5.0) * body) for _ in range(4)]
-    (across_1, up_1), (across_2, up_2) = sides[:2], sides[2:]
+    across_1, up_1, across_2, up_2 = sides[0], max(sides[1], width), sides[2], max(sides[3], width)
     low_1, low_2 = (-round(between(0.0, up - width)) for up in (up_1, up_2))
     bottom = min(low_1, low_2) - BORDER
     shape = (
@@ -231,17 +237,18 @@ def random_passage(seed: int, team: str) -> Passage:
     return Passage(Terrain("passage", free, POINT), rooms, width / body, (robots[0], robots[1]))
 
 
-def swap(seed: int, team: str) -> Swap | None:
+def swap(seed: int, team: str, widths: tuple[int, int] = NARROW) -> Swap | None:
     """Let two robots swap their rooms, after each has driven alone.
 
     Args:
         seed: Random seed.
         team: A key of `TEAMS`.
+        widths: As of `random_passage`.
 
     Returns:
         None where a robot cannot get to the other's room even alone.
     """
-    passage = random_passage(seed, team)
+    passage = random_passage(seed, team, widths)
     alone_s = max(_drive(passage, seed, [number], LONGEST_ALONE_S)[0] for number in (1, 2))
     if alone_s == math.inf:
         return None
@@ -327,8 +334,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.swaps", description="Two robots swap rooms.")
     parser.add_argument("--count", type=int, default=PER_TEAM, help="swaps of each team")
     parser.add_argument("--team", choices=TEAMS, action="append", help="a team; again for more; all unless given")
+    parser.add_argument("--wide", action="store_true", help="corridors of two to six bodies instead of one to two")
     options = parser.parse_args(arguments)
-    swaps = [each for team in options.team or TEAMS for seed in range(options.count) if (each := swap(seed, team))]
+    widths = WIDE if options.wide else NARROW
+    numbered = [(seed, team) for team in options.team or TEAMS for seed in range(options.count)]
+    swaps = [each for seed, team in numbered if (each := swap(seed, team, widths))]
     print(table(swaps))
     failed = [each for each in swaps if not each.passed]
     for each in failed:

@@ -372,13 +372,10 @@ class CarBody(BodyBase):
             moves = car_moves(setup.spec, setup.step, setup.ground.terrain.point)
             self._manoeuvres = Manoeuvres(moves, setup.spec, setup.ground.terrain, self._steering.is_free, setup.step)
 
-    def obey(self, intent: Intent, view: View) -> Choice:
-        """Return the command that best carries out an intent (`agent.ports.Body.obey`)."""
+    def _choose(self, intent: Intent, view: View) -> Choice:
         tick, pose = view.tick, view.pose
         if self._retreat is None:
-            return super().obey(intent, view)
-        self.way_back.note(pose.x, pose.y)
-        intent = self._led(intent, view)
+            return super()._choose(intent, view)
         goes_back = self._mode is Mode.RETREATING
         if self._retreat.update(tick, pose, view.bumped, view.peers, goes_back=goes_back):
             self._after(Event.BLOCKED, tick)

@@ -313,10 +313,13 @@ class Manoeuvres:
         first = paths.length_to(*here) * (point / 100.0)
         if paths.limit < LONGEST and first + margin > within:
             paths = _paths_to(there, ground, first + margin)
-        if ground.terrain.point_at(pose.x, pose.y) != here:
-            first += math.dist(ground.centre(*start), (pose.x, pose.y))
-        if view.point_of((view.reported.x, view.reported.y)) != here:
-            first = max(first, point)  # it may be on the place's point by its own pose alone
+        # The search measures where arcs end from the point of the pose as others hear it. Measured from another point,
+        # where the body is might be no nearer than where it began, search after search.
+        reported = view.point_of((view.reported.x, view.reported.y))
+        if paths.length_to(*reported) < FAR:
+            first = paths.length_to(*reported) * (point / 100.0)
+        else:
+            first = max(first + math.dist(ground.centre(*start), (pose.x, pose.y)), point)
         self._place, self._exact = place, exact
         near = ON_IT * point if exact else min(self._near, 0.5 * first)
         self._search(view, paths, first, paths.limit, near=near, progress=AHEAD * turning)

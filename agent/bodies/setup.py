@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from agent.bodies.giveway import GiveWay
 from agent.bodies.goal import GoalFinder
+from agent.bodies.keeping_right import KeepingRight
 from agent.bodies.passing import Passing
 from agent.ports import Bearing, Choice, Intent, Place, PolicyFailed, State, Stay, Steer
 from agent.routes.ground import Disc, Ground
@@ -30,6 +31,9 @@ CLEAR_SHARE = 0.5
 
 BLOCKED_SHARE = 0.1
 """A robot that can make less than this share of a step in every direction is in a dead end."""
+
+MOST_STOPS = 4
+"""So many times in a row a body stops before it would touch another; the other's position may be wrong, or forged."""
 
 BARELY = 1e-3
 """A move shorter than this counts as none, m."""
@@ -85,13 +89,16 @@ class BodyBase(ABC):
         self._point = setup.ground.terrain.point
         gives = setup.patrol.give_way
         self._give_way = GiveWay(*setup.identity, dict(setup.radii), setup.step) if gives else None
-        passes = Passing(setup.spec.number, setup.radii, setup.ground, setup.step, self.stride)
-        self._passing = passes if gives else None
+        facts = setup.spec.number, setup.radii, setup.ground, setup.step, self.stride
+        self._passing = Passing(*facts) if gives else None
+        self._keeping_right = KeepingRight(*facts) if gives else None
+        self._stops = 0
 
     def obstacles(self, tick: int, pose: Pose, bumped: bool, peers: Mapping[int, Peer]) -> Sequence[Disc]:
         """Return the robots that this one gives way to (`agent.ports.Body.obstacles`)."""
         if self._give_way is None or self._passing is None:
             return ()
+        bumped = bumped or self._stops > 0
         blocker = self._passing.blocker(pose, peers) if bumped else None
         if blocker is None:
             self._give_way.update(tick, pose, bumped, peers, 2.0 * self.stride)
@@ -101,12 +108,37 @@ class BodyBase(ABC):
 
     def obey(self, intent: Intent, view: View) -> Choice:
         """Return the command that best carries out an intent (`agent.ports.Body.obey`)."""
+        if self._stops:
+            view = replace(view, bumped=True)
         self.way_back.note(view.pose.x, view.pose.y)
-        return self._carry_out(self._led(intent, view), view)
+        if self._keeping_right is not None:
+            self._keeping_right.note(view)
+        choice = self._choose(self._led(intent, view), view)
+        if not self._stops_short(intent, choice, view):
+            self._stops = 0
+            return choice
+        self._stops += 1
+        return replace(choice, command=halted(self.spec.model))
+
+    def _stops_short(self, intent: Intent, choice: Choice, view: View) -> bool:
+        """Return True if the body stops before it touches another one; one that has stopped for long drives on."""
+        right = self._keeping_right
+        if right is None or self._stops >= MOST_STOPS or not (isinstance(intent, Place) and intent.gives_room):
+            return False
+        return right.touches(choice.command, view)
+
+    def _choose(self, intent: Intent, view: View) -> Choice:
+        """Return the command for an intent that has been led past others."""
+        return self._carry_out(intent, view)
 
     def _led(self, intent: Intent, view: View) -> Intent:
-        """Return the intent, or another one for a robot that cannot get past another on its way to a place."""
-        return intent if self._passing is None else self._passing.lead(intent, view)
+        """Return the intent, or another one for a robot that has another one before it on its way to a place."""
+        if self._passing is None or self._keeping_right is None:
+            return intent
+        led = self._passing.lead(intent, view)
+        if self._passing.role is None and isinstance(led, Place) and led.gives_room:
+            return self._keeping_right.past(led, view)
+        return led
 
     def _carry_out(self, intent: Intent, view: View) -> Choice:
         match intent:

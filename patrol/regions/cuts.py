@@ -15,7 +15,7 @@ from itertools import combinations, pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.regions.convex import FLAT, Floats, cross
+from patrol.regions.convex import FLAT, Floats, area, cross
 from patrol.regions.kernels.cuts import partners, shorten
 from patrol.regions.outline import Ring
 
@@ -265,17 +265,37 @@ def _faces(plan: Plan) -> Iterator[Floats]:
         for there in ways:
             if (here, there) in walked:
                 continue
-            piece: list[tuple[float, float]] = []
+            piece: list[int] = []
             step = (here, there)
             while step not in walked:
                 walked.add(step)
-                piece.append(plan.place(step[0]))
+                piece.append(step[0])
                 at = step[1]
                 back = _bearing(plan, at, step[0])
                 # The first way clockwise from the one back, which itself comes last.
                 turns = [((back - bearing[at, to]) % math.tau or math.tau, to) for to in onward[at]]
                 step = (at, min(turns)[1])
-            yield np.array(piece)
+            loops = [np.array([plan.place(number) for number in loop]) for loop in _simple_loops(piece)]
+            # A loop that runs clockwise goes round a hole, which only the whole piece leaves out.
+            is_parted = all(area(loop) > -FLAT for loop in loops)
+            yield from loops if is_parted else [np.array([plan.place(number) for number in piece])]
+
+
+def _simple_loops(walk: Sequence[int]) -> list[list[int]]:
+    """Part a closed walk where it comes to a place again, so that no loop goes through a place twice.
+
+    Where a corner of one ring lies on a cut, the walk round a piece goes past it on both sides, and the piece would
+    overlap itself. For example, 1, 2, 3, 2, 4 has the loops (2, 3) and (1, 2, 4).
+    """
+    loops: list[list[int]] = []
+    path: list[int] = []
+    for number in walk:
+        if number in path:
+            first = path.index(number)
+            loops.append(path[first:])
+            del path[first:]
+        path.append(number)
+    return [*loops, path]
 
 
 def _bearing(plan: Plan, here: int, there: int) -> float:

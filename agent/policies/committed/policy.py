@@ -214,7 +214,7 @@ class Committed:
             across, up = (there - here for there, here in zip(view.place_of(target.point), way.place, strict=True))
             if across != 0.0 or up != 0.0:
                 return Bearing((math.atan2(up, across),), wander=wander, figures=figures)
-        return Place(*way.place, bend=way.bend, wander=wander, exact=target.age > 0, figures=figures)
+        return Place(*way.place, bend=way.bend, wander=wander, exact=target.age > 0, gives_room=True, figures=figures)
 
     def _kept(self, view: View, start: Element) -> Way | None:
         """Return the way to the present target; None without a target, or if it is time for another."""

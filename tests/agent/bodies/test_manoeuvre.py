@@ -19,6 +19,7 @@ from agent.routes.path_window import FAR
 from patrol.ground.swept_path import advance, path_is_free
 from patrol.ground.terrain import Terrain
 from patrol.pose import Drive, Pose, Twist, wrap
+from patrol.radio.message import as_received
 from patrol.radio.units import CM_PER_M
 from patrol.scenario import RobotSpec
 from tests.agent.minds import STEP
@@ -182,6 +183,12 @@ ON_THE_SPOT = (0.5, -0.5, 1.5, -1.5)
 MOST_NODES = 3000
 
 
+def heard_point(terrain: Terrain, pose: Pose) -> tuple[int, int]:
+    """Return the point on which others hear a body."""
+    heard = as_received(pose)
+    return terrain.point_at(heard.x, heard.y)
+
+
 def found_in(
     terrain: Terrain, pose: Pose, left: np.ndarray, radius: float, *, turns: bool = False
 ) -> list[Drive | Twist]:
@@ -198,7 +205,7 @@ def found_in(
     nothing = np.zeros((0, 0), dtype=np.uint8)
     hundredths, limit = np.rint(left * (100.0 / terrain.point)), round(100.0 * 100.0 / terrain.point)
     lengths = np.where(hundredths <= limit, hundredths, FAR).astype(np.int32)
-    first = float(left[terrain.point_at(pose.x, pose.y)])
+    first = float(hundredths[heard_point(terrain, pose)]) * (terrain.point / 100.0)
     place = (terrain.point, *terrain.origin, pose.x, pose.y, pose.heading, first)
     arcs = [(*arc, 0.0, 0.5) for arc in ARCS] + [(0.0, 0.0, turn, 0.5) for turn in (ON_THE_SPOT if turns else ())]
     sizes = (0.3, 0.2, radius, CLEARANCE, 1.0, 0.1, 2.0, CM_PER_M)
@@ -220,6 +227,8 @@ def found_in(
     turns=st.booleans(),
 )
 @example(seed=2097153, point=0.1, radius=0.2, heading=0.0, x=1.0, y=1.0, turns=False)  # the body touches a wall
+@example(seed=13675, point=0.25, radius=0.7578125, heading=0.0, x=1.0, y=1.0, turns=False)  # hardly any room
+@example(seed=22247, point=0.1, radius=0.7, heading=-1.0, x=1.0, y=1.0, turns=True)  # others hear another point
 def test_every_arc_that_is_found_is_free_and_they_lead_nearer(
     seed: int, point: float, radius: float, heading: float, x: float, y: float, turns: bool
 ) -> None:
@@ -233,7 +242,7 @@ def test_every_arc_that_is_found_is_free_and_they_lead_nearer(
         assert path_is_free(terrain, pose, drive, 1.0, radius)
         pose = advance(pose, drive, 1.0)
     if pose != start:
-        assert left[terrain.point_at(pose.x, pose.y)] < left[terrain.point_at(start.x, start.y)]
+        assert left[heard_point(terrain, pose)] < left[heard_point(terrain, start)]
 
 
 @settings(max_examples=200)

@@ -1,0 +1,65 @@
+"""Robots that are about to meet pass each other on the right, or stop before they touch."""
+
+from __future__ import annotations
+
+import pytest
+
+from agent.ports import Place
+from patrol.pose import Pose
+from tests.agent.plans import Robots, Says, plan, prepared_in
+
+RADIUS = 0.2
+LEFT, RIGHT = (1.5, 2.0), (13.5, 2.0)
+
+
+def meeting(model: str, bodies: float, *, gives_room: bool = True) -> Robots:
+    """Two robots at the ends of a corridor of so many bodies' width, each of which wants to be where the other is."""
+    low, high = 2.0 - bodies * RADIUS, 2.0 + bodies * RADIUS
+    terrain = plan((15.0, 4.0), (0.0, 0.0, 3.0, 4.0), (3.0, low, 12.0, high), (12.0, 0.0, 15.0, 4.0), point=0.05)
+    body = {"radius": RADIUS, "speed": 1.0, "model": model, "turning_radius": 0.5}
+    prepared = prepared_in(terrain, [Pose(*LEFT, 0.0), Pose(*RIGHT, 3.14)], body)
+    return Robots(prepared, Place(*RIGHT, gives_room=gives_room), Place(*LEFT, gives_room=gives_room))
+
+
+def collisions(robots: Robots) -> int:
+    return sum(body.collisions for body in robots.bodies)
+
+
+@pytest.mark.parametrize("model", ["holonomic", "differential", "car"])
+@pytest.mark.parametrize("bodies", [2.5, 3.0, 4.0, 6.0])
+def test_two_robots_pass_on_the_right_without_a_touch(model: str, bodies: float) -> None:
+    robots = meeting(model, bodies)
+    robots.until(lambda: robots.bodies[0].pose.x > robots.bodies[1].pose.x, 30)
+    # Each has the other on its left.
+    assert robots.bodies[0].pose.y < robots.bodies[1].pose.y
+    robots.until(lambda: robots.apart(RIGHT) < 0.5 and robots.apart(LEFT, 1) < 0.5, 30)
+    assert collisions(robots) == 0
+
+
+@pytest.mark.parametrize("model", ["holonomic", "differential", "car"])
+def test_where_they_cannot_pass_one_goes_back_and_they_hardly_touch(model: str) -> None:
+    robots = meeting(model, 1.5)
+    robots.until(lambda: robots.bodies[0].pose.x > robots.bodies[1].pose.x, 200)
+    assert collisions(robots) <= 4
+
+
+def test_a_robot_that_does_not_give_room_bumps_first() -> None:
+    robots = meeting("holonomic", 3.0, gives_room=False)
+    robots.until(lambda: robots.bodies[0].bumped, 30)
+
+
+@pytest.mark.parametrize("model", ["holonomic", "differential", "car"])
+def test_a_robot_that_stands_is_gone_round(model: str) -> None:
+    robots = meeting(model, 6.0)
+    robots.bodies[1].pose = Pose(8.0, 2.0, 0.0)
+    robots.minds[1].policy = Says(Place(8.0, 2.0))
+    robots.until_near(RIGHT, 0.5, 40)
+    assert collisions(robots) == 0
+
+
+def test_a_wrong_position_in_the_way_does_not_hold_a_robot_for_good() -> None:
+    robots = meeting("holonomic", 1.5)
+    robots.bodies[1].away = True  # it is heard there, and is not
+    robots.bodies[1].pose = Pose(8.0, 2.0, 0.0)
+    robots.minds[1].policy = Says(Place(8.0, 2.0))
+    robots.until_near(RIGHT, 0.5, 400)
