@@ -3,8 +3,8 @@
 A robot is *trapped* when it has stayed in one circle (`patrol.measures.stays`) for `TRAPPED_S` while no robot has seen
 some point outside of that circle, which its body could go and see. It is trapped until it leaves the circle, or until
 all such points have been seen; in the second case its time counts anew from then on. A robot is not trapped where the
-best division of the fleet needs one to stay, because all of a zone is seen from there. Positions and fog are given by the
-caller, true or believed, live or from a journal.
+best division of the fleet needs one to stay, because all of a zone is seen from there. Positions and fog are given by
+the caller, true or believed, live or from a journal.
 """
 
 from __future__ import annotations
