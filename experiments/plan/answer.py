@@ -83,8 +83,8 @@ def _answer(plan: FleetPlan, wanted_s: float) -> Iterator[str]:
 def _kept_by(size: FleetSize, wanted_s: float) -> str:
     """Say in how many of its runs a fleet keeps an age, and what it keeps in the worst."""
     kept = sum(kept.keeps(wanted_s) for kept in size.runs)
-    seeds = "" if len(size.runs) == 1 else f", kept by {kept} of {len(size.runs)} seeds; the worst"
-    return f"{_keep(size.robots, wanted_s, kept == len(size.runs))}{seeds}: {_kept(size.simulated)}"
+    seeds = "" if len(size.runs) == 1 else f"kept by {kept} of {len(size.runs)} seeds; in the worst run "
+    return f"{_keep(size.robots, wanted_s, kept == len(size.runs))}: {seeds}{_kept(size.simulated)}"
 
 
 def _remedy(plan: FleetPlan, wanted_s: float) -> str:

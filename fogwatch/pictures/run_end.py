@@ -116,9 +116,10 @@ def _draw_site(axes: Axes, terrain: Terrain, site: Site) -> list[Key]:
     def outlined(name: str, points: NDArray[np.bool_], colour: str, style: str) -> None:
         if not points.any():
             return
-        edges = outline(points, terrain).reshape(-1, 2, 2)
+        edges = list(outline(points, terrain).reshape(-1, 2, 2))
         axes.add_collection(LineCollection(edges, colors=colour, linewidths=1.8, linestyles=style, zorder=5))
-        label(axes, *middle(points, terrain), name, colour=colour, size=8.0)
+        above = 12.0 if style == "dashed" else 0.0  # doors have their widths there
+        label(axes, *middle(points, terrain), name, colour=colour, size=8.0, above=above)
 
     for zone in site.zones:
         outlined(zone.label, points_of(zone, terrain), ZONES[zone.kind], "solid")

@@ -173,7 +173,8 @@ class Traps:
             return False
         zoned = zoned_ground(self._prepared, weighing_at(scenario.zones, record.k * scenario.step))
         robots = sum(row.status is Status.ALIVE for row in record.robots)
-        for group in () if zoned is None else zoned.divide(max(robots, 1)):
+        assert zoned is not None
+        for group in zoned.divide(max(robots, 1)):
             rows, cols = np.divmod(zoned.round_of(group).places, terrain.width)
             row, col = terrain.point_at(stay.x, stay.y)
             if ((rows - row) ** 2 + (cols - col) ** 2 <= (stay.radius / terrain.point + 1.0) ** 2).all():

@@ -130,14 +130,16 @@ def longest_gaps_m(base: Round, grounds: Iterable[int], robots: int, plans: Sequ
 def _overdue(base: Round, grounds: Mapping[int, Ground], robots: int, plans: Sequence[Sequence[Visit]]) -> Lengths:
     """Return how many times too long a robot drives between two visits of each ground, at least 1: (plans, grounds)."""
     due_m = np.array([ground.due_m for ground in grounds.values()])
-    return np.maximum(longest_gaps_m(base, grounds, robots, plans) / due_m, 1.0)
+    overdue: Lengths = np.maximum(longest_gaps_m(base, grounds, robots, plans) / due_m, 1.0)
+    return overdue
 
 
 def _costs(base: Round, grounds: Mapping[int, Ground], robots: int, plans: Sequence[Sequence[Visit]]) -> Lengths:
     """Return the length of the round with visits, times how many times too long it takes to the most overdue ground."""
     lengths = base.length_m + np.array([sum(visit.length_m for visit in plan) for plan in plans])
     overdue = _overdue(base, grounds, robots, plans)
-    return lengths * np.where(np.isfinite(overdue), overdue, 1.0).max(axis=1)
+    costs: Lengths = lengths * np.where(np.isfinite(overdue), overdue, 1.0).max(axis=1)
+    return costs
 
 
 def with_visits(base: Round, grounds: Mapping[int, Ground], visits: Sequence[Visit]) -> Round:
