@@ -85,11 +85,8 @@ def test_a_plan_names_the_number_of_robots_and_its_scenarios_repeat_the_runs(
     assert chosen["simulated"]["max_s"] <= 40.0
     assert "assumed: " in shown
     assert "; sensor of " in shown
-    assert (
-        keep = f"keep{'s' if facts['robots'] == 1 else ''} 40 s: kept by 2 of 2 seeds"
-        assert f"{keep}; in the worst run largest {chosen['simulated']['max_s']:.1f} s" in shown
-        in shown
-    )
+    keep = f"keep{'s' if facts['robots'] == 1 else ''} 40 s: kept by 2 of 2 seeds"
+    assert f"{keep}; in the worst run largest {chosen['simulated']['max_s']:.1f} s" in shown
     for size in facts["sizes"]:
         if size["robots"] == facts["robots"] - 1 and size["simulated"]:
             assert size["simulated"]["max_s"] > 40.0
