@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from experiments.plan.plan import AgeKept, FleetPlan, FleetSize, robots_text
 from patrol.measures.best_tour import NO_BOUND
+from patrol.scenario.sections import BUILT_IN_SENSORS
 
 
 def answer_lines(plan: FleetPlan) -> Iterator[str]:
@@ -18,6 +19,7 @@ def answer_lines(plan: FleetPlan) -> Iterator[str]:
     Yields:
         Lines of text.
     """
+    yield _assumed(plan)
     if plan.wanted_s is not None and any(size.simulated is None for size in plan.sizes):
         yield "in brackets: by the better of the tours, not simulated"
     if any(size.bound_s == 0.0 for size in plan.sizes):
@@ -37,6 +39,20 @@ def answer_lines(plan: FleetPlan) -> Iterator[str]:
         yield from _tests(plan.size(plan.chosen), plan.wanted_s)
 
 
+def _assumed(plan: FleetPlan) -> str:
+    """Say what robot, sensor and grid the plan holds for, whether given or left at their defaults."""
+    scenario, body = plan.scenario, plan.scenario.roster[0]
+    turns = f", turning radius {body.turning_radius:g} m" if body.model == "car" else ""
+    sensor = scenario.sensor
+    kind = "" if sensor.kind in BUILT_IN_SENSORS else f" {sensor.kind}"
+    angle = "all round" if sensor.angle >= 360.0 else f"{sensor.angle:g} degrees ahead"
+    sight = "stopped by walls" if sensor.line_of_sight else "through walls"
+    return (
+        f"assumed: {body.model} of {body.radius:g} m radius at {body.speed:g} m/s{turns}; sensor{kind} of "
+        f"{sensor.range:g} m, {angle}, {sight}; points of {scenario.point:g} m"
+    )
+
+
 def _on_patrol(plan: FleetPlan) -> Iterator[str]:
     """Say for how much of the time robots with a battery patrol."""
     spec = plan.scenario.roster[0]
@@ -52,20 +68,34 @@ def _answer(plan: FleetPlan, wanted_s: float) -> Iterator[str]:
     how = "on the better of the tours" if plan.quick else "in a simulated run"
     if plan.chosen is None:
         yield f"answer: none of these numbers of robots keeps {wanted_s:g} s {how}; {_remedy(plan, wanted_s)}"
+        if simulated := [size for size in plan.sizes if size.runs]:
+            yield f"most robots: {_kept_by(simulated[-1], wanted_s)}"
+            yield from _closed_out(simulated[-1])
+            yield from _zones(simulated[-1])
         return
     size = plan.size(plan.chosen)
     if plan.quick:
         yield f"answer: {robots_text(plan.chosen)}, by tours alone: {age_text(size.age_s)} s; run it without --quick"
         return
-    yield f"answer: {_keep(plan.chosen, wanted_s, True)}: {_kept(size.simulated)}"
+    yield f"answer: {_kept_by(size, wanted_s)}"
     fewer = next((size for size in plan.sizes if size.robots == plan.chosen - 1), None)
-    if fewer is not None and fewer.simulated is not None:
-        yield f"one fewer: {_keep(fewer.robots, wanted_s, False)}: {_kept(fewer.simulated)}"
+    if fewer is not None and fewer.runs:
+        yield f"one fewer: {_kept_by(fewer, wanted_s)}"
+
+
+def _kept_by(size: FleetSize, wanted_s: float) -> str:
+    """Say in how many of its runs a fleet keeps an age, and what it keeps in the worst."""
+    kept = sum(kept.keeps(wanted_s) for kept in size.runs)
+    seeds = "" if len(size.runs) == 1 else f"kept by {kept} of {len(size.runs)} seeds; in the worst run "
+    return f"{_keep(size.robots, wanted_s, kept == len(size.runs))}: {seeds}{_kept(size.simulated)}"
 
 
 def _remedy(plan: FleetPlan, wanted_s: float) -> str:
     """Say what may help where no number keeps the wanted age."""
     last = plan.sizes[-1]
+    if plan.opened is not None and plan.opened.keeps(wanted_s):
+        robots = len(plan.opened.scenario.roster)
+        return f"with nothing ever closed {_keep(robots, wanted_s, True)}, so what closes is the reason"
     if last.tour_s is None:
         return "give --robots with larger numbers, or a longer --age"
     needed = math.ceil(last.tour_s * last.robots / wanted_s)
@@ -79,9 +109,37 @@ def _tests(size: FleetSize, wanted_s: float | None) -> Iterator[str]:
         yield f"one dead: {rest}; largest since its death {age_text(dead.peak_s)} s"
     if size.stochastic is not None:
         yield f"stochastic (unpredictability: 1): {_holding(size.stochastic, wanted_s)}{_kept(size.stochastic)}"
+    if size.simulated is not None:
+        yield from _closed_out(size)
+        yield from _zones(size)
     for kept in (size.simulated, size.one_dead, size.stochastic):
         if kept is not None:
             yield from (f"warning: {kept.scenario.name}: {warning}" for warning in kept.warnings)
+
+
+def _closed_out(size: FleetSize) -> Iterator[str]:
+    """Say what the age of all ground is where the ages above are those of open ground."""
+    kept = size.simulated
+    if kept is not None and kept.all_max_s is not None:
+        names = ", ".join(closure.name for closure in kept.scenario.closures)
+        yield (
+            f"closures: ages are of open ground, the time in which it was closed out left out; with it the largest is "
+            f"{age_text(kept.all_max_s)} s, because of {names}"
+        )
+
+
+def _zones(size: FleetSize) -> Iterator[str]:
+    """Say for each zone with a wanted age whether it is kept, and which zones are slow."""
+    zones = size.runs[0].scenario.zones
+    for zone in zones:
+        ages_s = [kept.zones_s[zone.name] for kept in size.runs if zone.name in kept.zones_s]
+        if zone.age is not None and ages_s:
+            count = sum(age_s <= zone.age for age_s in ages_s)
+            seeds = f", kept by {count} of {len(ages_s)} seeds" if len(ages_s) > 1 else ""
+            keep = "kept" if count == len(ages_s) else "not kept"
+            yield f"zone {zone.name}: wanted {zone.age:g} s, {keep}{seeds}: largest {age_text(max(ages_s))} s"
+    if slow := [f"{zone.name} ({zone.speed:g} m/s)" for zone in zones if zone.speed is not None]:
+        yield f"slow zones: {', '.join(slow)}; tours take as long as robots need there"
 
 
 def _holding(kept: AgeKept, wanted_s: float | None) -> str:

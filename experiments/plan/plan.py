@@ -1,8 +1,9 @@
 """The plan: what age a fleet of each size can keep, by tours and in simulated runs, and how many robots an age needs.
 
-A fleet keeps an age if nothing is older: in a simulated run, if the largest MFoW after the first quarter of the run is
-at most that age, and the verdict is valid. The first quarter is left out because ground counts as unseen since the
-start of the run until somebody has been there.
+A fleet keeps an age if nothing is older: in simulated runs of several seeds, if in each the largest MFoW after the
+first quarter of the run is at most that age, and the verdict is valid. The first quarter is left out because ground
+counts as unseen since the start of the run until somebody has been there. Where doors close, the age of a point counts
+only the time in which it was not closed out.
 
 The search for the least number begins with the least that keeps the age on one of its tours. It goes down while the
 simulated fleet keeps the age, or else up until it does. It takes for granted that more robots keep no greater age.
@@ -11,17 +12,19 @@ simulated fleet keeps the age, or else up until it does. It takes for granted th
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from experiments.inprocess import run_in_process
-from experiments.plan.division import Divider, Territory, longest_m
+from experiments.plan.division import Divider, Territory
 from patrol.errors import BadInput, NotPrepared
 from patrol.ground.left_out import LeftOut
 from patrol.ground.maps.load import load_terrain
+from patrol.ground.speed_limits import SpeedLimits
 from patrol.measures.best_tour import MOST_ROBOTS, BestTour, best_tour
 from patrol.prepare import Prepared, prepare
 from patrol.scenario import RobotGroup, as_mapping, load_scenario
@@ -51,6 +54,12 @@ KILLED_AT = 0.5
 LOOKED_AT = 2.0
 """The first number in the search for a wanted age keeps, on one tour for all, at most this many times the age."""
 
+SEEDS = 3
+"""Simulated runs of each fleet, unless their number is given."""
+
+MORE_WHERE_CLOSED = 2
+"""Numbers that are tried beyond one that keeps the age with nothing ever closed, but not with what closes."""
+
 MORE = 1
 """Numbers in the table beyond the least one that keeps the age by tours."""
 
@@ -72,12 +81,14 @@ class AgeKept:
     Attributes:
         scenario: What was run.
         from_s: Begin of the time that counts; it lasts to the end of the run, s.
-        mean_s: Mean MFoW in it.
-        max_s: Largest MFoW in it.
-        peak_s: Largest MFoW from a robot's death on; None without one.
+        mean_s: Mean MFoW in it; of open ground where the scenario has closures.
+        max_s: Largest MFoW in it, likewise.
+        peak_s: Largest MFoW from a robot's death on, likewise; None without one.
         outcome: Of the verdict.
         warnings: Of the verdict.
         trace_hash: Of the run.
+        all_max_s: Largest MFoW in it of all ground, closed out or not; None without closures.
+        zones_s: By name, the largest age of the ground of each zone with a wanted age in it, while it was in force, s.
     """
 
     scenario: Scenario
@@ -88,6 +99,8 @@ class AgeKept:
     outcome: str
     warnings: tuple[str, ...]
     trace_hash: str
+    all_max_s: float | None = None
+    zones_s: Mapping[str, float] = field(default_factory=dict)
 
     def keeps(self, age_s: float) -> bool:
         """Return whether nothing was older than an age, in a run that can be believed.
@@ -110,7 +123,7 @@ class FleetSize:
         tour_s: MFoW of the fleet on them; None where there is none.
         territories: The best division of the ground found; None where there is none.
         own_tours_s: MFoW of the fleet with a tour for each robot.
-        simulated: The fleet with the scenario's policy; None if it was not run.
+        runs: The fleet with the scenario's policy, one run a seed; empty if it was not run.
         one_dead: The same with one robot dead from the middle of the run; None too for one robot.
         stochastic: The same with free choices alone; None too for other policies than `committed`.
         left_out: The free ground that none of the robots sees; None where there is none.
@@ -123,10 +136,15 @@ class FleetSize:
     tour_s: float | None
     territories: tuple[Territory, ...] | None
     own_tours_s: float | None
-    simulated: AgeKept | None = None
+    runs: tuple[AgeKept, ...] = ()
     one_dead: AgeKept | None = None
     stochastic: AgeKept | None = None
     left_out: LeftOut | None = None
+
+    @property
+    def simulated(self) -> AgeKept | None:
+        """The run with the largest age, one that is not valid first; None if there is none."""
+        return max(self.runs, key=lambda kept: (kept.outcome != "valid", kept.max_s), default=None)
 
     @property
     def age_s(self) -> float | None:
@@ -146,6 +164,7 @@ class FleetPlan:
         chosen: The least number of robots that keeps the wanted age, simulated or, with `quick`, by tours; without a
             wanted age the largest. None if no number does.
         quick: Whether nothing was simulated.
+        opened: Where no number keeps the age, the largest with nothing ever closed; None too without closures.
     """
 
     scenario: Scenario
@@ -154,6 +173,7 @@ class FleetPlan:
     sizes: tuple[FleetSize, ...]
     chosen: int | None
     quick: bool
+    opened: AgeKept | None = None
 
     def size(self, robots: int) -> FleetSize:
         """Return the fleet of some size.
@@ -179,6 +199,7 @@ def make_plan(
     *,
     duration_s: float | None = None,
     quick: bool = False,
+    seeds: int = SEEDS,
 ) -> FleetPlan:
     """Make the plan.
 
@@ -189,11 +210,12 @@ def make_plan(
         observer: Shown the progress.
         duration_s: Length of each simulated run, s; None for what `_Planner.duration_s` says.
         quick: Whether to leave out the simulated runs.
+        seeds: Number of runs of each fleet, with the scenario's seed and those after it.
 
     Raises:
         BadInput: The scenario lists its robots, or cannot be prepared with some number of robots.
     """
-    planner = _Planner(scenario, wanted_s, observer, duration_s, quick)
+    planner = _Planner(scenario, wanted_s, observer, duration_s, quick, seeds)
     if numbers is None:
         if wanted_s is None:
             raise ValueError("neither an age nor numbers")
@@ -201,9 +223,12 @@ def make_plan(
     else:
         chosen = planner.look_at(numbers)
     if chosen is not None and not quick:
+        if chosen - 1 in planner.sizes and planner.sizes[chosen - 1].runs:
+            planner.simulate(chosen - 1)
         planner.test(chosen)
+    opened = planner.opened() if chosen is None and not quick else None
     sizes = tuple(size for _, size in sorted(planner.sizes.items()))
-    return FleetPlan(planner.scenario, planner.terrain, wanted_s, sizes, chosen, quick)
+    return FleetPlan(planner.scenario, planner.terrain, wanted_s, sizes, chosen, quick, opened)
 
 
 class _Planner:
@@ -216,17 +241,23 @@ class _Planner:
     """
 
     def __init__(
-        self, scenario: Scenario, wanted_s: float | None, observer: Observer, duration_s: float | None, quick: bool
+        self,
+        scenario: Scenario,
+        wanted_s: float | None,
+        observer: Observer,
+        duration_s: float | None,
+        quick: bool,
+        seeds: int,
     ) -> None:
         if not isinstance(scenario.robots, RobotGroup):
             raise BadInput(
                 f"{scenario.name} lists its robots; a plan needs robots of one kind: give one entry with count"
             )
         mapping = as_mapping(scenario)
-        for field in ("faults", "intruders", "nemesis"):
-            mapping.pop(field, None)
-        for field in ("starts", "spare"):
-            mapping["robots"].pop(field, None)
+        for name in ("faults", "intruders", "nemesis"):
+            mapping.pop(name, None)
+        for name in ("starts", "spare"):
+            mapping["robots"].pop(name, None)
         self.scenario = load_scenario(mapping)
         try:
             self.terrain = load_terrain(scenario.terrain, scenario.point, scenario.base, zones=scenario.zones)
@@ -237,6 +268,9 @@ class _Planner:
         self._observer = observer
         self._duration_s = duration_s
         self._quick = quick
+        self._seeds = seeds
+        self._opened: dict[int, AgeKept] = {}
+        self._limits = SpeedLimits(self.scenario.zones, self.terrain)
         self._divider = Divider()
 
     def search(self, wanted_s: float) -> int | None:
@@ -248,7 +282,11 @@ class _Planner:
             while number > 1 and self.size(number - 1).bound_s <= wanted_s and self._keeps(number - 1, wanted_s):
                 number -= 1
             return number
-        while number < MOST_ROBOTS:
+        most = MOST_ROBOTS
+        while number < most:
+            opened = self.opened()
+            if most == MOST_ROBOTS and opened is not None and opened.keeps(wanted_s):
+                most = min(number + MORE_WHERE_CLOSED, MOST_ROBOTS)
             number += 1
             if self._keeps(number, wanted_s):
                 return number
@@ -259,7 +297,7 @@ class _Planner:
         for number in numbers:
             self.size(number)
             if not self._quick:
-                self._simulated(number)
+                self.simulate(number)
         if self._wanted_s is None:
             return numbers[-1]
         wanted = self._wanted_s
@@ -292,7 +330,7 @@ class _Planner:
     def _add(self, number: int, prepared: Prepared, tours: BestTour) -> None:
         """Divide the ground among a fleet of some size, and keep what tours it has."""
         territories = None if tours.length_m is None else self._divider.divide(prepared)
-        self.sizes[number] = _size_of(number, prepared, tours, territories)
+        self.sizes[number] = _size_of(number, prepared, tours, territories, self._limits)
         self._observer.share(1.0)
 
     def duration_s(self, number: int) -> float:
@@ -307,7 +345,7 @@ class _Planner:
         """Return the least number of robots that keeps an age by its tours, or by the bound where there are none."""
         for number in range(1, MOST_ROBOTS + 1):
             prepared, tours = self._with_tours(number)
-            on_one_tour = tours.bound_of_fleet_s(prepared.scenario)
+            on_one_tour = _shared_s(tours, prepared.scenario, self._limits)
             if on_one_tour is not None and on_one_tour > LOOKED_AT * wanted_s:
                 continue
             if number not in self.sizes:
@@ -325,15 +363,29 @@ class _Planner:
         if self._quick:
             age_s = self.size(number).age_s
             return age_s is not None and age_s <= wanted_s
-        return self._simulated(number).keeps(wanted_s)
+        return all(self._simulated(number, seed).keeps(wanted_s) for seed in range(self._seeds))
 
-    def _simulated(self, number: int) -> AgeKept:
+    def simulate(self, number: int) -> None:
+        """Run a fleet with all seeds."""
+        for seed in range(self._seeds):
+            self._simulated(number, seed)
+
+    def _simulated(self, number: int, seed: int) -> AgeKept:
+        """Return the run of a fleet with a seed, from 0 on, counted from the scenario's; run it unless it is known."""
         size = self.size(number)
-        kept = size.simulated
-        if kept is None:
-            kept = self._run(self._scenario_of(number), "simulated")
-            self.sizes[number] = replace(size, simulated=kept)
-        return kept
+        if seed == len(size.runs):
+            mapping = as_mapping(self._scenario_of(number))
+            scenario = load_scenario(mapping, {"seed": self.scenario.seed + seed})
+            self.sizes[number] = size = replace(size, runs=(*size.runs, self._run(scenario, f"seed {scenario.seed}")))
+        return size.runs[seed]
+
+    def opened(self) -> AgeKept | None:
+        """Run the largest fleet that was simulated with nothing ever closed; None without closures."""
+        number = max(number for number, size in self.sizes.items() if size.runs)
+        if self.scenario.closures and number not in self._opened:
+            mapping = as_mapping(self._scenario_of(number)) | {"closures": []}
+            self._opened[number] = self._run(load_scenario(mapping), "nothing ever closed")
+        return self._opened.get(number)
 
     def _scenario_of(self, number: int) -> Scenario:
         settings = {"name": f"{self.scenario.name}-{number}", "robots.count": number}
@@ -354,16 +406,22 @@ class _Planner:
         outcome = run_in_process(self._prepared(scenario), keep=False, progress=take)
         killed = round(KILLED_AT * len(ages)) if scenario.faults else 0
         begin = killed + round(SETTLED * len(ages))
-        late, end = np.array(ages[begin:]), outcome.journal.end
+        open_ages, zones = outcome.verdict.open_ages, outcome.verdict.zones
+        judged = np.array(ages) if open_ages is None else open_ages.ages_s
+        late, end = judged[begin:], outcome.journal.end
+        in_zones = {} if zones is None else {name: zone_s[begin:] for name, zone_s in zones.ages_s.items()}
+        wanted = [zone.name for zone in scenario.zones if zone.age is not None]
         return AgeKept(
             scenario,
             begin * scenario.step,
             float(late.mean()),
             float(late.max()),
-            max(ages[killed:]) if scenario.faults else None,
+            float(judged[killed:].max()) if scenario.faults else None,
             outcome.verdict.outcome,
             outcome.verdict.warnings,
             "" if end is None else end.trace_hash,
+            None if open_ages is None else max(ages[begin:]),
+            {n: float(np.nanmax(s)) for n, s in in_zones.items() if n in wanted and not np.isnan(s).all()},
         )
 
 
@@ -386,7 +444,7 @@ def plan_facts(plan: FleetPlan) -> dict[str, Any]:
         "sensor": {"kind": scenario.sensor.kind, "range_m": scenario.sensor.range},
         "policy": scenario.patrol.policy,
         "wanted_age_s": plan.wanted_s,
-        "criterion": "by tours" if plan.quick else "largest simulated MFoW after the first quarter of the run",
+        "criterion": "by tours" if plan.quick else "largest simulated MFoW after the first quarter of each run",
         "robots": plan.chosen if plan.wanted_s is not None else None,
         "robots_by_tours": plan.by_tours() if plan.wanted_s is not None else None,
         "sizes": [_size_facts(size, plan.wanted_s) for size in plan.sizes],
@@ -406,6 +464,7 @@ def _size_facts(size: FleetSize, wanted_s: float | None) -> dict[str, Any]:
         "own_tours_m": own,
         "age_s": size.age_s,
         "simulated": _kept_facts(size.simulated, wanted_s),
+        "seeds": [_kept_facts(kept, wanted_s) for kept in size.runs],
         "one_dead": _kept_facts(size.one_dead, wanted_s),
         "stochastic": _kept_facts(size.stochastic, wanted_s),
     }
@@ -417,6 +476,7 @@ def _kept_facts(kept: AgeKept | None, wanted_s: float | None) -> dict[str, Any] 
     return {
         "duration_s": kept.scenario.duration,
         "from_s": kept.from_s,
+        "seed": kept.scenario.seed,
         "mean_s": kept.mean_s,
         "max_s": kept.max_s,
         "peak_s": kept.peak_s,
@@ -424,23 +484,49 @@ def _kept_facts(kept: AgeKept | None, wanted_s: float | None) -> dict[str, Any] 
         "verdict": kept.outcome,
         "warnings": list(kept.warnings),
         "trace_hash": kept.trace_hash,
+        "all_max_s": kept.all_max_s,
+        "zones_s": dict(kept.zones_s),
     }
 
 
-def _size_of(number: int, prepared: Prepared, tours: BestTour, territories: tuple[Territory, ...] | None) -> FleetSize:
+def _size_of(
+    number: int, prepared: Prepared, tours: BestTour, territories: tuple[Territory, ...] | None, limits: SpeedLimits
+) -> FleetSize:
     scenario = prepared.scenario
     area_m2 = float(np.count_nonzero(prepared.patrolled)) * prepared.terrain.point_area
-    own_s = None if territories is None else longest_m(territories) / scenario.roster[0].speed
+    own = (
+        None if territories is None else [_driven_s(t.tour.way, t.tour.length_m, scenario, limits) for t in territories]
+    )
     return FleetSize(
         number,
         area_m2,
         lower_bound(area_m2, scenario.roster, scenario.sensor.range),
         tours,
-        tours.bound_of_fleet_s(scenario),
+        _shared_s(tours, scenario, limits),
         territories,
-        own_s,
+        None if own is None else max(own),
         left_out=prepared.left_out,
     )
+
+
+def _shared_s(tours: BestTour, scenario: Scenario, limits: SpeedLimits) -> float | None:
+    """Return the MFoW of a fleet on the tours that its robots share, s; None without tours."""
+    if tours.length_m is None:
+        return None
+    return max(_driven_s(part.way, part.length_m or 0.0, scenario, limits) / len(part.robots) for part in tours.parts)
+
+
+def _driven_s(way: Sequence[tuple[float, float]], length_m: float, scenario: Scenario, limits: SpeedLimits) -> float:
+    """Return the time of a closed way, s: at the robots' speed, or that of slow zones, as if always in force."""
+    speed, slow = scenario.roster[0].speed, [zone.name for zone in scenario.zones if zone.speed is not None]
+    time_s = length_m / speed
+    for (x, y), (to_x, to_y) in pairwise([*way, way[0]]) if slow else ():
+        part_m = math.dist((x, y), (to_x, to_y))
+        count = max(1, math.ceil(part_m / scenario.point))
+        for share in (np.arange(count) + 0.5) / count:
+            limit = limits.at(x + share * (to_x - x), y + share * (to_y - y), slow)
+            time_s += max(0.0, 1.0 / limit - 1.0 / speed) * part_m / count
+    return time_s
 
 
 def robots_text(number: int) -> str:

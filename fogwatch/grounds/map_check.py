@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,9 @@ from patrol.ground.maps.doubts import perhaps_unknown
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import Pose
 from patrol.starts import starting_part
+
+if TYPE_CHECKING:
+    from patrol.scenario import ClosureSpec, DockSpec, ZoneSpec
 
 
 class Reason(StrEnum):
@@ -52,6 +56,15 @@ class SealedPart:
     at_border: bool
     reason: Reason
     door: Door | None
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """The zones, closures and docks of a map, which pictures show."""
+
+    zones: tuple[ZoneSpec, ...] = ()
+    closures: tuple[ClosureSpec, ...] = ()
+    docks: tuple[DockSpec, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -139,6 +139,7 @@ def plan(
     overrides: Mapping[str, object] | None = None,
     duration: float | None = None,
     quick: bool = False,
+    seeds: int | None = None,
     out: str | Path | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> PlanResult:
@@ -153,6 +154,7 @@ def plan(
         overrides: Values by dotted field.
         duration: Length of each simulated run, s; 12 ages, at least 600 s, unless given.
         quick: Whether to compute bounds and tours only, and simulate nothing.
+        seeds: Simulated runs of each number, each with another seed; 3 unless given.
         out: A folder for the files that `fogwatch plan` writes, new or empty; none are written unless given.
         progress: Called with what is computed and the share of it that is done.
 
@@ -169,9 +171,11 @@ def plan(
         raise BadInput("age, robots: one is needed, for example age=60 for the number of robots that keeps 60 s")
     if quick and duration is not None:
         raise BadInput(f"duration = {duration:g}: has no effect with quick, which simulates nothing; drop one of them")
+    if seeds is not None and not (isinstance(seeds, int) and seeds >= 1):
+        raise BadInput(f"seeds = {seeds!r}: expected a number of runs, 1 or more")
     loaded = scenario_of(scenario, overrides)
     warm(("patrol", "agent", "worldsim"), lambda _: None, SELDOM)
-    from experiments.plan.plan import make_plan
+    from experiments.plan.plan import SEEDS, make_plan
     from fogwatch.plan_folder import plan_folder, write_plan
 
     numbers = None if robots is None else _numbers(robots)
@@ -179,7 +183,7 @@ def plan(
     named = naming(scenario, overrides or ()) if isinstance(scenario, str | Path) else nullcontext()
     with named:
         shown = _Shown(progress or (lambda _what, _done: None))
-        made = make_plan(loaded, age, numbers, shown, duration_s=duration, quick=quick)
+        made = make_plan(loaded, age, numbers, shown, duration_s=duration, quick=quick, seeds=seeds or SEEDS)
         if folder is not None:
             write_plan(made, folder)
     return PlanResult(made, folder)

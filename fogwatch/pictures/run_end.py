@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from fogwatch.grounds.map_check import MapReport
+from fogwatch.grounds.map_check import MapReport, Site
 from fogwatch.pictures.drawing import (
     Box,
     Key,
@@ -24,11 +24,12 @@ from fogwatch.pictures.drawing import (
     painted,
     save,
 )
-from patrol.closures import Closings
+from patrol.closures import Closings, closure_points
 from patrol.errors import BadInput
 from patrol.ground.closed import ChangingFootprint
 from patrol.ground.doors.rooms import Door
 from patrol.ground.fog import NEVER, Fog
+from patrol.ground.zones import middle, outline, points_of
 from patrol.journal import Journal, read_journal
 from patrol.journal.records import RobotFacts, RobotTick, Status
 from patrol.palette import LIGHT, NEVER_SEEN, ROBOTS, UNCOUNTED, WALL, rgb
@@ -39,6 +40,8 @@ from worldsim.truth import Truth
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from patrol.ground.terrain import Terrain
 
 REACHABLE = "#d9ecf5"
 SEEN = "#8fc3dd"
@@ -55,16 +58,22 @@ MOST_DOORS = 25
 MOST_NAMES = 24
 """Robots named in the legend at most."""
 
+ZONES = {"keepout": "#c1121f", "oneway": "#0b5cad", "slow": "#00796b", "weight": "#6a1b9a"}
+KINDS = {"keepout": "keep-out", "oneway": "one-way zone", "slow": "slow zone", "weight": "zone with a weight or an age"}
+CLOSURE, DOCK = "#e07b00", "#2e7d32"
+"""Colours of what a site has, the same as on the page (`monitor/page/static/marks.js`)."""
+
 RECENT_S = 60.0
 """Length of the last part of a path, which is drawn stronger, s."""
 
 
-def map_picture(report: MapReport, out: Path) -> None:
-    """Draw a map check: walls, what is reached, seen and not seen, sealed-off parts, doors.
+def map_picture(report: MapReport, out: Path, site: Site | None = None) -> None:
+    """Draw a map check: walls, what is reached, seen and not seen, sealed-off parts, doors, and what a site has.
 
     Args:
         report: The result of the map check.
         out: The PNG file to write.
+        site: Zones, closures and docks; None for none.
 
     Raises:
         BadInput: matplotlib is not installed, or the file cannot be written.
@@ -100,8 +109,37 @@ def map_picture(report: MapReport, out: Path) -> None:
     ]
     keys += [Key(SHUT, "door too narrow for the body, m", "X")] * any(not door.passes for door in doors)
     keys += [Key(PASSES, "door that lets it pass, m", "o")] * any(door.passes for door in doors)
-    key_column(figure, axes, shown, keys)
+    key_column(figure, axes, shown, keys + _draw_site(axes, terrain, site or Site()))
     save(figure, out)
+
+
+def _draw_site(axes: Axes, terrain: Terrain, site: Site) -> list[Key]:
+    """Draw the outlines and names of zones and closures, and docks; return their lines of the legend."""
+    from matplotlib.collections import LineCollection
+
+    keys = []
+
+    def outlined(name: str, points: NDArray[np.bool_], colour: str, style: str) -> None:
+        if not points.any():
+            return
+        edges = list(outline(points, terrain).reshape(-1, 2, 2))
+        axes.add_collection(LineCollection(edges, colors=colour, linewidths=1.8, linestyles=style, zorder=5))
+        above = 12.0 if style == "dashed" else 0.0  # doors have their widths there
+        label(axes, *middle(points, terrain), name, colour=colour, size=8.0, above=above)
+
+    for zone in site.zones:
+        outlined(zone.label, points_of(zone, terrain), ZONES[zone.kind], "solid")
+    kinds = {zone.kind for zone in site.zones}
+    keys += [Key(colour, KINDS[kind], "-") for kind, colour in ZONES.items() if kind in kinds]
+    for closure in site.closures:
+        points = np.zeros(terrain.shape, dtype=np.bool_)
+        points.reshape(-1)[closure_points(closure, terrain)] = True
+        outlined(closure.name, points, CLOSURE, "dashed")
+    keys += [Key(CLOSURE, "closure", "-")] * bool(site.closures)
+    for number, dock in enumerate(site.docks, start=1):
+        axes.plot(*dock.place, "P", color=DOCK, markersize=9, markeredgecolor="white", zorder=6)
+        label(axes, *dock.place, f"dock {number}", colour=DOCK, size=8.0, above=11.0)
+    return keys + [Key(DOCK, "dock", "P")] * bool(site.docks)
 
 
 def run_picture(run_folder: Path, out: Path, prepared: Prepared | None = None) -> None:

@@ -55,6 +55,7 @@ def static_message(static: Static, may_control: bool) -> str:
             "late": static.late,
             "zones": _zones(static),
             "closures": _closures(static),
+            "docks": [[*dock["place"], dock["radius"]] for dock in static.scenario.get("docks", ())],
             "robots": [
                 {
                     "number": robot.number,

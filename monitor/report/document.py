@@ -373,7 +373,7 @@ def _batteries(run: Run) -> str:
             f"{100.0 * battery.end_share:.0f}",
             f"{battery.charges}",
             f"{battery.docked_s:.0f}",
-            f"{100.0 * battery.patrol_share:.0f}",
+            "-" if battery.patrol_share is None else f"{100.0 * battery.patrol_share:.0f}",
             "never" if battery.empty_s is None else f"{battery.empty_s:g}",
         )
         for name, robot in run.stated.robots.items()

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from patrol.errors import BadInput
 from patrol.exchange import LEAST_WEIGHT, MOST_WEIGHT
 from patrol.ground.tour.zoned import MOST_CLASSES, Classes, ZonedGround
+from patrol.ground.ways import lengths_along
 from patrol.ground.zones import points_of
 from patrol.measures.best_tour import best_tour, round_over, tour_over
 from patrol.measures.own_ground import own_grounds
@@ -169,7 +170,20 @@ def _zoned_ground(prepared: Prepared, weighing: Weighing) -> ZonedGround:
     classes = tuple(np.unique(grid[patrolled]).tolist())
     rounds = _known_rounds(prepared, grid, classes) or _rounds(prepared, grid, classes)
     speed = min(spec.speed for spec in prepared.scenario.roster)
-    return ZonedGround(grid, classes, tuple(wanted.get(weight) for weight in classes), rounds, speed)
+    wishes = tuple(wanted.get(weight) for weight in classes)
+    visited = [number for number, wish in enumerate(wishes) if wish is not None and rounds and not terrain.against.size]
+    ways = {number: _ways_m(prepared, rounds[number, number]) for number in visited}
+    return ZonedGround(grid, classes, wishes, rounds, speed, ways)
+
+
+def _ways_m(prepared: Prepared, laid_out: Round) -> NDArray[np.float32]:
+    """Return the length of the way from each point to the nearest place of a round, float32 (height, width), m."""
+    from patrol.ground.kernels.ways import FAR  # here: few processes need it
+
+    terrain, own = prepared.terrain, next(iter(own_grounds(prepared).values()))
+    starts = [divmod(place, terrain.width) for place in laid_out.places.tolist()]
+    lengths = lengths_along(own.reach, terrain.against, starts, FAR, back=True)[1:-1, 1:-1]
+    return np.where(lengths < FAR, lengths * np.float32(terrain.point / 100.0), np.float32(np.inf))
 
 
 def _known_rounds(prepared: Prepared, grid: NDArray[np.float64], classes: tuple[float, ...]) -> Mapping[Classes, Round]:

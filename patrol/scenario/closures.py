@@ -32,7 +32,7 @@ Times = Annotated[
 class ClosureSpec(Section):
     """A closure: where it is, and when it is closed."""
 
-    name: Name = Field(description="of the closure")
+    name: Name = Field(description="the closure's name")
     polygon: Polygon = Field(description="m, [[x, y], ...]")
     closed: Times | None = Field(None, description="s, [[from, to], ...] in which it is closed")
     closes: Positive | None = Field(None, description="times per second at which it closes while open, at random")

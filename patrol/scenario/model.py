@@ -167,9 +167,6 @@ class Scenario(Section):
             limit = f"{self.patrol.paths} knows the map and no closures; set it to wave, or drop closures"
             raise wrong("patrol.options.paths", limit)
         for number, closure in enumerate(self.closures):
-            if closure.closed is not None and (first := closure.closed[0][0]) >= self.duration:
-                limit = f"{closure.name} closes at {first:g} s, and the run ends at {self.duration:g} s; correct it"
-                raise wrong(f"closures.{number}.closed", limit)
             self._check_spans(f"closures.{number}.closed", closure.name, closure.closed or ())
 
     def _check_zones(self) -> None:
@@ -178,9 +175,6 @@ class Scenario(Section):
             if zone.speed is not None and zone.speed >= fastest:
                 limit = f"{zone.name} slows no robot, as the fastest drives {fastest:g} m/s; give less, or drop it"
                 raise wrong(f"zones.{number}.speed", limit, zone.speed)
-            if zone.times and (first := zone.times[0][0]) >= self.duration:
-                limit = f"{zone.name} begins at {first:g} s, and the run ends at {self.duration:g} s; correct it"
-                raise wrong(f"zones.{number}.times", limit)
             self._check_spans(f"zones.{number}.times", zone.name, zone.times or ())
             self._check_weights(f"zones.{number}.weights", zone)
             if zone.one_way is not None:

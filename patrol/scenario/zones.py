@@ -135,7 +135,7 @@ class MaskSpec(Section):
 class ZoneSpec(Section):
     """A zone: where it is, and what holds there."""
 
-    name: Name = Field(description="of the zone")
+    name: Name = Field(description="the zone's name")
     polygon: Polygon | None = Field(None, description="m, [[x, y], ...]")
     mask: MaskSpec | None = Field(None, description="FILE.yaml in the format of Nav2's costmap filters, instead")
     keep_out: Flag | None = Field(None, description="true: no body may enter")

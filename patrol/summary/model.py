@@ -170,7 +170,8 @@ class BatteryFigures(_Part):
         end_share: The same at the end.
         charges: Number of times that it began to charge.
         docked_s: Time for which it charged, s.
-        patrol_share: Share of its living time in which it was neither on its way to a dock, nor waiting, nor charging.
+        patrol_share: Share of its living time in which it was neither on its way to a dock, nor waiting, nor charging;
+            None where it took no part.
         empty_s: When the battery first was empty, s; None for never.
     """
 
@@ -178,7 +179,7 @@ class BatteryFigures(_Part):
     end_share: float
     charges: int = 0
     docked_s: float = 0.0
-    patrol_share: float = 1.0
+    patrol_share: float | None = 1.0
     empty_s: float | None = None
 
 

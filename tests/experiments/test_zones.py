@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from experiments.inprocess import Outcome, run_in_process
+from patrol.measures.best_tour import best_tour
 from patrol.prepare import prepare
 from patrol.scenario import load_scenario
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
 VAULT = {"name": "vault", "polygon": [[0, 0], [40, 0], [40, 30], [0, 30]], "weight": 10}
 STAIRS = {"name": "stairs", "polygon": [[44, 30], [56, 30], [56, 50], [44, 50]], "keep_out": True}
@@ -28,6 +32,28 @@ def test_a_vault_is_seen_more_often_and_as_often_as_its_tours_allow() -> None:
     assert summary.mfow_weighted_late_mean_s is not None
     assert summary.mfow_weighted_late_mean_s <= 1.3 * summary.best_weighted_s
     assert summary.zones["vault"].mfow_late_mean_s < 0.3 * summary.zones["elsewhere"].mfow_late_mean_s
+
+
+@pytest.mark.parametrize(
+    ("corner", "age", "most_shared"),
+    [([16.2, 8.2], 60.0, 1.3), ([20.5, 12.0], 60.0, 1.3), ([20.5, 12.0], 5.0, 2.0)],
+    ids=["room", "nook", "guarded nook"],
+)
+def test_a_wanted_age_is_kept_and_no_better_than_wanted(corner: list[float], age: float, most_shared: float) -> None:
+    """The rest gets as old as two robots keep all of the office, unless the wish takes one robot for itself."""
+    (left, low), (right, high) = corner, (23.8, 13.8)
+    vault = {"name": "vault", "polygon": [[left, low], [right, low], [right, high], [left, high]], "age": age}
+    given = {"terrain": {"map": str(EXAMPLES / "maps/office.yaml")}, "point": 0.2, "duration": 600, "zones": [vault]}
+    robots = {"count": 2, "model": "holonomic", "radius": 0.3, "speed": 1.0}
+    prepared = prepare(load_scenario(given | {"robots": robots}))
+    outcome = run_in_process(prepared, keep=False)
+    both_s = best_tour(prepared).bound_of_fleet_s(prepared.scenario)
+    assert outcome.verdict.valid
+    assert both_s is not None
+    zones = outcome.summary.zones
+    assert (zones["vault"].kept_share or 0.0) >= 0.95
+    assert zones["elsewhere"].mfow_mean_s <= most_shared * both_s
+    assert not [line for line in outcome.verdict.warnings if "trapped" in line]
 
 
 @pytest.mark.parametrize(

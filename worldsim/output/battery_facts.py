@@ -77,7 +77,7 @@ class BatteryTotals:
                 "end_share": robot.end,
                 "charges": robot.charges,
                 "docked_s": robot.docked * step,
-                "patrol_share": 1.0 - robot.away / robot.living if robot.living else 0.0,
+                "patrol_share": 1.0 - robot.away / robot.living if robot.living else None,
                 "empty_s": None if robot.empty is None else robot.empty * step,
             }
             for number, robot in self._robots.items()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from patrol.journal import Event, Header, TickRecord
@@ -76,7 +76,7 @@ class Totals:
             **({} if self._nodes is None else {"nodes": self._nodes.figures()}),
             **_progress(verdict.progress),
             **_zones(verdict.zones),
-            **({} if verdict.open_ages is None else asdict(verdict.open_ages)),
+            **({} if verdict.open_ages is None else verdict.open_ages.figures()),
             **_closures(header, journal.events, round(document["simulated_s"] / header.scenario["step"])),
             "links": self._traffic.links(),
             "faults": self._traffic.faults(),
@@ -147,7 +147,7 @@ def _zones(zones: ZoneFacts | None) -> dict[str, Any]:
     if zones is None:
         return {}
     figures = {name: part.model_dump(exclude_unset=True) for name, part in zones.zones.items()}
-    return {field.name: getattr(zones, field.name) for field in fields(zones)} | {"zones": figures}
+    return {name: value for name, value in vars(zones).items() if name != "ages_s"} | {"zones": figures}
 
 
 def _closures(header: Header, events: Sequence[Event], ticks: int) -> dict[str, Any]:

@@ -13,6 +13,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
+from patrol.ground.tour.zoned import Group
+
 if TYPE_CHECKING:
     from agent.view import View
     from patrol.ground.tour.zoned import Classes, ZonedGround
@@ -35,6 +37,11 @@ class Crew(NamedTuple):
 
     classes: Classes
     robots: frozenset[int]
+
+    @property
+    def group(self) -> Group:
+        """The group of the division."""
+        return Group(self.classes, len(self.robots))
 
 
 class Division:

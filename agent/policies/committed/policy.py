@@ -173,8 +173,8 @@ class Committed:
 
     def _join_crew(self, view: View, division: Division) -> None:
         """Follow the round that the robots which are heard leave to this one, together with those that share it."""
-        classes, robots = division.crew(view)
-        laid_out = division.zoned.rounds[classes]
+        crew = division.crew(view)
+        robots, laid_out = crew.robots, division.zoned.round_of(crew.group)
         if laid_out is not self._round:
             is_first = self._round is None
             self._round, self.target = laid_out, None

@@ -4,7 +4,8 @@ A robot on a round keeps a *cursor*, the place of the tour that it has come to. 
 the cursor that is stale, and it drives to the place to which that point belongs, the shortest way. So it cuts
 corners where nothing is left to see, leaves out what another robot has just seen, and misses nothing.
 
-A point is stale once it has been unseen for half of the time between two robots of an evenly spaced round. Where
+A point is stale once it has been unseen for half of the time between two robots of an evenly spaced round; one that the
+round visits several times, for half of the time between two visits. Where
 nothing is stale within one sensor range, or four strides, along the tour, the robot drives that far along.
 """
 
@@ -76,6 +77,8 @@ class RoundAhead:
         points = laid_out.points
         own = np.where(setup.fields.reach.reshape(-1)[points], points, setup.fields.proxy.reshape(-1)[points])
         self._own_stands = np.where(own >= 0, own, laid_out.stands)
+        _, index, times = np.unique(points, return_inverse=True, return_counts=True)
+        self._times = times[index]
 
     def interval(self, team: float) -> float:
         """Return the time between two robots of an evenly spaced round, ticks.
@@ -163,7 +166,7 @@ class RoundAhead:
         part = slice(int(self._firsts[first]), int(self._firsts[until]))
         points, stands = self.round.points[part], self.round.stands[part]
         ages = view.tick - np.maximum(view.fog.last_seen.reshape(-1)[points], 0)
-        counts = (ages >= least) & (view.fog.looked.reshape(-1)[points] != view.tick)
+        counts = (ages * self._times[part] >= least) & (view.fog.looked.reshape(-1)[points] != view.tick)
         own_stands = self._own_stands[part]
         if (now := view.fog.stands) is not None:
             own_stands = now[points]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,17 +16,20 @@ from fogwatch.cli.command_help import command
 from fogwatch.cli.grounds import map_align, map_random, map_regions
 from fogwatch.cli.grounds.named_terrain import named_terrain
 from patrol.errors import BadInput
+from patrol.files.yaml_text import parse_yaml, read_text
 from patrol.ground.maps.builtins import LAYOUTS
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from patrol.printable import printable
 from patrol.process.starting.seldom import SELDOM
 from patrol.process.starting.warmup import warm
+from patrol.scenario import load_scenario
 
 if TYPE_CHECKING:
     from fogwatch.grounds.map_check import MapReport, SealedPart
     from patrol.ground.doors.rooms import Door
     from patrol.prepare import Prepared
+    from patrol.scenario import DockSpec
 
 app = typer.Typer(
     help="Check what a robot can reach and see on a map, split it into regions, find where it lies on another, or make "
@@ -58,6 +62,9 @@ def check(
         Path | None,
         typer.Option(metavar="FILE", help="Closures to check: a closures.yaml, or a scenario that has some."),
     ] = None,
+    docks: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Docks to draw, with --picture: a scenario that has some.")
+    ] = None,
     robots: Annotated[int, typer.Option(metavar="N", help="Robots that are to keep wanted ages, with --zones.")] = 5,
     speed: Annotated[float, typer.Option(metavar="M", help="Their speed in m/s, with --zones.")] = 1.0,
 ) -> None:
@@ -67,24 +74,30 @@ def check(
             raise BadInput(f"--{name} = {value:g}: expected a finite number above 0, in m")
     starts = [_start(text) for text in start or []]
     warm(("patrol",), lambda line: typer.echo(line, err=True), SELDOM)
-    from fogwatch.grounds.map_check import check_map  # here: it imports kernels, which are compiled first
+    from fogwatch.grounds.map_check import Site, check_map  # here: it imports kernels, which are compiled first
     from patrol.ground.maps.doubts import doubts
 
     terrain = named_terrain(what, point)
     report = check_map(terrain, radius, sensor_range, line_of_sight, starts)
     about: list[str] = []
+    site = Site()
+    if docks is not None:
+        if picture is None:
+            raise BadInput(f"--docks {docks}: has an effect only with --picture; give it, or drop this one")
+        site = replace(site, docks=_docks(what, docks))
     if zones is not None:
         from fogwatch.grounds.zone_check import zone_lines  # here, as most checks have no zones
 
         prepared = _fleet(what, "zones", zones, point, robots, speed, radius, sensor_range, line_of_sight, starts)
         before, report = report, check_map(prepared.terrain, radius, sensor_range, line_of_sight, starts)
         about = list(zone_lines(prepared, before, report))
+        site = replace(site, zones=prepared.scenario.zones)
     if closures is not None:
         from fogwatch.grounds.closure_check import closure_lines  # here, as most checks have no closures
 
-        about += closure_lines(
-            _fleet(what, "closures", closures, point, robots, speed, radius, sensor_range, line_of_sight, starts)
-        )
+        closing = _fleet(what, "closures", closures, point, robots, speed, radius, sensor_range, line_of_sight, starts)
+        about += closure_lines(closing)
+        site = replace(site, closures=closing.scenario.closures)
     for line in doubts(terrain):
         typer.echo(printable(f"warning: {line}"), err=True)
     console = Console()
@@ -98,7 +111,7 @@ def check(
     if picture is not None:
         from fogwatch.pictures.run_end import map_picture  # here: its library is an extra
 
-        map_picture(report, picture)
+        map_picture(report, picture, site)
         typer.echo(printable(f"picture: {picture}"))
 
 
@@ -259,7 +272,7 @@ def _fleet(
 ) -> Prepared:
     """A fleet on a map with the zones or closures of a file."""
     from patrol.prepare import prepare
-    from patrol.scenario import load_scenario, naming
+    from patrol.scenario import naming
 
     body = {"count": robots, "model": "holonomic", "radius": radius, "speed": speed}
     if starts:
@@ -275,6 +288,17 @@ def _fleet(
     scenario = load_scenario(says, called="options", aliases=options)
     with naming(f"--{listed} {file}", says.keys() - {listed}):
         return prepare(scenario)
+
+
+def _docks(what: str, file: Path) -> tuple[DockSpec, ...]:
+    """Return the docks of a scenario file."""
+    says = parse_yaml(read_text(file), str(file))
+    listed = says.get("docks") if isinstance(says, dict) else None
+    if not listed:
+        raise BadInput(f"--docks {file}: has no docks; write for example 'docks: [{{place: [1, 7]}}]'")
+    terrain = {"builtin": what} if what in LAYOUTS else {"map": str(Path(what).absolute())}
+    body = {"count": 1, "battery": {"capacity": 1000, "idle": 1, "charge": 1000}}
+    return load_scenario({"terrain": terrain, "robots": body, "docks": listed}, called=f"--docks {file}").docks
 
 
 def _start(text: str) -> Pose:

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 NOT_KEPT = 1
 """The exit code when no number of robots keeps the wanted age."""
 
+MOST_SEEDS = 100
 EXAMPLES = [
     "fogwatch plan yards --age 60 --model holonomic --radius 0.3 --speed 1",
     "fogwatch plan my-map.yaml --robots 1-8 --quick",
@@ -70,6 +71,10 @@ def plan(
         list[str] | None,
         typer.Option("--set", metavar="FIELD=VALUE", help="Set any field of the scenario. Repeatable."),
     ] = None,
+    seeds: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="Simulated runs of each number, each with another seed (default: 3)."),
+    ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Compute bounds and tours, and simulate nothing.")] = False,
     out: Annotated[
         Path | None,
@@ -81,9 +86,9 @@ def plan(
     """Find out how many robots some ground needs so that nothing is older than an age, or what age robots keep.
 
     For each number of robots: a lower bound, one tour for all, and a tour for each over a division of the ground. Then
-    fleets are simulated. A number keeps an age if nothing is older in its simulated run after the first quarter. The
-    chosen number is also run with one robot dead from the middle on, and with free choices alone. Faults and intruders
-    of a scenario are left out.
+    fleets are simulated, with several seeds. A number keeps an age if nothing is older in any of its runs after the
+    first quarter; where doors close, only open ground counts. The chosen number is also run with one robot dead from
+    the middle on, and with free choices alone. Faults and intruders of a scenario are left out.
     """
     for name, value in (("age", age), ("duration", duration)):
         if value is not None and not (math.isfinite(value) and value > 0.0):
@@ -96,6 +101,10 @@ def plan(
         raise BadInput(
             f"--duration {duration:g}: has no effect with --quick, which simulates nothing; drop one of them"
         )
+    if seeds is not None and not 1 <= seeds <= MOST_SEEDS:
+        raise BadInput(f"--seeds {seeds}: expected a number of runs from 1 to {MOST_SEEDS}")
+    if quick and seeds is not None:
+        raise BadInput(f"--seeds {seeds}: has no effect with --quick, which simulates nothing; drop one of them")
     numbers = None if robots is None else _numbers(robots)
     overrides: dict[str, object] = {
         "robots.model": model,
@@ -112,14 +121,14 @@ def plan(
     heed(None, patience=0)  # any signal raises KeyboardInterrupt
     warm(("patrol", "agent", "worldsim"), lambda line: typer.echo(line, err=True), SELDOM)
     from experiments.plan.answer import answer_lines  # here: these import kernels, which are compiled first
-    from experiments.plan.plan import make_plan
+    from experiments.plan.plan import SEEDS, make_plan
     from fogwatch.plan_folder import plan_folder, write_plan
     from patrol.ground.maps.doubts import doubts
 
     folder = plan_folder(out, scenario.name)
     shown = _Shown(Console(stderr=True))
     with shown.bar, naming(what, overridden):
-        made = make_plan(scenario, age, numbers, shown, duration_s=duration, quick=quick)
+        made = make_plan(scenario, age, numbers, shown, duration_s=duration, quick=quick, seeds=seeds or SEEDS)
         shown.begin("pictures")
         write_plan(made, folder)
     for line in doubts(made.terrain):

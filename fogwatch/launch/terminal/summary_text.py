@@ -153,10 +153,11 @@ def _batteries(robots: Mapping[str, RobotFigures]) -> list[str]:
         return []
     name, least = min(batteries.items(), key=lambda item: item[1].least_share)
     charges = sum(battery.charges for battery in batteries.values())
-    patrol = sum(battery.patrol_share for battery in batteries.values()) / len(batteries)
+    alive = {name: robots[name].decisions + robots[name].missed for name in batteries}  # ticks
+    patrol = sum((battery.patrol_share or 0.0) * alive[name] for name, battery in batteries.items())
     line = f"batteries   least charge {100.0 * least.least_share:.0f} % ({name}), charged {charges} times"
     empty = [name for name, battery in batteries.items() if battery.empty_s is not None]
-    line += f", {100.0 * patrol:.0f} % of the time on patrol"
+    line += f", {100.0 * patrol / max(sum(alive.values()), 1):.0f} % of the time on patrol"
     return [f"{line}; empty: {', '.join(empty[:MOST_ROBOTS])}" if empty else line]
 
 

@@ -2,7 +2,7 @@
 
 import { themed } from "./colours.js";
 import { FogImage } from "./fogimage.js";
-import { drawClosures, drawCross, drawRobots, drawScaleBar, drawStalest, drawZones, PASSABLE } from "./marks.js";
+import { drawClosures, drawCross, drawDocks, drawRobots, drawScaleBar, drawStalest, drawZones, PASSABLE } from "./marks.js";
 import { NEVER, OUTSIDE, seconds, certainSince } from "./store.js";
 
 /** By how many pixels of the page a wall's edge surrounds it. */
@@ -98,6 +98,7 @@ export class MapView {
     this.#paintWalls(place, context.imageSmoothingEnabled);
     this.taken = [];
     drawZones(this);
+    drawDocks(this);
     drawScaleBar(this);
     if (store.state) {
       drawClosures(this);

@@ -9,7 +9,7 @@ const LINE = 16;
 const RAYS = 120;
 /** In fleets of more than MANY robots only the selected one has a footprint, a goal and a full trail; others: SHORT ticks. */
 const MANY = 24, SHORT = 60;
-const CLOSURE = "#e07b00";
+const CLOSURE = "#e07b00", DOCK = "#2e7d32";
 export const PASSABLE = 1;
 
 /** Draw all robots, one kind of mark after the other, and the intruders. */
@@ -52,6 +52,26 @@ export function drawZones(map) {
     if (on) labelMark(map, label, ...map.toScreen(...zone.at), 0, false);
   }
   c.setLineDash([]);
+}
+
+/** Draw a ring of each dock's radius, and a plus that stays as large as the label. */
+export function drawDocks(map) {
+  const c = map.context, r = map.ratio, arm = 5 * r;
+  for (const [place, [x0, y0, radius]] of map.store.facts.docks.entries()) {
+    const [x, y] = map.toScreen(x0, y0);
+    for (const [colour, wide] of [["rgb(255 255 255 / 85%)", 5], [DOCK, 2]]) {
+      c.strokeStyle = colour;
+      c.lineWidth = wide * r;
+      c.beginPath();
+      c.arc(x, y, radius * map.scale, 0, 2 * Math.PI);
+      c.moveTo(x - arm, y);
+      c.lineTo(x + arm, y);
+      c.moveTo(x, y - arm);
+      c.lineTo(x, y + arm);
+      c.stroke();
+    }
+    labelMark(map, `dock ${place + 1}`, x, y, Math.max(radius * map.scale, arm), false);
+  }
 }
 
 /** Fill the closures that are closed, outline those that wait to close with dashes, and the open ones thinly. */

@@ -32,6 +32,9 @@ from patrol.scenario.zones import ZoneSpec
 from patrol.values.section import Section
 from patrol.values.types import BUILTINS
 
+MEANT = {"time": "at", "begin": "at", "start": "at", "duration": "for", "robot": "who", "robots": "who"}
+"""What people call some keys of faults."""
+
 _SECTIONS: dict[str, type[Section]] = {
     "terrain": TerrainSpec,
     "sensor": SensorSpec,
@@ -237,6 +240,8 @@ def _unknown_key(key: str, section: type[Section]) -> str:
 
 def _nearest_key(key: str, section: type[Section]) -> str:
     """Find the nearest known key, of this section or with the section that it belongs under; or this section's."""
+    if (meant := MEANT.get(key.lower())) in _keys(section):
+        return f"did you mean {meant}?"
     everywhere: list[tuple[str, type[Section]]] = [
         ("robots", RobotGroup),
         *_SECTIONS.items(),

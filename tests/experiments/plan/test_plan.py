@@ -10,6 +10,7 @@ from PIL import Image
 
 from experiments.inprocess import run_in_process
 from experiments.plan import plan as module
+from experiments.plan.answer import answer_lines
 from experiments.plan.plan import AgeKept, FleetPlan, make_plan, plan_facts
 from patrol.errors import BadInput
 from patrol.journal import TickRecord
@@ -50,7 +51,7 @@ def ground(rooms: Path, **settings: Any) -> Scenario:
 
 
 def planned(rooms: Path, wanted_s: float | None, numbers: range | None = None, **options: Any) -> FleetPlan:
-    return make_plan(ground(rooms), wanted_s, numbers, Silent(), **options)
+    return make_plan(ground(rooms), wanted_s, numbers, Silent(), **{"seeds": 1, **options})
 
 
 def test_it_knows_of_keep_outs_and_one_way_zones(rooms: Path) -> None:
@@ -127,6 +128,55 @@ def test_the_search_goes_down_or_up_from_what_tours_keep(
     assert len([number for number in runs if number != needed]) == len({*runs} - {needed})
 
 
+def test_a_number_has_to_keep_the_age_with_every_seed(rooms: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three robots keep it with two seeds of three."""
+
+    def run(_: Any, scenario: Scenario, how: str) -> AgeKept:
+        robots = len(scenario.roster)
+        keeps = robots > 3 or (robots == 3 and scenario.seed < ground(rooms).seed + 2)
+        age = 10.0 if keeps else 99.0
+        return AgeKept(scenario, 0.0, age, age, None, "valid", (), how)
+
+    monkeypatch.setattr(module._Planner, "_run", run)
+    monkeypatch.setattr(module._Planner, "_first_by_tours", lambda *_: 2)
+    plan = planned(rooms, 20.0, seeds=3)
+    assert plan.chosen == 4
+    lines = list(answer_lines(plan))
+    assert [line for line in lines if line.startswith("answer: 4 robots keep 20 s: kept by 3 of 3 seeds; ")]
+    assert [line for line in lines if line.startswith("one fewer: 3 robots do not keep 20 s: kept by 2 of 3 seeds; ")]
+
+
+def test_where_doors_close_only_open_ground_counts(rooms: Path) -> None:
+    """The east room is closed from 100 s on. A run that ends before is one with open doors."""
+    door = {"name": "door", "polygon": [[21, 4], [21.5, 4], [21.5, 7], [21, 7]], "closed": [[100, 2000]]}
+    scenario = ground(rooms, closures=[door])
+    plan = make_plan(scenario, 90.0, range(2, 3), Silent(), duration_s=400.0, seeds=1)
+    kept = plan.size(2).simulated
+    assert kept is not None
+    assert kept.all_max_s is not None
+    assert kept.max_s < 90.0
+    assert kept.all_max_s > 250.0
+    assert plan.chosen == 2
+    assert [line for line in answer_lines(plan) if line.startswith("closures: ") and line.endswith("because of door")]
+    short = make_plan(scenario, None, range(2, 3), Silent(), duration_s=60.0, seeds=1).size(2).simulated
+    assert short is not None
+    assert short.all_max_s == short.max_s
+
+
+def test_it_answers_wanted_ages_of_zones_and_knows_slow_ones(rooms: Path) -> None:
+    zones = [
+        {"name": "vault", "polygon": [[0, 0], [10, 0], [10, 11], [0, 11]], "age": 40},
+        {"name": "ward", "polygon": [[11, 0], [21, 0], [21, 11], [11, 11]], "speed": 0.25},
+    ]
+    quick = make_plan(ground(rooms), None, range(2, 3), Silent(), quick=True).size(2).tour_s
+    plan = make_plan(ground(rooms, zones=zones), None, range(2, 3), Silent(), duration_s=200.0, seeds=1)
+    assert quick is not None
+    assert (plan.size(2).tour_s or 0.0) > 1.3 * quick
+    (vault,) = (line for line in answer_lines(plan) if line.startswith("zone vault: wanted 40 s, "))
+    assert vault.endswith(f"largest {plan.size(2).runs[0].zones_s['vault']:.1f} s")
+    assert [line for line in answer_lines(plan) if line.startswith("slow zones: ward (0.25 m/s)")]
+
+
 def test_an_age_is_kept_only_in_a_valid_run(rooms: Path) -> None:
     kept = AgeKept(ground(rooms), 0.0, 5.0, 10.0, None, "valid", (), "")
     assert kept.keeps(10.0)
@@ -136,7 +186,7 @@ def test_an_age_is_kept_only_in_a_valid_run(rooms: Path) -> None:
 
 def test_runs_are_long_enough_for_their_tours_and_the_wanted_age(rooms: Path) -> None:
     def duration(wanted_s: float | None) -> float:
-        return module._Planner(ground(rooms), wanted_s, Silent(), None, True).duration_s(1)
+        return module._Planner(ground(rooms), wanted_s, Silent(), None, True, 1).duration_s(1)
 
     age_s = planned(rooms, None, range(1, 2), quick=True).sizes[0].age_s
     assert age_s is not None

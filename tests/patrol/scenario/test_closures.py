@@ -58,7 +58,6 @@ def test_hashes() -> None:
         ([closure(closed=[[10, 30], [20, 40]])], r"closures\.0\.closed\.1: gate: begins before the one before it"),
         ([closure(polygon=[[2, 2], [9, 2], [30, 2]])], r"closures\.0\.polygon: gate: its corners lie on one line"),
         ([closure(), by_rates(name="gate")], r"closures\.1\.name: gate is the name of another closure too"),
-        ([closure(closed=[[6000, 7000]])], r"closures\.0\.closed: gate closes at 6000 s, and the run ends at 5000 s"),
         ("none.yaml", r"closures: .*none\.yaml: no such file"),
     ],
 )

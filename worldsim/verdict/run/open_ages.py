@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from patrol.journal import Status
 from patrol.measures.open_ground import OpenAges, OpenGround
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from worldsim.verdict.common.check import JudgedRun, Readings
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class OpenFacts:
     """The figures of a run with closures.
 
@@ -28,12 +29,18 @@ class OpenFacts:
         mfow_open_late_mean_s: The same over the second half.
         mfow_open_max_s: The greatest of them.
         closed_out_share: Share of ground times time that was closed out.
+        ages_s: float64 (ticks,), the greatest open age in each tick, s; not in the summary.
     """
 
     mfow_open_mean_s: float
     mfow_open_late_mean_s: float
     mfow_open_max_s: float
     closed_out_share: float
+    ages_s: NDArray[np.float64]
+
+    def figures(self) -> dict[str, float]:
+        """Return what the summary has of it."""
+        return {name: value for name, value in vars(self).items() if name != "ages_s"}
 
 
 class GroundOpen(JournalReading):
@@ -88,4 +95,5 @@ class AgesOpen(JournalReading):
             mfow_open_late_mean_s=float(ages[ages.size // 2 :].mean()),
             mfow_open_max_s=float(ages.max()),
             closed_out_share=float(np.mean(self._ages.closed_share)),
+            ages_s=ages,
         )

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from worldsim.verdict.common.check import JudgedRun, Readings
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class ZoneFacts:
     """The figures of a run's zones.
 
@@ -35,6 +35,8 @@ class ZoneFacts:
         best_weighted_s: On the best weighted tours, the mean over all ticks; None where there are none at some time.
         zones: Of each zone that weighs, by name, while it was in force, and of the ground in none of them. A zone that
             was never in force is missing.
+        ages_s: Of each of them, float64 (ticks,), the age of its stalest point in each tick, s, NaN while it was not in
+            force; not in the summary.
     """
 
     mfow_weighted_mean_s: float
@@ -42,6 +44,7 @@ class ZoneFacts:
     mfow_weighted_max_s: float
     best_weighted_s: float | None
     zones: dict[str, ZoneFigures]
+    ages_s: dict[str, NDArray[np.float64]]
 
 
 @dataclass(slots=True)
@@ -50,12 +53,12 @@ class _Part:
 
     Attributes:
         points: Flat indices of its points.
-        stalest: Age of its stalest point in each tick in which it counts, ticks.
+        stalest: Age of its stalest point in each tick, ticks; NaN where it does not count.
         mean: Sum over these ticks of the mean age, ticks.
     """
 
     points: NDArray[np.int64]
-    stalest: list[int] = field(default_factory=list)
+    stalest: list[float] = field(default_factory=list)
     mean: float = 0.0
 
 
@@ -103,6 +106,7 @@ class ZoneAges(JournalReading):
         self._weighted.append(max(weight * age for weight, age in ages))
         for name, part in self._parts.items():
             if name not in names and name != ELSEWHERE:
+                part.stalest.append(np.nan)
                 continue
             seen = np.maximum(last_seen[part.points], 0)
             part.stalest.append(record.k - int(seen.min()))
@@ -114,12 +118,14 @@ class ZoneAges(JournalReading):
         if not ticks:
             return None
         step = self._run.step
+        parts = {name: part for name, part in self._parts.items() if not np.isnan(part.stalest).all()}
         return ZoneFacts(
             mfow_weighted_mean_s=float(np.mean(self._weighted)) * step,
             mfow_weighted_late_mean_s=float(np.mean(self._weighted[ticks // 2 :])) * step,
             mfow_weighted_max_s=max(self._weighted) * step,
             best_weighted_s=self._best_weighted_s(),
-            zones={name: self._figures(name, part, step) for name, part in self._parts.items() if part.stalest},
+            zones={name: self._figures(name, part, step) for name, part in parts.items()},
+            ages_s={name: np.array(part.stalest) * step for name, part in parts.items()},
         )
 
     def _find_classes(self, weighing: Weighing) -> list[tuple[float, NDArray[np.int64]]]:
@@ -139,7 +145,8 @@ class ZoneAges(JournalReading):
 
     def _figures(self, name: str, part: _Part, step: float) -> ZoneFigures:
         wanted = self._wanted.get(name)
-        ages = np.array(part.stalest) * step
+        stalest = np.array(part.stalest)
+        ages = stalest[~np.isnan(stalest)] * step
         return ZoneFigures(
             weight=self._weights.get(name, 1.0),
             area_m2=len(part.points) * self._run.prepared.terrain.point_area,

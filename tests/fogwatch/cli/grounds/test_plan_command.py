@@ -77,13 +77,16 @@ def test_a_plan_names_the_number_of_robots_and_its_scenarios_repeat_the_runs(
     rooms: str, fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     out = tmp_path / "plan"
-    assert fogwatch("plan", rooms, "--age", "40", "--duration", "120", *BODY, "--out", str(out)) == 0
+    assert fogwatch("plan", rooms, "--age", "40", "--duration", "120", "--seeds", "2", *BODY, "--out", str(out)) == 0
     shown = capsys.readouterr().out
     facts = json.loads((out / "plan.json").read_text())
     chosen = next(size for size in facts["sizes"] if size["robots"] == facts["robots"])
     assert chosen["simulated"]["keeps"] is True
     assert chosen["simulated"]["max_s"] <= 40.0
-    assert f"keep{'s' if facts['robots'] == 1 else ''} 40 s: largest {chosen['simulated']['max_s']:.1f} s" in shown
+    assert "assumed: " in shown
+    assert "; sensor of " in shown
+    keep = f"keep{'s' if facts['robots'] == 1 else ''} 40 s: kept by 2 of 2 seeds"
+    assert f"{keep}; in the worst run largest {chosen['simulated']['max_s']:.1f} s" in shown
     for size in facts["sizes"]:
         if size["robots"] == facts["robots"] - 1 and size["simulated"]:
             assert size["simulated"]["max_s"] > 40.0
@@ -109,6 +112,7 @@ def test_an_age_that_no_number_keeps_is_told_with_a_remedy(
         (["--robots", "3-1"], "--robots 3-1: expected a number or two with a hyphen, 1 to 24, such as 1-8"),
         ([], "--age or --robots: one is needed"),
         (["--age", "9", "--quick", "--duration", "60"], "--duration 60: has no effect with --quick"),
+        (["--age", "9", "--seeds", "0"], "--seeds 0: expected a number of runs from 1 to 100"),
         (["--age", "9", "--out", "taken"], "--out taken: is not an empty folder"),
     ],
 )

@@ -240,6 +240,19 @@ def test_the_summary_says_how_old_the_ground_of_each_zone_got() -> None:
     ]
 
 
+def test_robots_that_took_no_part_do_not_count_in_the_time_on_patrol() -> None:
+    battery = {"least_share": 0.5, "end_share": 0.8}
+    worked, joined_late = battery | {"patrol_share": 0.75}, battery | {"patrol_share": 1.0}
+    robots = {
+        "r1": {"decisions": 800, "missed": 100, "battery": worked},
+        "r2": {"decisions": 100, "battery": joined_late},
+        "r3": {"battery": battery | {"patrol_share": None}},
+    }
+    lines = measures(Summary.model_validate({**SUMMARY, "robots": robots}))
+    (line,) = (line for line in lines if line.startswith("batteries"))
+    assert line.endswith("78 % of the time on patrol")  # (900 * 0.75 + 100 * 1) / 1000
+
+
 def test_where_it_shows_depends_on_where_it_goes() -> None:
     assert isinstance(make_display(quiet=True), SilentDisplay)
     display = make_display(quiet=False)

@@ -187,6 +187,14 @@ def test_what_may_be_zero_is_never_negative(field: str) -> None:
         ({"radio": {"trail": 5}}, "scenario: radio.trail = 5: expected a whole number from 0 to 4"),
         ({"radio": {"trail": 1}, "robots": {"speed": 700}}, "scenario: robots.speed = 700: a trail holds steps below"),
         ({"faults": [{"kind": "kill"}]}, "scenario: faults.0.who: missing; give a robot's name, a list of names, one"),
+        (
+            {"faults": [{"kind": "kill", "who": "r1", "time": 30}]},
+            "scenario: faults.0.time: unknown key; did you mean at?",
+        ),
+        (
+            {"zones": [{"polygon": [[2, 2], [9, 2], [9, 9]], "weight": 3}]},
+            "scenario: zones.0.name: missing; give the zone's name",
+        ),
         ({"duration": 0.4}, "scenario: duration = 0.4: shorter than one step of 0.5 s"),
         ({"duration": 5e6}, "scenario: duration = 5e+06: too long: at most 4294967 s"),
         ({"step": 1e-7}, "scenario: duration = 5000: too long"),
