@@ -69,7 +69,7 @@ def _code_of(error: Exception) -> int:
     line: str | None = None
     if isinstance(error, BadInput):
         line = str(error)
-    elif isinstance(error, OSError):
+    elif isinstance(error, OSError | MemoryError):
         line = exhausted.told(error) or (_nowhere() if isinstance(error, FileNotFoundError) else None)
     elif hasattr(error, "format_message"):
         line = error.format_message()  # typer's; without one it has printed the help

@@ -34,6 +34,8 @@ def main() -> int:
         The exit code.
     """
     _settle_standard_streams()
+    if not os.environ.get("COLUMNS", "80").isdigit() or not int(os.environ.get("COLUMNS", "80")):
+        del os.environ["COLUMNS"]  # in no columns, rich prints nothing
     from fogwatch.cli.ending import run_app
 
     if len(sys.argv) > 1 and sys.argv[1] in PROCESSES:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from io import BytesIO
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -33,7 +35,7 @@ class Contents:
         messages: Number of messages by topic.
         begin_s: Time of the first message, s.
         end_s: Time of the last message, s.
-        why_cut: Where and why it ends early; empty for a complete file.
+        why_cut: Where and why it ends early, or lacks something first; empty for a complete file.
     """
 
     facts: Mapping[str, str] = field(default_factory=dict)
@@ -80,11 +82,13 @@ def inspect_recording(path: Path, repaired: Path | None = None) -> Contents:
 
 
 def _read(path: Path, contents: Contents, write: Callable[[Any], None] | None) -> None:
-    from mcap.records import Channel, Message, Metadata
+    from mcap.records import Channel, Header, Message, Metadata, Schema
 
     topics: dict[int, str] = {}
     first = True
-    for record in _records(path, contents):
+    # First what describes messages: it may be damaged where it comes first, and whole in the index at the end.
+    described = [r for r in _records(path, Contents(), checks_all=False) if isinstance(r, Header | Schema | Channel)]
+    for record in chain(described, _records(path, contents)):
         match record:
             case Metadata() if record.name == METADATA:
                 contents.facts = dict(record.metadata)
@@ -106,14 +110,17 @@ def _read(path: Path, contents: Contents, write: Callable[[Any], None] | None) -
         )
 
 
-def _records(path: Path, contents: Contents) -> Iterator[Any]:
-    """Yield all records up to the first incomplete or damaged one."""
+def _records(path: Path, contents: Contents, checks_all: bool = True) -> Iterator[Any]:
+    """Yield all records that are whole, but for those behind one of a damaged length.
+
+    Where the checksum of all records before the index is wrong, they end there, unless it is not checked.
+    """
     begun = False
     try:
         with open_untrusted(path, RECORDING) as file:
-            for record in _reader(file).records:
+            for record in _reader(file, checks_all, partial(_note_damage, contents)).records:
                 begun = True
-                yield from _unpacked(record)
+                yield from _whole(record, contents)
     except IsADirectoryError:
         raise BadInput(f"{path}: is a folder; name a file, such as {path / 'recording.mcap'}") from None
     except OSError as error:
@@ -123,10 +130,22 @@ def _records(path: Path, contents: Contents) -> Iterator[Any]:
             raise BadInput(
                 f"{path}: is not an MCAP file, or is cut off before its first record; name a recording.mcap"
             ) from None
-        contents.why_cut = f"after {contents.end_s:g} s ({type(error).__name__})"
+        _note_damage(contents, error)
 
 
-def _reader(file: BinaryIO) -> StreamReader:
+def _whole(record: Any, contents: Contents) -> Iterator[Any]:
+    """Yield what a record holds; of a chunk that is damaged nothing, or what is before the damage."""
+    try:
+        yield from _unpacked(record)
+    except Exception as error:  # noqa: BLE001 - as in `_records`
+        _note_damage(contents, error)
+
+
+def _note_damage(contents: Contents, error: Exception) -> None:
+    contents.why_cut = contents.why_cut or f"after {contents.end_s:g} s ({type(error).__name__})"
+
+
+def _reader(file: BinaryIO, checks_all: bool, damaged: Callable[[Exception], None]) -> StreamReader:
     """Return a reader that never reads on behind the end of a record, whatever lengths and counts the record holds.
 
     mcap's own reader believes them. A message that is shorter than its head then stands for the rest of the file, and
@@ -146,10 +165,13 @@ def _reader(file: BinaryIO) -> StreamReader:
             self._stream = ReadDataStream(BytesIO(content))
             try:
                 return super()._read_record(opcode, length)
+            except Exception as error:  # noqa: BLE001 - a damaged record may raise anything; the next may be whole
+                damaged(error)
+                return None
             finally:
                 self._stream = whole
 
-    return RecordByRecord(file, emit_chunks=True, validate_crcs=True, record_size_limit=MOST_RECORD)
+    return RecordByRecord(file, emit_chunks=True, validate_crcs=checks_all, record_size_limit=MOST_RECORD)
 
 
 def _unpacked(record: Any) -> Iterator[Any]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import html
 from collections.abc import Iterable, Sequence
-from html import escape
 from importlib.resources import files
 
 from monitor.report.style import Drawing
 from patrol import palette
+from patrol.printable import printable_lines
 
 
 class Markup(str):
@@ -18,6 +19,11 @@ class Markup(str):
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 """Content security policy: a report loads nothing."""
+
+
+def escape(says: str) -> str:
+    """Escape text that others may have written, characters included that would reverse or hide what follows."""
+    return html.escape(printable_lines(says))
 
 
 def page(title: str, body: Iterable[str]) -> str:

@@ -23,7 +23,7 @@ _REMEDIES = {
 }
 
 
-def told(error: OSError) -> str | None:
+def told(error: BaseException) -> str | None:
     """Say in one line which limit an error comes from, and what to do about it.
 
     Args:
@@ -33,6 +33,10 @@ def told(error: OSError) -> str | None:
         For example ``run/journal: No space left on device; free some space, or write elsewhere``; None for an
         error that no limit explains.
     """
+    if isinstance(error, MemoryError):
+        return "out of memory; free some, raise the limit (ulimit -v), or take coarser points or fewer robots"
+    if not isinstance(error, OSError):
+        return None
     remedy = _REMEDIES.get(error.errno or 0)
     if remedy is None:
         return None

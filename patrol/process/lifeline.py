@@ -155,7 +155,7 @@ def run_process(main: Callable[[], int]) -> NoReturn:
     except SystemExit as asked:
         code = asked.code if isinstance(asked.code, int) else 0
     except BaseException as error:  # noqa: BLE001 - the process is over, and must not hang on threads of libraries
-        limit = told(error) if isinstance(error, OSError) else str(error) if isinstance(error, BadInput) else None
+        limit = str(error) if isinstance(error, BadInput) else told(error)
         if limit is not None:
             Log("", "").error(limit)
             code = BAD_INPUT

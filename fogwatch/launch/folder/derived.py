@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
 from patrol.journal import Journal
+from patrol.process.exhausted import told
 from patrol.process.lifeline import InterruptedBySignal
 from patrol.process.starting.warmup import warm
 from patrol.radio.fleet_key import fleet_key
@@ -143,8 +144,8 @@ def derive(
         _derive(journal, prepared, summary, recording, report, _Progress(progress))
     except ImportError as error:
         say(f"no recording and no report: {error.name} is not installed (pip install 'fogwatch[monitor]')")
-    except BadInput as error:
-        say(f"no recording or no report: {error}")
+    except (BadInput, MemoryError) as error:
+        say(f"no recording or no report: {told(error) if isinstance(error, MemoryError) else error}")
     except OSError as error:
         commands = f"`fogwatch record {journal.path.parent}` and `fogwatch report {journal.path.parent}`"
         say(f"no recording or no report: cannot be written ({error.strerror}); make room, then: {commands}")
@@ -215,5 +216,5 @@ def _draw(folder: RunFolder, prepared: Prepared, say: Callable[[str], None]) -> 
         run_picture(folder.path, folder.picture, prepared)
     except ImportError as error:
         say(f"no picture: {error.name} is not installed (pip install 'fogwatch[sim]')")
-    except (BadInput, OSError) as error:
-        say(f"no picture: {error}")
+    except (BadInput, OSError, MemoryError) as error:
+        say(f"no picture: {told(error) if isinstance(error, MemoryError) else error}")

@@ -57,6 +57,12 @@ def test_a_run_with_closed_streams_writes_none_of_its_words_into_its_files(tmp_p
     assert not [name for name in names if b"verdict     " in (tmp_path / "run" / name).read_bytes()]
 
 
+@pytest.mark.parametrize("columns", ["0", "-1", "x"])
+def test_a_terminal_of_no_width_is_written_to_all_the_same(columns: str, tmp_path: Path) -> None:
+    done = shell(f'COLUMNS={columns} "$@"', "run", "--help", folder=tmp_path)
+    assert (done.returncode, "--in-process" in done.stdout) == (0, True)
+
+
 @pytest.mark.parametrize("words", [["version"], ["scenario", "show", "yards"]])
 def test_an_output_without_room_is_one_line(words: list[str], tmp_path: Path) -> None:
     done = shell('"$@" >/dev/full', *words, folder=tmp_path)

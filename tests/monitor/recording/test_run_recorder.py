@@ -227,6 +227,18 @@ def test_half_of_a_short_recording_has_its_map_and_where_nothing_is_left_the_run
         inspect_recording(whole)
 
 
+def test_what_lies_behind_a_damaged_chunk_is_saved(faulty: Any, tmp_path: Path) -> None:
+    """Also where the first chunk is damaged, which describes all topics."""
+    data = record(faulty.open(), tmp_path / "out.mcap").read_bytes()
+    place = data.index(b"\x28\xb5\x2f\xfd") + 100  # in the first chunk's compressed content
+    (tmp_path / "flipped.mcap").write_bytes(data[:place] + bytes([data[place] ^ 1]) + data[place + 1 :])
+    saved = inspect_recording(tmp_path / "flipped.mcap", tmp_path / "saved.mcap")
+    assert saved.why_cut.startswith("after 0 s (")
+    assert 0 < saved.messages["/mfow"] < inspect_recording(tmp_path / "out.mcap").messages["/mfow"]
+    assert saved.end_s == 39.5
+    assert inspect_recording(tmp_path / "saved.mcap").messages == saved.messages
+
+
 def test_damage_anywhere_is_found_or_harmless(quiet: Any, tmp_path: Path) -> None:
     """A flipped byte in a chunk is found by its checksum; wherever it is, nothing but BadInput is raised."""
     whole = record(quiet.open(), tmp_path / "out.mcap").read_bytes()

@@ -108,6 +108,7 @@ def test_what_events_say_is_never_taken_for_html() -> None:
     assert "<img" not in page
     assert page.count("<span") == 1
     assert page.count("&lt;span") == 3
+    assert html.text("a\u202eb\nc") == "<p>a\\u202eb\nc</p>", "nothing reverses what follows"
 
 
 def test_a_quiet_run_has_no_faults_and_no_error(quiet: Any) -> None:

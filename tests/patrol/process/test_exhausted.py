@@ -66,3 +66,8 @@ def test_no_limit_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(resource, "setrlimit", lambda _what, pair: asked.append(pair))
     allow_files(61, "a fleet")
     assert asked == [(61, resource.RLIM_INFINITY)]
+
+
+def test_a_machine_without_memory_is_one_line() -> None:
+    assert str(told(MemoryError())).startswith("out of memory; ")
+    assert told(KeyError("other")) is None
