@@ -121,7 +121,7 @@ def _closed_out(size: FleetSize) -> Iterator[str]:
     """Say what the age of all ground is where the ages above are those of open ground."""
     kept = size.simulated
     if kept is not None and kept.all_max_s is not None:
-        names = ", ".join(closure.name for closure in kept.scenario.closures)
+        names = ", ".join(c.name for c in kept.scenario.closures if c.closed or c.closes)
         yield (
             f"closures: ages are of open ground, the time in which it was closed out left out; with it the largest is "
             f"{age_text(kept.all_max_s)} s, because of {names}"
