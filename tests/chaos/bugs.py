@@ -20,14 +20,14 @@ import pytest
 from agent import sender
 from agent.mind import Mind
 from agent.ports import PolicyFailed
-from agent.routes import ground
 from experiments.inprocess import InProcessFleet
 from patrol.energy import Batteries
-from patrol.ground.terrain import ALL_WAYS, Terrain
+from patrol.ground.fog import Fog
+from patrol.ground.terrain import Terrain
 from patrol.journal import Event, Status
+from patrol.pose import Command, Drive, Twist, Velocity
 from patrol.radio import inbox
 from patrol.radio.allowance import Allowance
-from patrol.radio.message import Rejected, RejectReason
 from patrol.scenario.faults.kinds import Clock
 from tests.chaos.examine import TRACES_DIFFER
 from worldsim import world
@@ -72,9 +72,27 @@ UNEVEN = {
     "duration": 600.0,
     "faults": [{"kind": "motion", "who": "all", "jitter": {"size": 0.5}, "slip": {"rate": 0.4}}],
 }
-CALM = {"terrain": {"builtin": "open"}, "point": 2.0, "step": 1.0, "duration": 1000.0, "nemesis": None, "faults": []}
+CALM = {
+    "terrain": {"builtin": "open"},
+    "point": 2.0,
+    "step": 1.0,
+    "duration": 400.0,
+    "nemesis": None,
+    "faults": [],
+    "patrol.policy": "committed",
+    "robots.speed": 5.0,
+    "robots.battery": None,
+    "sensor.range": 25.0,
+}
 SHORT_PAUSE = {**CALM, "faults": [{"kind": "pause", "who": "one", "at": 5.0, "for": 5.0}]}
-"""What some checks need in order to judge: runs that are long enough for shares, or for a patrol to come round."""
+ONE_WAY = {
+    **CALM,
+    "duration": 60.0,
+    "closures": [],
+    "zones": [{"name": "aisle", "polygon": [[10, 10], [90, 10], [90, 78], [10, 78]], "one_way": 0}],
+}
+"""What some checks need in order to judge: runs that are long enough for shares, or for a patrol to come round, and
+ground on which a robot can go far against a zone."""
 
 
 def _bug(
@@ -318,10 +336,6 @@ def _stays_silent(of: Any) -> None:
     of._sending = replace(of._sending, silence=of._sending.silence + 2)
 
 
-def _knows_no_direction(of: Any) -> None:
-    of.against = ALL_WAYS
-
-
 def _decides(change: Callable[[Any, Any, Any], Any]) -> Plant:
     """Change minds' decisions, by the mind, what it senses and its decision."""
     return _put(Mind, "decide", lambda real: lambda of, sensed, *more: change(of, sensed, real(of, sensed, *more)))
@@ -357,18 +371,6 @@ def _driven(_: Any) -> Any:
     return driven
 
 
-def _untagged(real: Any) -> Any:
-    def decode(frame: bytes, key: Any) -> Any:
-        try:
-            return real(frame, key)
-        except Rejected as rejected:
-            if rejected.reason is not RejectReason.TAG:
-                raise
-            return real(frame[:-8], None)
-
-    return decode
-
-
 def _accepts_again(real: Any) -> Any:
     def hear(cells: Any, *args: Any) -> Any:
         is_past = real(cells, *args)
@@ -390,6 +392,18 @@ def _sent(**moved: int) -> Plant:
     return _put(sender, "encode", make)
 
 
+def _drives_blindly(mind: Any, sensed: Any, decision: Any) -> Any:
+    """Drive to and fro at top speed, whatever is in the way."""
+    spec, turn = mind.spec, sensed.k // 12
+    speed = spec.speed if turn % 2 else -spec.speed
+    commands: dict[str, Command] = {
+        "car": Drive(speed, 0.4 / spec.turning_radius),
+        "differential": Twist(speed, 0.1),
+        "holonomic": Velocity(speed * math.cos(turn), speed * math.sin(turn)),
+    }
+    return replace(decision, command=commands[spec.model])
+
+
 _calls = count()
 
 
@@ -403,6 +417,7 @@ def _free(real: Any, ground_of: Callable[[Any], Any]) -> Any:
 
 
 _path_is_free = motion, "path_is_free"
+_blind = _decides(_drives_blindly)
 _bug("the run ends a tick early", "complete", _init(World, _ends_early))
 _bug("the trace leaves out a tick", "trace", _put(record, "TraceHash", _trace))
 _bug("a mind fails", "nobody lost", _decides(_fails))
@@ -429,6 +444,7 @@ _bug(
     _put(world, "within_limits", lambda _: lambda _, command: noise._changed(command, 1.5, 1.0, 0.0, 1.0)),
 )
 _bug("moves are uneven without a fault", "moves", _put(noise.MotionNoise, "driven", _driven))
+_bug("the fog counts a tick less", "fog", _put(Fog, "mfow", lambda real: lambda *of: real(*of) - 1))
 _bug(
     "robots drive with an empty battery",
     "batteries",
@@ -438,21 +454,18 @@ _bug(
 _bug(
     "bodies pass through keep-outs",
     "keep-outs",
+    _blind,
     _put(*_path_is_free, lambda real: _free(real, lambda t: Terrain(t.name, t.passable, t.point, t.origin))),
     needs="feature zone: keep-out",
 )
 _bug(
     "slow zones slow nothing",
     "slow zones",
+    _blind,
     _put(world, "slowed", lambda _: lambda command, _: command),
     needs="feature zone: slow",
 )
-_bug(
-    "minds know no direction of zones",
-    "one-way zones",
-    _init(ground.Ground, _knows_no_direction),
-    needs="feature zone: one-way",
-)
+_bug("minds drive blindly", "one-way zones", _blind, settings=ONE_WAY)
 _bug(
     "zones begin and end unseen",
     "zone times",
@@ -462,12 +475,13 @@ _bug(
 _bug(
     "bodies pass through what is closed",
     "closures",
+    _blind,
     _put(*_path_is_free, lambda real: _free(real, lambda t: getattr(t, "base", t))),
     needs="feature closures by times",
 )
 _bug(
     "closures close on robots",
-    "closures",
+    "bodies apart",
     _put(Closures, "_overlaps", lambda _: lambda *_: False),
     needs="feature closures by rates",
 )
@@ -497,7 +511,12 @@ _bug(
     _put(rules, "cause", lambda _: lambda entry: f"loss:{entry.id}x"),
     needs="loss",
 )
-_bug("strangers know the key", "forged frames", _put(inbox, "decode", _untagged), needs="spoof")
+_bug(
+    "strangers know the key",
+    "forged frames",
+    _put(inbox, "decode", lambda real: lambda frame, _: real(frame, None)),
+    needs="spoof",
+)
 _bug(
     "a forged frame comes twice",
     "forgeries",

@@ -17,8 +17,8 @@ from typing import Any
 
 from tests.chaos.coverage import PAIRED, SINGLES, pairs
 
-ENOUGH = 150
-"""Seeds after which everything must have been met; the rarest are met by one seed of 30."""
+ENOUGH = 300
+"""Seeds after which everything must have been met; the rarest are met by one seed of 50 or fewer."""
 
 ENOUGH_FOR_PAIRS = 500
 """Seeds after which every pair of kinds of faults and features must have been met."""

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from patrol.ground.fog import Fog
 from patrol.journal import Status
 from patrol.pose import Pose
-from worldsim.truth import Truth
+from patrol.radio.message import as_received
 from worldsim.verdict.common.check import JournalReading
 from worldsim.verdict.common.closed_ground import ClosedGround
 from worldsim.verdict.common.robots_there import RobotsThere
 
 if TYPE_CHECKING:
-    from patrol.ground.fog import Fog
     from patrol.journal import TickRecord
     from worldsim.verdict.common.check import JudgedRun, Readings
 
@@ -28,15 +28,13 @@ class TrueFog(JournalReading):
 
     def __init__(self, run: JudgedRun, readings: Readings) -> None:
         super().__init__(run, readings)
-        self._truth: Truth | None = None
-        if run.fog is not None:
-            self.fog: Fog = run.fog
-        else:
-            self._truth = Truth(readings[ClosedGround].footprint, run.prepared.patrolled)
-            self.fog = self._truth.fog
+        self._footprint = readings[ClosedGround].footprint
+        self._is_known = run.fog is not None
+        self.fog = Fog(run.prepared.patrolled) if run.fog is None else run.fog
 
     def tick(self, record: TickRecord) -> None:
         """Let the living robots look around."""
-        if self._truth is not None:
-            poses = [(r.number, Pose(r.x, r.y, r.heading)) for r in record.robots if r.status is Status.ALIVE]
-            self._truth.observe(record.k, poses)
+        for row in () if self._is_known else record.robots:
+            if row.status is Status.ALIVE:
+                pose = as_received(Pose(row.x, row.y, row.heading))
+                self.fog.observe(self._footprint.visible(pose), record.k)

@@ -11,11 +11,13 @@ import numpy as np
 from patrol.ground.swept_path import advance, free_fraction, path_is_free
 from patrol.journal import RobotTick, Status, TickRecord
 from patrol.pose import Command, Pose, command_of, is_halt
+from patrol.scenario.faults.kinds import Motion
 from worldsim.kernels.apart import first_overlap
 from worldsim.robots.motion import length
 from worldsim.robots.noise import MotionNoise
 from worldsim.verdict.common.check import Check
 from worldsim.verdict.common.closed_ground import ClosedGround
+from worldsim.verdict.common.faults import active
 from worldsim.verdict.common.robots_there import RobotsThere
 from worldsim.verdict.robots.expected_statuses import ExpectedStatuses
 
@@ -65,7 +67,8 @@ class BodiesApart(Check):
 class MovesAreTrue(Check):
     """Each body goes from its start where its commands take it, to the bit, and they are within its limits.
 
-    Under motion faults it goes where commands and draws take it; the check `motion` judges these draws.
+    Under motion faults it goes where commands and draws take it; the check `motion` judges these draws. Without one it
+    does exactly what it is commanded.
 
     A body without a driver, or whose move was cancelled, stays exactly where it is; one that was away comes back at
     its start. A move that was not cancelled touches no wall. For one that was cancelled there is a wall in its way, or
@@ -83,6 +86,7 @@ class MovesAreTrue(Check):
         self._ground = readings[ClosedGround]
         self._specs = {spec.number: spec for spec in roster}
         self._noise = MotionNoise(run.prepared.scenario, run.timeline)
+        self._uneven = [entry for entry in run.timeline.entries if isinstance(entry.fault, Motion)]
         self._starts = {spec.number: start for spec, start in zip(roster, run.prepared.starts, strict=True)}
         self._due = dict(self._starts)
         self._looked = 0
@@ -91,7 +95,8 @@ class MovesAreTrue(Check):
         for number in self._expected.appeared:
             self._due[number] = self._starts[number]
         commands = {row.number: command_of(self._specs[row.number].model, row.c0, row.c1) for row in record.robots}
-        driven = self._noise.driven(record.k, commands)
+        uneven = {number for entry in self._uneven if active(entry, record.k) for number in entry.who}
+        driven = commands | {n: to for n, to in self._noise.driven(record.k, commands).items() if n in uneven}
         for row in record.robots:
             spec, pose = self._specs[row.number], Pose(row.x, row.y, row.heading)
             problem = self._problem_of(row, spec, pose, commands[row.number])
