@@ -337,6 +337,7 @@ OWN_FILES = {
     "patrol/net/carriers/serial_line.py": "the line that its user names; what comes over it is judged like any frame",
     "patrol/ground/tour/zoned.py": "fields that the launcher prepared",
     "patrol/prepare.py": "fields that the launcher prepared",
+    "patrol/process/lifeline.py": "the kernel's facts about this process",
     "patrol/process/starting/command_line.py": "the kernel's facts about this process",
     "patrol/process/reporting/vitals.py": "the kernel's facts about this process",
     "patrol/process/starting/compiling.py": "kernels of the packages",

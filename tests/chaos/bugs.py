@@ -193,6 +193,12 @@ def _held(ignored: bool) -> Plant:
 
 _dropped = _put(InProcessFleet, "kill", lambda _: lambda *_: None)
 _bug("a killed robot goes on", "statuses", _stood_down(Status.DEAD, status=Status.ALIVE), _dropped, kind="kill")
+_bug(
+    "the event of a kill names no fault",
+    "events",
+    _put(World, "stand_down", lambda real: lambda of, number, status, _, **how: real(of, number, status, "", **how)),
+    kind="kill",
+)
 _bug("a wreck that is to stay is removed", "moves", _stood_down(Status.DEAD, away=True), kind="kill")
 _bug(
     "a restarted robot never comes",

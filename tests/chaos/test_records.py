@@ -18,6 +18,7 @@ from patrol.scenario import load_scenario
 from worldsim.faults.lifecycle import LOOKED_AT, process_name
 from worldsim.run_record import MemoryJournal
 from worldsim.verdict.judge import judge
+from worldsim.verdict.run.router_answers import SILENT
 
 pytestmark = pytest.mark.processes
 
@@ -65,5 +66,10 @@ def test_what_robots_report_of_a_direct_radio_is_judged(tmp_path: Path) -> None:
     assert record.end is not None
     direct = record.end.notes["direct"]
     said = {name: {**report, "heard": dict.fromkeys(report["heard"], 10**6)} for name, report in direct["said"].items()}
-    record.end = replace(record.end, notes={**record.end.notes, "direct": {**direct, "said": said}})
+    notes = record.end.notes
+    record.end = replace(record.end, notes={**notes, "direct": {**direct, "said": said}})
     assert failed(record, codes, prepared) == ["links add up"]
+
+    record.end = replace(record.end, notes={**notes, SILENT: 20.0})
+    warned = [check.name for check in judge(record, codes, prepared).checks if "20 s" in "".join(check.warnings)]
+    assert warned == ["router"]
