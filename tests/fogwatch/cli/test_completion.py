@@ -12,7 +12,7 @@ from fogwatch.cli.app import app
     ("words", "offered"),
     [
         ("fogwatch re", {"record", "recording", "replay", "report", "reproduce"}),
-        ("fogwatch run --se", {"--seed", "--set"}),
+        ("fogwatch run --se", {"--seed", "--sensor-range", "--set"}),
         ("fogwatch map ch", {"check"}),
     ],
 )

@@ -17,6 +17,8 @@ from patrol.process.deadline import MOST_CALLS, Late, deadline
 SHORT_S = 0.05
 LONG_S = 300.0
 EVER_S = 10_000.0
+JIFFY_S = 0.01
+"""The kernel may round what is left of a timer up by one of its ticks: 1 to 10 ms."""
 
 
 @pytest.fixture(autouse=True)
@@ -115,7 +117,7 @@ def test_a_timer_that_ran_before_goes_on_afterwards(late: bool) -> None:
         spin(LONG_S if late else 0.0)
     left_s, interval_s = signal.getitimer(signal.ITIMER_REAL)
     spent_s = time.monotonic() - begun
-    assert EVER_S - spent_s - 1.0 <= left_s <= EVER_S - (SHORT_S if late else 0.0)
+    assert EVER_S - spent_s - 1.0 <= left_s <= EVER_S - (SHORT_S if late else 0.0) + JIFFY_S
     assert interval_s == pytest.approx(7.0)
 
 
