@@ -24,6 +24,10 @@ METADATA = "fogwatch"
 
 MOST_RECORD = 64 * MIB
 """Bytes of the longest record, and of a chunk before compression; a grid of the largest terrain takes 50 MB."""
+MOST_DAMAGED = 100
+"""Number of damaged records after which the rest of a file is given up."""
+NO_RECORD = 0
+"""An opcode that no record has (MCAP's specification); zeros would be read as millions of empty records."""
 
 
 @dataclass
@@ -36,6 +40,7 @@ class Contents:
         begin_s: Time of the first message, s.
         end_s: Time of the last message, s.
         why_cut: Where and why it ends early, or lacks something first; empty for a complete file.
+        damaged: Number of damaged records that were passed over.
     """
 
     facts: Mapping[str, str] = field(default_factory=dict)
@@ -43,6 +48,7 @@ class Contents:
     begin_s: float = 0.0
     end_s: float = 0.0
     why_cut: str = ""
+    damaged: int = 0
 
 
 def inspect_recording(path: Path, repaired: Path | None = None) -> Contents:
@@ -130,7 +136,7 @@ def _records(path: Path, contents: Contents, checks_all: bool = True) -> Iterato
             raise BadInput(
                 f"{path}: is not an MCAP file, or is cut off before its first record; name a recording.mcap"
             ) from None
-        _note_damage(contents, error)
+        contents.why_cut = contents.why_cut or _why(contents, error)
 
 
 def _whole(record: Any, contents: Contents) -> Iterator[Any]:
@@ -142,7 +148,15 @@ def _whole(record: Any, contents: Contents) -> Iterator[Any]:
 
 
 def _note_damage(contents: Contents, error: Exception) -> None:
-    contents.why_cut = contents.why_cut or f"after {contents.end_s:g} s ({type(error).__name__})"
+    """Count a damaged record; raise its error where there are too many to go on."""
+    contents.why_cut = contents.why_cut or _why(contents, error)
+    contents.damaged += 1
+    if contents.damaged > MOST_DAMAGED:
+        raise error
+
+
+def _why(contents: Contents, error: Exception) -> str:
+    return f"after {contents.end_s:g} s ({type(error).__name__})"
 
 
 def _reader(file: BinaryIO, checks_all: bool, damaged: Callable[[Exception], None]) -> StreamReader:
@@ -152,12 +166,14 @@ def _reader(file: BinaryIO, checks_all: bool, damaged: Callable[[Exception], Non
     the index of a chunk for 268 million entries.
     """
     from mcap.data_stream import ReadDataStream
-    from mcap.exceptions import EndOfFile
+    from mcap.exceptions import EndOfFile, McapError
     from mcap.records import McapRecord
     from mcap.stream_reader import StreamReader
 
     class RecordByRecord(StreamReader):
         def _read_record(self, opcode: int, length: int) -> McapRecord | None:
+            if opcode == NO_RECORD:
+                raise McapError(f"opcode {opcode}")
             whole = self._stream
             content = whole.read(length)
             if len(content) < length:
@@ -165,7 +181,7 @@ def _reader(file: BinaryIO, checks_all: bool, damaged: Callable[[Exception], Non
             self._stream = ReadDataStream(BytesIO(content))
             try:
                 return super()._read_record(opcode, length)
-            except Exception as error:  # noqa: BLE001 - a damaged record may raise anything; the next may be whole
+            except Exception as error:  # noqa: BLE001 - a damaged record may raise anything, and the next may be whole
                 damaged(error)
                 return None
             finally:
