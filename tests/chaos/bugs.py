@@ -84,6 +84,7 @@ CALM = {
     "robots.battery": None,
     "sensor.range": 25.0,
 }
+HOLONOMIC = {**CALM, "duration": 100.0, "robots.model": "holonomic"}
 SHORT_PAUSE = {**CALM, "faults": [{"kind": "pause", "who": "one", "at": 5.0, "for": 5.0}]}
 ONE_WAY = {
     **CALM,
@@ -418,6 +419,10 @@ def _hesitates(mind: Any, _sensed: Any, decision: Any) -> Any:
     return replace(decision, command=standstill(mind.spec)) if next(_calls) % 100 == 0 else decision
 
 
+def _drives_east(mind: Any, _sensed: Any, decision: Any) -> Any:
+    return replace(decision, command=Velocity(mind.spec.speed, 0.0))
+
+
 def _free(real: Any, ground_of: Callable[[Any], Any]) -> Any:
     return lambda terrain, *of: real(ground_of(terrain), *of)
 
@@ -567,5 +572,6 @@ _bug(
 )
 _bug("inboxes accept a frame again and again", "refused frames", _put(inbox, "hear", _accepts_again), needs="duplicate")
 _bug("minds count what others decide", TRACES_DIFFER, _decides(_hesitates))
+_bug("minds drive east, whatever is there", "bumps", _decides(_drives_east), settings=HOLONOMIC)
 _bug("minds stop deciding", "progress", _stops(0), settings=CALM)
 _bug("minds stop deciding after a fault", "recovery", _stops(20), settings=SHORT_PAUSE)

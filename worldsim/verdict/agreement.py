@@ -17,6 +17,10 @@ ROUNDING = 1e-9
 """Relative difference of two numbers that are equal but for the machines that computed them."""
 
 
+NONE_WAS_ZERO = ".battery.patrol_share"
+"""A field that is None where version 1.0.0 stated 0, for robots that took no part."""
+
+
 @dataclass(frozen=True, slots=True)
 class Difference:
     """A field in which a summary differs from its journal.
@@ -145,7 +149,7 @@ def _between(stated: Any, found: Any, field: str) -> Iterator[Difference]:
     elif _is_number(stated) and _is_number(found):
         if math.isclose(stated, found, rel_tol=ROUNDING):
             return
-    elif stated == found:
+    elif stated == found or (stated == 0.0 and found is None and field.endswith(NONE_WAS_ZERO)):
         return
     yield Difference(field, stated, found)
 

@@ -29,6 +29,7 @@ from worldsim.verdict.robots.motion_checks import MotionAsAsked
 from worldsim.verdict.robots.sense_checks import SensesAsAsked
 from worldsim.verdict.robots.status_checks import DownAreSilent, NobodyLost, PausedStandStill, StatusesFollow
 from worldsim.verdict.robots.zone_checks import KeepOutsKept, OneWayZonesKept, SlowZonesKept
+from worldsim.verdict.run.bumps import BumpsRare
 from worldsim.verdict.run.exit_codes import ExitCodes
 from worldsim.verdict.run.fault_times import FaultsOnTime
 from worldsim.verdict.run.fog_check import FogIsTrue
@@ -94,6 +95,7 @@ CHECKS: tuple[type[Check], ...] = (
     Hearing,
     ForgedAsConfigured,
     Recovers,
+    BumpsRare,
     ProgressCheck,
 )
 """All checks, in the order in which a verdict lists their results; each says which runs call for it."""

@@ -56,6 +56,14 @@ def test_the_warnings_of_a_check_that_an_earlier_version_lacked_are_not() -> Non
     assert differences(stated, summary("valid", check(True), check(True, warnings=(WARNED,), name="router"))) == []
 
 
+@pytest.mark.parametrize(("share", "agrees"), [(0.0, True), (0.5, False)])
+def test_a_share_of_no_time_was_once_zero(share: float, agrees: bool) -> None:
+    def battery(patrol_share: float | None) -> dict[str, Any]:
+        return {**summary("valid", check(True)), "robots": {"r3": {"battery": {"patrol_share": patrol_share}}}}
+
+    assert (differences(battery(share), battery(None)) == []) == agrees
+
+
 FOUND = {
     **summary("valid", check(True), check(True, name="moves")),
     "ticks": 5,

@@ -33,10 +33,6 @@ TOURS = 4.0
 SHORTEST_S = 2.0 * TRAPPED_S
 """The shortest run whose fog is judged, s: on small ground a tour takes seconds."""
 
-BUMPS_A_MINUTE = 1.0
-LEAST_BUMPS = 10
-"""A robot bumps often if its moves are cancelled more often than this, and at least so many times in the run."""
-
 NEW_SHARE = 0.1
 """Without a tour, ground that was never seen is judged where the run's second half saw at most this share more points
 than its first."""
@@ -128,7 +124,7 @@ class RunProgress:
 
 
 class ProgressCheck(Check):
-    """Warns of robots that are trapped or bump often, of fog that grows to the end, and of ground that was never seen.
+    """Warns of robots that are trapped, of fog that grows to the end, and of ground that was never seen.
 
     A patrol without progress is no error of the run: its numbers are right, and they say how bad the policy is. So this
     check fails no run.
@@ -146,8 +142,6 @@ class ProgressCheck(Check):
         self._found: dict[tuple[int, int], Trap] = {}
         self._stays: dict[int, tuple[int, Stay]] = {}
         self._patrolled: Counter[int] = Counter()
-        self._alive: Counter[int] = Counter()
-        self._bumps: Counter[int] = Counter()
         self._seen: list[int] = []
         self._worst: tuple[int, int, tuple[int, int], int, tuple[RobotTick, ...]] | None = None
         self._last: TickRecord | None = None
@@ -163,8 +157,6 @@ class ProgressCheck(Check):
             self._found[trap.robot, trap.since] = trap
         places, free = judged_places(record)
         self._patrolled.update(places.keys() - free)
-        self._alive.update(row.number for row in record.robots if row.status is Status.ALIVE)
-        self._bumps.update(row.number for row in record.robots if row.bumped)
         for number in places:
             since = self._traps.stays.since(number)
             longest = self._stays.get(number)
@@ -199,7 +191,7 @@ class ProgressCheck(Check):
         """Return the result, once all ticks are in."""
         if self._last is None:
             return self._not_judged("not judged: the run has no tick")
-        warnings = self._trapped() + self._bumped_often()
+        warnings = self._trapped()
         about_fog, judged = self._about_fog()
         warnings += about_fog
         said = "; ".join(warnings)
@@ -233,15 +225,6 @@ class ProgressCheck(Check):
             trap.point,
             None if trap.unseen_since == NEVER else trap.unseen_since * step,
         )
-
-    def _bumped_often(self) -> list[str]:
-        """Return one line about the robots that bumped often, none where there are none."""
-        often = []
-        for number, name in self._run.names.items():
-            bumps, minutes = self._bumps[number], self._alive[number] * self._run.step / 60.0
-            if bumps >= LEAST_BUMPS and bumps > BUMPS_A_MINUTE * minutes:
-                often.append(f"{name} {bumps} times, {bumps / minutes:.1f} a minute")
-        return [f"robots bumped often, so that moves were cancelled: {'; '.join(often)}"] if often else []
 
     def _ticks(self, trap: Trap) -> int:
         return (self._end if trap.until is None else trap.until) - trap.since

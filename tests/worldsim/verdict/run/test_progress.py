@@ -114,19 +114,6 @@ def test_a_trapped_robot_is_named_with_place_and_time() -> None:
     assert result.detail == "; ".join(result.warnings)
 
 
-@pytest.mark.parametrize(("bumps", "warned"), [(10, False), (200, True)])
-def test_robots_that_bump_more_than_once_a_minute_are_named(bumps: int, warned: bool) -> None:
-    ready = rooms()
-    journal = MemoryJournal(header_of(World(ready)))
-    for record in made(ready, 1600, WHOLE, WHOLE).ticks:
-        bumped = 2 if record.k < bumps else 0
-        rows = tuple(replace(row, bumped=row.number == bumped) for row in record.robots)
-        journal.write(replace(record, robots=rows))
-    warnings = result_of(ProgressCheck, ready, journal).warnings
-    line = "robots bumped often, so that moves were cancelled: r2 200 times, 15.0 a minute"
-    assert warnings == ((line,) if warned else ())
-
-
 def test_several_traps_of_one_robot_are_one_line_about_the_longest() -> None:
     ready = rooms()
 
