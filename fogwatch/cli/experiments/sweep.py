@@ -22,7 +22,6 @@ from experiments.sweeps.runner import SweepOutcome, run_sweep
 from fogwatch.cli.columns import fits
 from fogwatch.launch.terminal.live_table import duration_text
 from fogwatch.progress import SweepProgress, print_failures
-from monitor.report.charts import WIDTH
 from patrol.errors import BadInput
 from patrol.matplotlib_check import check_matplotlib
 
@@ -76,20 +75,16 @@ def sweep(
     comparisons.csv (paired tests of the cases that `against` compares) and figures/ as PNG, SVG and PDF. Runs that have
     a result there are not repeated, so that an interrupted sweep continues when it is started again.
     """
-    if figure_width is not None and not LEAST_WIDTH_MM <= figure_width <= WIDTH * MM_PER_INCH:
-        raise BadInput(
-            f"--figure-width {figure_width:g}: expected {LEAST_WIDTH_MM:g} to {WIDTH * MM_PER_INCH:.0f} mm; a column "
-            "of a paper has about 88"
-        )
+    check_matplotlib("experiments")  # before hours of runs, not after them
+    width = _inches(figure_width)
     plan = read_plan(file, seeds)
     check_classes(plan)
-    check_matplotlib("experiments")  # before hours of runs, not after them
     folder = out or Path("runs") / file.stem
     console = Console()
     outcome = make_runs(plan, folder, workers_of(workers, cluster), console)
     write_tables(outcome, folder)
     rows = case_rows(outcome)
-    _draw(rows, plan.name, folder / "figures", WIDTH if figure_width is None else figure_width / MM_PER_INCH)
+    _draw(rows, plan.name, folder / "figures", width)
     print_cases(console, rows)
     print_failures(console, outcome)
     compared = ""
@@ -102,6 +97,20 @@ def sweep(
     files = f"{folder}: summary.csv, summary.json, table.tex, runs.csv{compared}, figures"
     console.print(f"{here}; {files}", highlight=False, soft_wrap=True)
     return FAILED if outcome.failed else 0
+
+
+def _inches(figure_width_mm: float | None) -> float:
+    """Return the width of figures in inches: that of a report's charts, or a narrower one that was asked for."""
+    from monitor.report.charts import WIDTH  # here: it loads libraries that `--help` does without
+
+    if figure_width_mm is None:
+        return WIDTH
+    if not LEAST_WIDTH_MM <= figure_width_mm <= WIDTH * MM_PER_INCH:
+        raise BadInput(
+            f"--figure-width {figure_width_mm:g}: expected {LEAST_WIDTH_MM:g} to {WIDTH * MM_PER_INCH:.0f} mm; a column "
+            "of a paper has about 88"
+        )
+    return figure_width_mm / MM_PER_INCH
 
 
 def _draw(rows: list[CaseRow], name: str, folder: Path, width: float) -> None:
