@@ -107,8 +107,8 @@ def _inches(figure_width_mm: float | None) -> float:
         return WIDTH
     if not LEAST_WIDTH_MM <= figure_width_mm <= WIDTH * MM_PER_INCH:
         raise BadInput(
-            f"--figure-width {figure_width_mm:g}: expected {LEAST_WIDTH_MM:g} to {WIDTH * MM_PER_INCH:.0f} mm; a column "
-            "of a paper has about 88"
+            f"--figure-width {figure_width_mm:g}: expected {LEAST_WIDTH_MM:g} to {WIDTH * MM_PER_INCH:.0f} mm; a "
+            "column of a paper has about 88"
         )
     return figure_width_mm / MM_PER_INCH
 
