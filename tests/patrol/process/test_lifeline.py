@@ -155,9 +155,8 @@ def test_children_that_were_started_in_between_are_ended_whatever_they_ignore() 
         return process
 
     before = start("SIGUSR1")
-    with pytest.raises(RuntimeError, match="as it was"), ending_children():
+    with ending_children():
         stubborn = start("SIGTERM")
-        raise RuntimeError("as it was")
     assert before.poll() is None
     before.kill()
     for process in (before, stubborn):

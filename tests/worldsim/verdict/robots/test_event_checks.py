@@ -102,7 +102,7 @@ def test_events_that_nothing_makes_are_caught(lab: Lab, kind: str) -> None:
     assert failures(world, journal, [*journal.events, Event(3, kind, None, "box")]) == {"events": problem}
 
 
-GROUND = {
+GROUND: dict[str, Any] = {
     "closures": [{"name": "box", "polygon": [[8, 8], [9, 8], [9, 9], [8, 9]], "closed": [[2, 4]]}],
     "zones": [
         {"name": "vault", "polygon": [[10, 8], [11, 8], [11, 9], [10, 9]], "weight": 2, "times": [[4, 6]]},
