@@ -8,7 +8,7 @@ Every record goes to the operating system in one write as soon as it is handed o
 nothing; that costs less than packing the record. A reader takes whole records up to the first that is cut off or
 damaged and says so. A damaged length, or one beyond what the run's robots can need, ends the reading as well.
 
-The writer holds a lock on the file (flock) for as long as it lives, however it ends, so a reader can tell a run that
+The writer holds a lock on the file (flock) until it closes it or ends, however it ends, so a reader can tell a run that
 goes on from one that was cut off.
 """
 
@@ -60,7 +60,7 @@ class JournalWriter:
         self._bytes = 0
         self._file = io.FileIO(path, "xb")
         with suppress(OSError):  # not every network drive has locks
-            fcntl.flock(self._file, fcntl.LOCK_EX)
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         self._put(MAGIC + self._framed(pack(header)))  # at once: a journal without its header cannot be read
 
     def write(self, record: Record) -> None:
@@ -88,6 +88,9 @@ class JournalWriter:
 
     def close(self) -> None:
         """Close the file; closing twice is fine."""
+        if not self._file.closed:
+            with suppress(OSError):  # a process that was forked from this one may hold the file open
+                fcntl.flock(self._file, fcntl.LOCK_UN)
         self._file.close()
 
     def __enter__(self) -> Self:
@@ -190,25 +193,6 @@ def read_journal(path: Path) -> Journal:
         BadInput: For any other file.
     """
     return Journal(path)
-
-
-def is_being_written(path: Path) -> bool:
-    """Return True while the writer of a journal lives, on this machine or, where its drive has locks, on another.
-
-    Args:
-        path: The file.
-
-    Raises:
-        OSError: It cannot be opened.
-    """
-    with open_untrusted(path, JOURNAL) as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return True
-        except OSError:
-            return False
-    return False
 
 
 class GrowingJournal(Journal):

@@ -210,19 +210,46 @@ def die_when_orphaned(lifeline: int | None) -> None:
 
 @contextlib.contextmanager
 def ending_children() -> Iterator[None]:
-    """End the processes that foreign code starts in a block, where the system lists a process's children."""
+    """End the processes that foreign code starts in a block, where the system lists a process's children.
+
+    They have `GRACE_S` to leave in order before they are killed.
+    """
     before = _children()
     try:
         yield
     finally:
-        for pid in _children() - before:
-            with contextlib.suppress(OSError):
-                os.kill(pid, signal.SIGTERM)
+        _end(_children() - before)
+
+
+def _end(pids: set[int]) -> None:
+    waited_s = 0.0
+    _signal(pids, signal.SIGTERM)
+    while waited_s < GRACE_S and any(map(_runs, pids)):
+        threading.Event().wait(_POLL_S)
+        waited_s += _POLL_S
+    _signal(pids, signal.SIGKILL)
+
+
+def _signal(children: set[int], number: signal.Signals) -> None:
+    for pid in filter(_runs, children):
+        with contextlib.suppress(OSError):
+            os.kill(pid, number)
 
 
 def _children() -> set[int]:
-    lists = Path("/proc/self/task").glob("*/children")
-    return {int(pid) for children in lists for pid in children.read_text(encoding="ascii").split()}
+    pids: set[int] = set()
+    for children in Path("/proc/self/task").glob("*/children"):
+        with contextlib.suppress(OSError):  # its thread has ended since
+            pids.update(map(int, children.read_text(encoding="ascii").split()))
+    return pids
+
+
+def _runs(child: int) -> bool:
+    """Return True until a child of this process has ended; it is left to be waited for by the code that started it."""
+    try:
+        return os.waitid(os.P_PID, child, os.WEXITED | os.WNOHANG | os.WNOWAIT) is None
+    except OSError:
+        return False
 
 
 def _when_orphaned(number: signal.Signals) -> None:

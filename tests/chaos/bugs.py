@@ -21,10 +21,12 @@ from agent import sender
 from agent.mind import Mind
 from agent.ports import PolicyFailed
 from experiments.inprocess import InProcessFleet
+from patrol.closures import WAITING
 from patrol.energy import Batteries
 from patrol.ground.fog import Fog
 from patrol.ground.terrain import Terrain
 from patrol.journal import Event, Status
+from patrol.journal.records import IN_FORCE, OUT_OF_FORCE
 from patrol.pose import Command, Drive, Twist, Velocity
 from patrol.radio import inbox
 from patrol.radio.allowance import Allowance
@@ -32,6 +34,8 @@ from patrol.scenario.faults.kinds import Clock
 from tests.chaos.examine import TRACES_DIFFER
 from worldsim import world
 from worldsim.faults import timeline
+from worldsim.faults.lifecycle import SKIPPED
+from worldsim.fleet.acts import Acts
 from worldsim.output import record
 from worldsim.radio import ether, forging, rules
 from worldsim.radio.models import path_loss
@@ -192,6 +196,11 @@ def _held(ignored: bool) -> Plant:
     )
 
 
+def _untold(owner: Any, method: str, *kinds: str) -> Plant:
+    """Leave out the events of some kinds that a method yields."""
+    return _put(owner, method, lambda real: lambda *of: (event for event in real(*of) if event.kind not in kinds))
+
+
 _dropped = _put(InProcessFleet, "kill", lambda _: lambda *_: None)
 _bug("a killed robot goes on", "statuses", _stood_down(Status.DEAD, status=Status.ALIVE), _dropped, kind="kill")
 _bug(
@@ -200,6 +209,7 @@ _bug(
     _put(World, "stand_down", lambda real: lambda of, number, status, _, **how: real(of, number, status, "", **how)),
     kind="kill",
 )
+_bug("an act that makes no sense is skipped unseen", "events", _untold(Acts, "due", SKIPPED))
 _bug("a wreck that is to stay is removed", "moves", _stood_down(Status.DEAD, away=True), kind="kill")
 _bug(
     "a restarted robot never comes",
@@ -480,7 +490,7 @@ _bug("minds drive blindly", "one-way zones", _blind, settings=ONE_WAY)
 _bug(
     "zones begin and end unseen",
     "zone times",
-    _put(World, "close_and_open", lambda real: lambda of: (event for event in real(of) if "force" not in event.kind)),
+    _untold(World, "close_and_open", IN_FORCE, OUT_OF_FORCE),
     needs="feature zone: times",
 )
 _bug(
@@ -488,6 +498,12 @@ _bug(
     "closures",
     _blind,
     _put(*_path_is_free, lambda real: _free(real, lambda t: getattr(t, "base", t))),
+    needs="feature closures by times",
+)
+_bug(
+    "closures wait for robots unseen",
+    "closures",
+    _untold(World, "close_and_open", WAITING),
     needs="feature closures by times",
 )
 _bug(

@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import fcntl
+import os
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from patrol.errors import BadInput
+from patrol.files.untrusted import JOURNAL, open_untrusted
 from patrol.process.starting.warmup import warm
 
 if TYPE_CHECKING:
     from monitor.replay.run import Run
+
+FRESH_S = 30.0
+"""Age of a journal's last write below which its run is taken to go on, where its drive has no locks."""
 
 
 def read_folder(folder: Path, key: Path | None, say: Callable[[str], None]) -> tuple[Run, bool]:
@@ -29,10 +37,30 @@ def read_folder(folder: Path, key: Path | None, say: Callable[[str], None]) -> t
     """
     from monitor.replay.run_files import journal_in
 
-    journal_in(folder)
+    journal = journal_in(folder).path
     warm(("patrol", "monitor"), say)
     from monitor.replay.run import open_run
-    from patrol.journal.file import is_being_written
 
+    was_going_on = _is_being_written(journal)
     run = open_run(folder, key)
-    return run, run.ended is None and is_being_written(run.journal.path)
+    if run.ended is None:
+        if _is_being_written(journal):
+            return run, True
+        if was_going_on:  # it has ended since
+            run = open_run(folder, key)
+    return run, False
+
+
+def _is_being_written(journal: Path) -> bool:
+    """Return True while the writer of a journal lives, on this machine or, where its drive has locks, on another."""
+    try:
+        with open_untrusted(journal, JOURNAL) as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            except BlockingIOError:
+                return True
+            except OSError:
+                return time.time() - os.fstat(file.fileno()).st_mtime < FRESH_S
+    except OSError as error:
+        raise BadInput(f"{journal}: cannot be read ({error.strerror})") from None
+    return False

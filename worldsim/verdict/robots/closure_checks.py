@@ -108,7 +108,8 @@ class ClosuresKept(Check):
         listed = event.detail.removeprefix(f"{name}{WAITS}").removesuffix(IN_IT).split(", ")
         named = [robot for robot in near if self._names[robot.number] in listed]
         return (
-            event.detail == f"{name}{WAITS}{', '.join(self._names[robot.number] for robot in named)}{IN_IT}"
+            bool(named)
+            and event.detail == f"{name}{WAITS}{', '.join(self._names[robot.number] for robot in named)}{IN_IT}"
             and event.robot == named[0].number
             and all(robot in named for robot in near if self._depth(robot, name) > SLACK)
         )

@@ -39,12 +39,9 @@ class EventsFollow(Check):
         super().__init__(run, readings)
         self._expected = readings[ExpectedStatuses]
         self._fault_ticks = {k for entry in run.timeline.entries for k in (entry.begin, entry.end)}
-        self._closures = {closure.name for closure in run.prepared.scenario.closures}
-        self._elsewhere = {OPERATOR}
-        if any(zone.times is not None for zone in run.prepared.scenario.zones):
-            self._elsewhere |= {IN_FORCE, OUT_OF_FORCE}
-        if self._closures:
-            self._elsewhere |= {CLOSED, OPENED, STAYS_OPEN}
+        scenario = run.prepared.scenario
+        self._closures = {closure.name for closure in scenario.closures}
+        self._timed_zones = {zone.name for zone in scenario.zones if zone.times is not None}
         self._read = 0
         self._is_lost = False
         self._last: TickRecord | None = None
@@ -68,6 +65,7 @@ class EventsFollow(Check):
         """Compare the events after the last tick, of which a run that was interrupted has the first few."""
         k = last.k + 1
         if k == self._run.prepared.scenario.ticks:
+            self._closures = self._timed_zones = set()  # the world changes them only before a tick
             self._compare(k, left, [])
             return
         self._expected.tick(replace(last, k=k))
@@ -96,8 +94,12 @@ class EventsFollow(Check):
         kept: list[Event] = []
         before: Event | None = None
         for event in told:
-            if event.kind in self._elsewhere:
+            if event.kind == OPERATOR:
                 compared = event.robot is not None
+            elif event.kind in (IN_FORCE, OUT_OF_FORCE):
+                compared = event.robot is not None or event.detail not in self._timed_zones
+            elif event.kind in (CLOSED, OPENED, STAYS_OPEN):
+                compared = event.robot is not None or event.detail not in self._closures
             elif event.kind == WAITING:
                 compared = closure_of(event) not in self._closures and event not in self._expected.may_wait
             elif event.kind == LOOKED_AT:

@@ -18,7 +18,7 @@ LONG_S = 3.0
 
 
 class RouterAnswers(Check):
-    """The router answered throughout a run that keeps to the clock.
+    """The router of a run that keeps to the clock was never silent for long.
 
     While it does not, ticks go on, and robots neither hear nor are told anything: their numbers are right, but they are
     those of a fleet that was cut off. So a silence is a warning.
@@ -48,4 +48,4 @@ class RouterAnswers(Check):
         return CheckResult(self.name, True, line, warnings=(line,))
 
     def _good(self) -> str:
-        return "it answered throughout"
+        return f"no silence of {LONG_S:g} s or more"

@@ -90,14 +90,16 @@ def test_events_that_change_nothing_are_caught(lab: Lab, k: int, kind: str, deta
 
 
 def test_the_robots_that_a_closure_waits_for_are_those_in_it(lab: Lab) -> None:
-    """Of two robots one is in the box, and one so near that a closed point could reach it."""
-    starts = [(15.0, 11.0, 0.0), (13.2, 11.0, 0.0)]
-    world = lab.world([{**DISC, "speed": 0.001}] * 2, starts, duration=4.0, closures=[{**BOX, "closed": [[1, 9]]}])
+    """One robot is in the box, one so near that a closed point could reach it, and one far away."""
+    starts = [(15.0, 11.0, 0.0), (13.2, 11.0, 0.0), (3.0, 3.0, 0.0)]
+    world = lab.world([{**DISC, "speed": 0.001}] * 3, starts, duration=4.0, closures=[{**BOX, "closed": [[1, 9]]}])
     journal = lab.run(world)
     assert journal.events == (Event(2, "waiting", 1, "box waits to close: r1 in it"),)
     assert judge(journal, {}, world.prepared).valid
     for forged in (
+        {"detail": "box waits to close:  in it"},
         {"detail": "box waits to close: r3 in it"},
+        {"detail": "box waits to close: r1, r3 in it"},
         {"robot": 2},
         {"detail": "box waits to close: r2 in it"},
     ):

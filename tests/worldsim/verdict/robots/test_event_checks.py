@@ -102,6 +102,42 @@ def test_events_that_nothing_makes_are_caught(lab: Lab, kind: str) -> None:
     assert failures(world, journal, [*journal.events, Event(3, kind, None, "box")]) == {"events": problem}
 
 
+GROUND: dict[str, Any] = {
+    "closures": [{"name": "box", "polygon": [[8, 8], [9, 8], [9, 9], [8, 9]], "closed": [[2, 4]]}],
+    "zones": [
+        {"name": "vault", "polygon": [[10, 8], [11, 8], [11, 9], [10, 9]], "weight": 2, "times": [[4, 6]]},
+        {"name": "ward", "polygon": [[12, 8], [13, 8], [13, 9], [12, 9]], "weight": 2},
+    ],
+}
+
+
+@pytest.mark.parametrize(
+    ("kind", "detail"),
+    [
+        ("closed", "r2 broke down and was towed"),
+        ("opened", "ghost"),
+        ("stays open", "vault"),
+        ("waiting", "ghost waits to close: r2 in it"),
+        ("in force", "box"),
+        ("out of force", "ward"),
+    ],
+)
+def test_only_what_the_scenario_has_closes_opens_begins_or_ends(lab: Lab, kind: str, detail: str) -> None:
+    world, journal = run(lab, **GROUND)
+    assert failures(world, journal) == {}
+    problem = f'the journal has "{kind}" ({detail}) before tick 7, which nothing made'
+    assert failures(world, journal, [*journal.events, Event(7, kind, None, detail)])["events"] == problem
+
+
+@pytest.mark.parametrize(
+    ("kind", "detail"), [("closed", "box"), ("waiting", "box waits to close: r2 in it"), ("in force", "vault")]
+)
+def test_the_ground_does_not_change_after_the_last_tick(lab: Lab, kind: str, detail: str) -> None:
+    world, journal = run(lab, **GROUND)
+    problem = f'the journal has "{kind}" ({detail}) before tick {TICKS}, which nothing made'
+    assert failures(world, journal, [*journal.events, Event(TICKS, kind, None, detail)]) == {"events": problem}
+
+
 def test_at_a_pace_nothing_says_when_a_robot_began_to_wait(lab: Lab) -> None:
     world, journal = run(lab, pace=10)
     events = list(journal.events)

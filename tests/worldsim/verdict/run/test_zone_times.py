@@ -69,4 +69,4 @@ def test_other_events_are_caught(
         kept = [event for event in events if (event.k, event.kind, event.detail) != gone]
         return [*kept, *(Event(k, kind, None, name) for k, kind, name in added)]
 
-    assert judged(lab, [NIGHT, SHIFT, VAULT], change)[1] == {"zone times": message}
+    assert judged(lab, [NIGHT, SHIFT, VAULT], change)[1]["zone times"] == message
