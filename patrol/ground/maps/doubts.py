@@ -122,25 +122,31 @@ def _image_elsewhere(says: MapFile) -> Iterator[str]:
 
 
 def _dark_free_levels(says: MapFile, image: MapImage) -> Levels:
-    """Return the greys that look like unknown ground, are read as free, and cover a notable share of what is free."""
+    """Return the greys of the image that look like unknown ground and are read as free, if they make up much of it."""
     free, counts = free_levels(says), image.histogram()
-    notable = counts >= max(NOTABLE * counts[free].sum(), 1)
-    dark = occupancy_of(says) > DARK
-    return free & notable & dark if says.mode != "raw" else np.zeros_like(free)
+    dark = free & (counts > 0) & (occupancy_of(says) > DARK)
+    is_notable = counts[dark].sum() >= NOTABLE * counts[free].sum()
+    return dark if is_notable and says.mode != "raw" else np.zeros_like(free)
 
 
 def _dark_free_ground(says: MapFile, image: MapImage) -> Iterator[str]:
-    """Warn of a dark grey that is read as free, with the threshold that makes it unknown."""
+    """Warn of dark greys that are read as free, with the threshold that makes nearly all of them unknown."""
     dark, counts = _dark_free_levels(says, image), image.histogram()
     if not dark.any():
         return
     greys = np.flatnonzero(dark)
-    cure = math.floor(1000.0 * float(occupancy_of(says)[dark].min()) - 1e-6) / 1000.0
     named = f"grey {greys[0]}" if len(greys) == 1 else f"greys {greys[0]} to {greys[-1]}"
-    dark_m2, free_m2 = (_area(says, int(counts[levels].sum())) for levels in (dark, free_levels(says)))
+    free_count, dark_count = (int(counts[levels].sum()) for levels in (free_levels(says), dark))
+    occupancy = occupancy_of(says)
+    from_light = greys[np.argsort(occupancy[greys])]
+    # As many as may stay free without another warning.
+    is_enough = np.cumsum(counts[from_light]) > NOTABLE * min(dark_count, free_count - dark_count)
+    least = float(occupancy[from_light[is_enough.argmax()]])
+    cure = math.floor(1000.0 * least - 1e-6) / 1000.0
     yield (
-        f"{says.path.name}: free_thresh = {says.free_thresh:g} reads {named} as free: {dark_m2} of {free_m2} free "
-        f"ground. In most maps such grey means unknown; if it does here, set free_thresh: {cure:g}"
+        f"{says.path.name}: free_thresh = {says.free_thresh:g} reads {named} as free: {_area(says, dark_count)} of "
+        f"{_area(says, free_count)} free ground. In most maps such grey means unknown; if it does here, set "
+        f"free_thresh: {cure:g}"
     )
 
 
