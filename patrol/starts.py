@@ -78,7 +78,7 @@ def place_starts(
         part = starting_part(terrain, widest, first)
         if first is None:
             _check_not_shut_in(terrain, widest, part)
-        _check_area(terrain, roster)
+        _check_area(terrain, roster, part)
         places = np.flatnonzero(part)
         for spec in sorted(waiting, key=lambda spec: (spec.spare, -spec.radius, spec.number)):
             pose = _place(terrain, spec, seed, places, placed, all_closed)
@@ -161,8 +161,8 @@ class _Placed:
         left[max(row0, 0) : row1 + 1, max(col0, 0) : col1 + 1] &= far
 
 
-def _check_area(terrain: Terrain, roster: Sequence[RobotSpec]) -> None:
-    """Refuse a fleet whose bodies, with half the distance that they keep around each, have more area than the ground.
+def _check_area(terrain: Terrain, roster: Sequence[RobotSpec], part: BoolGrid) -> None:
+    """Refuse bodies that, with half the distance that they keep around each, have more area than the ground of `part`.
 
     Raises:
         BadInput: They cannot all find a place, wherever that is.
@@ -170,12 +170,17 @@ def _check_area(terrain: Terrain, roster: Sequence[RobotSpec]) -> None:
     around = 0.5 * SPACING * terrain.point
     fleet = [spec for spec in roster if not spec.spare]
     taken_m2 = sum(math.pi * (spec.radius + around) ** 2 for spec in fleet if spec.start is None)
-    free = np.pad(terrain.free, 1)
+    if taken_m2 <= np.count_nonzero(part) * terrain.point_area:
+        return
+    labels, _ = parts_of(terrain.free)
+    ground = labels == labels.flat[np.flatnonzero(part)[0]]
+    wider = np.pad(ground, 1)
     for axis in (0, 1):  # by a point, as the distance may reach beyond the ground
-        free = free | np.roll(free, 1, axis) | np.roll(free, -1, axis)
-    if taken_m2 > np.count_nonzero(free) * terrain.point_area:
-        area_m2 = np.count_nonzero(terrain.free) * terrain.point_area
-        why = f"with the distance that they keep they take {taken_m2:.0f} m², and {area_m2:.0f} m² are free"
+        wider = wider | np.roll(wider, 1, axis) | np.roll(wider, -1, axis)
+    if taken_m2 > np.count_nonzero(wider) * terrain.point_area:
+        area_m2 = np.count_nonzero(ground) * terrain.point_area
+        taken = f"with the distance that they keep they take {taken_m2:.0f} m²"
+        why = f"{taken}, and {area_m2:.0f} m² are free where they start"
         raise BadInput(no_room_for_all(terrain, max(spec.radius for spec in fleet), len(fleet), why))
 
 

@@ -88,8 +88,6 @@ class MapReport:
         small_area: Their area in total, m².
         doors: The doors between the starts and the free space around them, narrowest first.
         sealed: int32 (height, width): the number of the listed part at a point, from 1, or 0.
-        perhaps_unknown: bool (height, width), passable points with cells of a grey that is read as free, and that means
-            unknown in most maps.
     """
 
     terrain: Terrain
@@ -108,7 +106,11 @@ class MapReport:
     small_area: float
     doors: tuple[Door, ...]
     sealed: NDArray[np.int32]
-    perhaps_unknown: BoolGrid
+
+    @property
+    def perhaps_unknown(self) -> BoolGrid:
+        """bool (height, width), passable points of greys that are read as free, and that mean unknown in most maps."""
+        return perhaps_unknown(self.terrain)  # here, as it reads the map again, and only pictures need it
 
 
 def check_map(
@@ -163,7 +165,6 @@ def check_map(
         small_area=sum(small) + _area(terrain, rooms.crumbs),
         doors=tuple(rooms.doors()),
         sealed=sealed,
-        perhaps_unknown=perhaps_unknown(terrain),
     )
 
 

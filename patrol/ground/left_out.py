@@ -1,7 +1,8 @@
 """The free ground that a fleet leaves out, because no robot sees it from where it gets.
 
 For example, of three rooms without doors between them a fleet that starts in one leaves out two. Its coverage and MFoW
-hold for the first room alone, and reading them needs to know that. A part of less than `LEAST_M2` is a blind corner.
+hold for the first room alone, and reading them needs to know that. A part of less than `LEAST_M2` may be a blind
+corner, so small parts do not count where all of them together are little.
 """
 
 from __future__ import annotations
@@ -15,7 +16,10 @@ from patrol.ground.fields import StaticFields
 from patrol.ground.terrain import BoolGrid, Terrain
 
 LEAST_M2 = 1.0
-"""Area of the smallest part that counts, m2."""
+"""Area from which on a part counts by itself, and from which on all smaller parts together do, m2."""
+
+LEAST_SHARE = 0.01
+"""Share of the free ground from which on the smaller parts together count too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,12 +27,13 @@ class LeftOut:
     """Free ground that no robot of a fleet sees.
 
     Attributes:
-        area_m2: All of it, in parts of at least `LEAST_M2`.
+        area_m2: All parts that count.
         parts: The number of these parts.
         largest_m2: Area of the largest of them.
         x: East coordinate of a place in the largest, m.
         y: North coordinate of the place, m.
         why: The reason why no robot sees the largest.
+        small_parts: The number of these parts that are smaller than `LEAST_M2`.
     """
 
     area_m2: float
@@ -37,14 +42,18 @@ class LeftOut:
     x: float
     y: float
     why: str
+    small_parts: int = 0
 
     @property
     def text(self) -> str:
         """The same in words, such as "23 m² of free ground in 2 parts, which no robot sees; the largest, ..."."""
         parts = "" if self.parts == 1 else f" in {self.parts} parts"
-        largest = "it is" if self.parts == 1 else f"the largest, {self.largest_m2:.0f} m², is"
+        if self.parts > 1 and self.small_parts:
+            small = "each" if self.small_parts == self.parts else f"{self.small_parts} of them"
+            parts += f", {small} of less than {LEAST_M2:g} m²"
+        largest = "it is" if self.parts == 1 else f"the largest, {_area(self.largest_m2)}, is"
         return (
-            f"{self.area_m2:.0f} m² of free ground{parts}, which no robot sees; {largest} around ({self.x:.1f}, "
+            f"{_area(self.area_m2)} of free ground{parts}, which no robot sees; {largest} around ({self.x:.1f}, "
             f"{self.y:.1f}), {self.why}"
         )
 
@@ -62,12 +71,16 @@ def left_out(terrain: Terrain, patrolled: BoolGrid, narrowest: StaticFields, rad
         What is left out; None where nothing is.
     """
     unseen = terrain.free & ~patrolled
-    if np.count_nonzero(unseen) * terrain.point_area < LEAST_M2:
+    least_m2 = min(LEAST_M2, LEAST_SHARE * np.count_nonzero(terrain.free) * terrain.point_area)
+    if np.count_nonzero(unseen) * terrain.point_area < least_m2:
         return None
     labels, count = parts_of(unseen)
     areas_m2 = np.bincount(labels.reshape(-1), minlength=count + 1) * terrain.point_area
     areas_m2[0] = 0.0
-    counted = areas_m2 >= LEAST_M2
+    small = (areas_m2 > 0.0) & (areas_m2 < LEAST_M2)
+    if areas_m2[small].sum() < least_m2:
+        small[:] = False
+    counted = (areas_m2 >= LEAST_M2) | small
     if not counted.any():
         return None
     largest = labels == areas_m2.argmax()
@@ -81,7 +94,12 @@ def left_out(terrain: Terrain, patrolled: BoolGrid, narrowest: StaticFields, rad
         x=round(x, 6),
         y=round(y, 6),
         why=_reason(terrain, largest, narrowest, radius),
+        small_parts=int(np.count_nonzero(small)),
     )
+
+
+def _area(area_m2: float) -> str:
+    return f"{area_m2:.0f} m²" if area_m2 >= LEAST_M2 else f"{area_m2:.2g} m²"
 
 
 def _reason(terrain: Terrain, part: BoolGrid, narrowest: StaticFields, radius: float) -> str:

@@ -53,11 +53,12 @@ class LeftOutFacts(_Part):
     x: float
     y: float
     why: str
+    small_parts: int = 0
 
     @property
     def text(self) -> str:
         """The same in words."""
-        return LeftOut(self.area_m2, self.parts, self.largest_m2, self.x, self.y, self.why).text
+        return LeftOut(**self.model_dump()).text
 
 
 class CheckFacts(_Part):
@@ -444,8 +445,9 @@ class Summary(_Part):
     left_out: Annotated[
         LeftOutFacts | None,
         Metric(
-            "free ground that no robot sees from where it gets, and that does not count: its area, its parts of at "
-            "least 1 m², and the place of the largest and why it is left out; null where there is none"
+            "free ground that no robot sees from where it gets, and that does not count: its area, its parts, how many "
+            "of them are smaller than 1 m², and the place of the largest and why it is left out; null where there is "
+            "none. Parts below 1 m² count where together they have 1 m² or 1 % of the free ground"
         ),
     ] = None
     point_m: Annotated[float, Metric("side of a point")] = 0.0

@@ -106,9 +106,12 @@ def test_a_fleet_larger_than_the_ground_is_refused_before_any_place_is_drawn(mon
     terrain = Terrain("hall", np.ones((60, 60), dtype=np.bool_), 1.0)
     assert len(place_starts(terrain, robots(*[1.0] * 150), 1)) == 150
     monkeypatch.setattr("patrol.starts.draw", lambda *_: pytest.fail("drew"))
-    taken = r"with the distance that they keep they take 5027 m², and 3600 m² are free"
-    with pytest.raises(BadInput, match=rf"^robots: 400 robots do not fit on hall: {taken}; use .*fewer"):
-        place_starts(terrain, robots(*[1.0] * 400), 1)
+    two_halls = np.ones((60, 121), dtype=np.bool_)
+    two_halls[:, 60] = False  # robots start in one of them
+    taken = r"with the distance that they keep they take 5027 m², and 3600 m² are free where they start"
+    for ground in (terrain, Terrain("hall", two_halls, 1.0)):
+        with pytest.raises(BadInput, match=rf"^robots: 400 robots do not fit on hall: {taken}; use .*fewer"):
+            place_starts(ground, robots(*[1.0] * 400), 1)
 
 
 def test_spare_robots_move_nobody_and_may_have_to_wait_for_their_place() -> None:

@@ -19,10 +19,11 @@ from patrol.printable import printable
 from patrol.process.lifeline import heed
 from patrol.process.starting.seldom import SELDOM
 from patrol.process.starting.warmup import warm
-from patrol.scenario import BUILTINS, naming, open_scenario, parse_overrides
+from patrol.scenario import BUILTINS, RobotGroup, as_mapping, load_scenario, naming, open_scenario, parse_overrides
 
 if TYPE_CHECKING:
     from experiments.plan.plan import FleetPlan
+    from patrol.scenario import Scenario
 
 NOT_KEPT = 1
 """The exit code when no number of robots keeps the wanted age."""
@@ -123,22 +124,37 @@ def plan(
     from experiments.plan.answer import answer_lines  # here: these import kernels, which are compiled first
     from experiments.plan.plan import SEEDS, make_plan
     from fogwatch.plan_folder import plan_folder, write_plan
-    from patrol.ground.maps.doubts import doubts
 
     folder = plan_folder(out, scenario.name)
+    with naming(what, overridden):
+        for line in _notes(scenario, 1 if numbers is None else numbers[-1]):
+            typer.echo(printable(f"warning: {line}"), err=True)
     shown = _Shown(Console(stderr=True))
     with shown.bar, naming(what, overridden):
         made = make_plan(scenario, age, numbers, shown, duration_s=duration, quick=quick, seeds=seeds or SEEDS)
         shown.begin("pictures")
         write_plan(made, folder)
-    for line in doubts(made.terrain):
-        typer.echo(printable(f"warning: {line}"), err=True)
     console = Console()
     console.print(_table(made), highlight=False, markup=False)
     for line in answer_lines(made):
         console.print(printable(line), highlight=False, markup=False, soft_wrap=True)
     console.print(printable(f"files: {folder}"), highlight=False, markup=False, soft_wrap=True)
     return NOT_KEPT if age is not None and made.chosen is None else 0
+
+
+def _notes(scenario: Scenario, most: int) -> list[str]:
+    """Return the notes on the scenario with the most robots that a plan looks at, one if it searches for the number."""
+    from fogwatch.grounds.scenario_notes import scenario_notes  # here: these import kernels
+    from patrol.prepare import prepare
+
+    if not isinstance(scenario.robots, RobotGroup):
+        return []  # the plan refuses it
+    mapping = as_mapping(scenario)
+    for name in ("faults", "intruders", "nemesis"):
+        mapping.pop(name, None)
+    for name in ("starts", "spare"):
+        mapping["robots"].pop(name, None)
+    return scenario_notes(prepare(load_scenario(mapping, {"robots.count": most})))
 
 
 def _table(plan: FleetPlan) -> Table:

@@ -15,6 +15,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from typing import BinaryIO, cast
 
 import numpy as np
@@ -44,7 +45,7 @@ A_GREY = 257
 """Levels of a 16-bit image that are one grey."""
 
 BLOCK = 256
-"""Rows of a coloured image that are made grey at a time."""
+"""Rows of an image that are made grey, counted or compared at a time."""
 
 MOST_READS = 1 << 16
 """Times that a decoder may read from an image, and once more for each `BYTES_A_READ` of the file. Decoders read
@@ -56,7 +57,7 @@ Levels = NDArray[np.bool_]
 """For each grey whether it has some meaning, such as free."""
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False)
 class MapImage:
     """The pixels of a map's image, the lowest row (that of the lowest y) first.
 
@@ -91,10 +92,15 @@ class MapImage:
         opaque = None if self.opaque is None else self.opaque[first:after]
         return MapImage(self.greys[first:after], opaque, self.is_jpeg)
 
+    @cached_property
     def histogram(self) -> NDArray[np.int64]:
-        """Return the number of opaque pixels of each grey, int64 (256,)."""
-        greys = self.greys if self.opaque is None else self.greys[self.opaque]
-        return np.bincount(greys.reshape(-1), minlength=LEVELS)
+        """The number of opaque pixels of each grey, int64 (256,)."""
+        counts = np.zeros(LEVELS, dtype=np.int64)
+        for first in range(0, len(self.greys), BLOCK):  # counting takes eight bytes a pixel
+            greys = self.greys[first : first + BLOCK]
+            counted = greys if self.opaque is None else greys[self.opaque[first : first + BLOCK]]
+            counts += np.bincount(counted.reshape(-1), minlength=LEVELS)
+        return counts
 
 
 def free_levels(says: MapFile) -> Levels:

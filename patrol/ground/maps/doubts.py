@@ -9,11 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from patrol.ground.cspace import parts_of
 from patrol.ground.maps.cells import (
+    BLOCK,
     Levels,
     MapImage,
     free_levels,
@@ -122,25 +125,31 @@ def _image_elsewhere(says: MapFile) -> Iterator[str]:
 
 
 def _dark_free_levels(says: MapFile, image: MapImage) -> Levels:
-    """Return the greys that look like unknown ground, are read as free, and cover a notable share of what is free."""
-    free, counts = free_levels(says), image.histogram()
-    notable = counts >= max(NOTABLE * counts[free].sum(), 1)
-    dark = occupancy_of(says) > DARK
-    return free & notable & dark if says.mode != "raw" else np.zeros_like(free)
+    """Return the greys of the image that look like unknown ground and are read as free, if they make up much of it."""
+    free, counts = free_levels(says), image.histogram
+    dark = free & (counts > 0) & (occupancy_of(says) > DARK)
+    is_notable = counts[dark].sum() >= NOTABLE * counts[free].sum()
+    return dark if is_notable and says.mode != "raw" else np.zeros_like(free)
 
 
 def _dark_free_ground(says: MapFile, image: MapImage) -> Iterator[str]:
-    """Warn of a dark grey that is read as free, with the threshold that makes it unknown."""
-    dark, counts = _dark_free_levels(says, image), image.histogram()
+    """Warn of dark greys that are read as free, with the threshold that makes nearly all of them unknown."""
+    dark, counts = _dark_free_levels(says, image), image.histogram
     if not dark.any():
         return
     greys = np.flatnonzero(dark)
-    cure = math.floor(1000.0 * float(occupancy_of(says)[dark].min()) - 1e-6) / 1000.0
     named = f"grey {greys[0]}" if len(greys) == 1 else f"greys {greys[0]} to {greys[-1]}"
-    dark_m2, free_m2 = (_area(says, int(counts[levels].sum())) for levels in (dark, free_levels(says)))
+    free_count, dark_count = (int(counts[levels].sum()) for levels in (free_levels(says), dark))
+    occupancy = occupancy_of(says)
+    from_light = greys[np.argsort(occupancy[greys])]
+    # As many as may stay free without another warning.
+    is_enough = np.cumsum(counts[from_light]) > NOTABLE * min(dark_count, free_count - dark_count)
+    least = float(occupancy[from_light[is_enough.argmax()]])
+    cure = math.floor(1000.0 * least - 1e-6) / 1000.0
     yield (
-        f"{says.path.name}: free_thresh = {says.free_thresh:g} reads {named} as free: {dark_m2} of {free_m2} free "
-        f"ground. In most maps such grey means unknown; if it does here, set free_thresh: {cure:g}"
+        f"{says.path.name}: free_thresh = {says.free_thresh:g} reads {named} as free: {_area(says, dark_count)} of "
+        f"{_area(says, free_count)} free ground. In most maps such grey means unknown; if it does here, set "
+        f"free_thresh: {cure:g}"
     )
 
 
@@ -148,7 +157,7 @@ def _jpeg(says: MapFile, image: MapImage) -> Iterator[str]:
     """Warn of ground whose reading a JPEG's artefacts may have changed."""
     if not image.is_jpeg:
         return
-    free, counts = free_levels(says), image.histogram()
+    free, counts = free_levels(says), image.histogram
     steps = [np.roll(free, step) for step in (BLUR, -BLUR)]
     steps[0][:BLUR], steps[1][-BLUR:] = free[0], free[-1]
     unsure = np.where((free != steps[0]) | (free != steps[1]), counts, 0)
@@ -166,7 +175,7 @@ def _settings(says: MapFile, image: MapImage) -> Iterator[str]:
     negated = _Ground(replace(says, negate=not says.negate), image)
     light = now.share
     if says.mode != "raw":
-        light += float(image.histogram()[~free_levels(says) & (occupancy_of(says) <= LIGHT)].sum() / image.greys.size)
+        light += float(image.histogram[~free_levels(says) & (occupancy_of(says) <= LIGHT)].sum() / image.greys.size)
     freed = {
         "mode: trinary": _free_share(replace(says, mode="trinary"), image),
         "free_thresh: 0.196 and occupied_thresh: 0.65": light,
@@ -177,6 +186,10 @@ def _settings(says: MapFile, image: MapImage) -> Iterator[str]:
     if "negate" in best or freed[best] > max(SEVERAL * now.share, NEARLY_NOTHING):
         remedy = "if the image shows something else, correct negate, mode or the thresholds"
         yield f"{_shares(says, image)}; {remedy} ({best} would make {_percent(freed[best])} free)"
+
+
+def _border_of(grid: NDArray[Any]) -> NDArray[Any]:
+    return np.concatenate((grid[0], grid[-1], grid[:, 0], grid[:, -1]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,16 +210,20 @@ class _Ground:
     @property
     def core(self) -> float:
         """Share of the free cells around which all cells are free: of lines as thin as walls, nearly none."""
-        free = self.cells
-        rows = free[:-2] & free[1:-1] & free[2:]
-        inner = rows[:, :-2] & rows[:, 1:-1] & rows[:, 2:]
-        return float(inner.sum() / max(free.sum(), 1))
+        inner, levels = 0, free_levels(self.says)
+        for first in range(0, len(self.image.greys) - 2, BLOCK):
+            free = self.image.rows(first, first + BLOCK + 2).cells(levels)
+            rows = free[:-2] & free[1:-1] & free[2:]
+            inner += int(np.count_nonzero(rows[:, :-2] & rows[:, 1:-1] & rows[:, 2:]))
+        return float(inner / max(self.image.histogram[levels].sum(), 1))
 
     @property
     def border(self) -> float:
         """Share of the cells at the image's border that are free."""
-        free = self.cells
-        return float(np.mean(np.concatenate((free[0], free[-1], free[:, 0], free[:, -1]))))
+        free = free_levels(self.says)[_border_of(self.image.greys)]
+        if self.image.opaque is not None:
+            free &= _border_of(self.image.opaque)
+        return float(np.mean(free))
 
     @property
     def is_one_piece(self) -> bool:
@@ -229,19 +246,19 @@ def _is_inverted(now: _Ground, negated: _Ground) -> bool:
         return True
     if not now.says.negate:
         return False
-    counts = now.image.histogram()
+    counts = now.image.histogram
     if counts[list(UNKNOWN_GREYS)].sum() > NOTABLE * counts.sum():
         return True
     return now.border > 0.9 and negated.border < 0.1 and negated.is_one_piece
 
 
 def _free_share(says: MapFile, image: MapImage) -> float:
-    return float(image.histogram()[free_levels(says)].sum() / image.greys.size)
+    return float(image.histogram[free_levels(says)].sum() / image.greys.size)
 
 
 def _shares(says: MapFile, image: MapImage) -> str:
     free = _free_share(says, image)
-    occupied = float(image.histogram()[occupied_levels(says)].sum() / image.greys.size)
+    occupied = float(image.histogram[occupied_levels(says)].sum() / image.greys.size)
     unknown = max(1.0 - free - occupied, 0.0)
     return (
         f"negate = {str(says.negate).lower()}, mode = {says.mode}, free_thresh = {says.free_thresh:g} and "

@@ -112,7 +112,7 @@ def read_terrain(path: Path, point: float, within: Path | None = None) -> Terrai
     image = read_image(says)
     passable = _passable(image, says, point, (shape[0], shape[1]))
     if not passable.any():
-        if not image.histogram()[free_levels(says)].any():
+        if not image.histogram[free_levels(says)].any():
             raise BadInput(f"{path}: leaves no free cell in {says.image.name}: {settings_text(says, image)}")
         where = f"{path}: no free point of {point:g} m"
         if why := wrong_settings(says, image):

@@ -48,6 +48,27 @@ def test_a_door_that_is_too_narrow_is_the_reason_and_with_a_wider_one_nothing_is
     assert left_out(rooms) is None
 
 
+def test_closets_count_together_where_each_is_small_and_a_blind_corner_does_not() -> None:
+    free = np.zeros((60, 120), dtype=np.bool_)
+    free[2:58, 2:58] = True
+    for closet in range(20):
+        row, column = 2 + 11 * (closet // 4), 62 + 12 * (closet % 4)
+        free[row : row + 8, column : column + 8] = True
+    left = left_out(free)
+    assert left is not None
+    assert (left.area_m2, left.parts, left.small_parts, left.largest_m2) == (12.8, 20, 20, 0.64)
+    assert left.text.startswith(
+        "13 m² of free ground in 20 parts, each of less than 1 m², which no robot sees; the largest, 0.64 m², is"
+    )
+    free[2:58, 62:116] = True
+    with_room = left_out(free)
+    assert with_room is not None
+    assert (with_room.parts, with_room.small_parts) == (1, 0)
+    free[:, 62:] = False
+    free[2:7, 62:67] = True  # 0.25 of 31.6 m2
+    assert left_out(free) is None
+
+
 def test_a_slit_that_takes_no_body_is_out_of_sight() -> None:
     free = np.zeros((50, 60), dtype=np.bool_)
     free[2:22, 2:22] = True

@@ -144,7 +144,11 @@ def test_ground_without_a_way_to_it_is_named_in_plan_and_scenario_check(
     Image.fromarray(free).save(tmp_path / "rooms.png")
     words = "left out: 100 m² of free ground, which no robot sees; it is around (15.8, 5.2), walled off"
     assert fogwatch("plan", rooms, "--robots", "1", "--quick", *BODY) == 0
-    assert words in " ".join(capsys.readouterr().out.split())
+    shown = capsys.readouterr()
+    assert words in " ".join(shown.out.split())
+    before, _, _ = shown.err.partition("1 robot: tours ...")  # before anything is computed
+    assert f"warning: {words}" in before
+    assert shown.err.count("warning: left out") == 1
     (size,) = json.loads((tmp_path / "runs" / "plan-rooms" / "plan.json").read_text())["sizes"]
     assert size["left_out"]["area_m2"] == 100.0
     assert fogwatch("scenario", "check", rooms, "--set", "robots.radius=0.3", "--set", "robots.model=holonomic") == 0

@@ -331,6 +331,23 @@ def test_unknown_ground_that_is_read_as_free_is_named_with_its_area_and_the_cure
     assert not perhaps_unknown(corrected).any()
 
 
+def test_dark_greys_that_are_few_each_and_many_together_are_named_with_a_cure_for_nearly_all(tmp_path: Path) -> None:
+    mapped = np.full((100, 100), 254, dtype=np.uint8)
+    greys = np.arange(192, 217, dtype=np.uint8)
+    mapped[:25, :88] = greys[:, None]  # each on just under 1 % of the cells
+    path = write_map(tmp_path, Image.fromarray(mapped), {"free_thresh": 0.25})
+    terrain = read_terrain(path, 0.1)
+    (doubt,) = doubts(terrain)
+    assert "reads greys 192 to 216 as free: 22.0 m² of 100.0 m² free ground" in doubt
+    assert doubt.endswith("set free_thresh: 0.152")
+    assert np.count_nonzero(perhaps_unknown(terrain)) == 25 * 88
+    mapped[:25, :88] = 205
+    mapped[0, :10] = 216  # as few as a converter leaves at edges
+    (doubt,) = doubts(read_terrain(write_map(tmp_path, Image.fromarray(mapped), {"free_thresh": 0.25}), 0.1))
+    assert "reads greys 205 to 216 as free" in doubt
+    assert doubt.endswith("set free_thresh: 0.196")
+
+
 def test_a_map_that_is_mostly_unknown_or_filled_around_is_read_without_doubt(tmp_path: Path) -> None:
     for around in (205, 0):
         mapped = np.full((200, 200), around, dtype=np.uint8)
