@@ -60,6 +60,7 @@ class Shared:
         footprint: The scenario's sensor on its terrain.
         psi: Of `psi_of`.
         radii: Of `radii_of`.
+        strides: Of `strides_of`.
         speed_limits: Of the scenario's slow zones.
         scratches: Working memory, one for each group of minds (`group_of`); those of one never think at the same time.
         beliefs: What they believe and have heard; None where each mind has its own, as in a process.
@@ -71,6 +72,7 @@ class Shared:
     footprint: Footprint
     psi: Psi
     radii: Mapping[int, float]
+    strides: Mapping[int, float]
     speed_limits: SpeedLimits
     scratches: Sequence[dict[str, PathWindow]] = field(default_factory=lambda: ({},))
     beliefs: Beliefs | None = None
@@ -127,12 +129,18 @@ def shared_by(
         beliefs = Beliefs(inboxes, sensor, shares=True, at_once=groups > 1)
     psi = psi_of(scenario, prepared.terrain)
     limits = SpeedLimits(scenario.zones, prepared.terrain)
-    return Shared(sensor, psi, radii_of(scenario), limits, tuple({} for _ in range(groups)), beliefs)
+    scratches: tuple[dict[str, PathWindow], ...] = tuple({} for _ in range(groups))
+    return Shared(sensor, psi, radii_of(scenario), strides_of(scenario), limits, scratches, beliefs)
 
 
 def radii_of(scenario: Scenario) -> Mapping[int, float]:
     """Return the radii of all robots of a scenario by number, m."""
     return MappingProxyType({spec.number: spec.radius for spec in scenario.roster})
+
+
+def strides_of(scenario: Scenario) -> Mapping[int, float]:
+    """Return the longest way in one step of all robots of a scenario by number, m."""
+    return MappingProxyType({spec.number: spec.speed * scenario.step for spec in scenario.roster})
 
 
 def group_of(number: int, groups: int) -> int:
@@ -219,6 +227,7 @@ def build_mind(
         BodySetup(
             spec=spec,
             radii=shared.radii,
+            strides=shared.strides,
             identity=(scenario.seed, number, incarnation),
             step=scenario.step,
             patrol=patrol,

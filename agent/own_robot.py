@@ -202,7 +202,7 @@ def mind_of(process: ProcessContext, scenario: Scenario, spec: RobotSpec, incarn
         AskedToLeave: Before there was a mind.
     """
     process.warm(("patrol", "agent"), scenario)
-    from agent.build import Shared, build_mind, radii_of
+    from agent.build import Shared, build_mind, radii_of, strides_of
     from agent.ports import PolicyFailed
     from agent.psi import load_psi
     from patrol.ground.speed_limits import SpeedLimits
@@ -214,7 +214,8 @@ def mind_of(process: ProcessContext, scenario: Scenario, spec: RobotSpec, incarn
     prepared, shared = process.prepare(scenario), None
     if (static := process.static) is not None:
         footprint, limits = sensor_footprint(scenario, prepared.terrain), SpeedLimits(scenario.zones, prepared.terrain)
-        shared = Shared(footprint, load_psi(scenario, static), radii_of(scenario), limits)
+        psi, radii, strides = load_psi(scenario, static), radii_of(scenario), strides_of(scenario)
+        shared = Shared(footprint, psi, radii, strides, limits)
     try:
         return prepared, build_mind(prepared, spec.number, incarnation, fleet_key(scenario.radio.key), shared)
     except PolicyFailed as failed:

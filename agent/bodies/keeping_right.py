@@ -1,7 +1,7 @@
 """Keeping right: how robots that are about to meet pass each other before they touch, from positions alone.
 
-A position of a tick is heard before the decision of that tick, so each robot knows where the others are and how they
-have just moved. Two that go on like that, and would touch within a few steps, both keep right:
+Each robot takes the others to be where it last heard them, and to go on as they moved before that. Two that go on like
+that, and would touch within a few steps, both keep right:
 
     -----------------------------
            _____.--> 2   <           1 sees 2 coming. It closes, for itself and for this tick, the place where 2 will be
@@ -17,6 +17,11 @@ have just moved. Two that go on like that, and would touch within a few steps, b
 A step that would touch another robot, if that goes on as before, is not taken. The body then does what it does after
 a bump. So robots that cannot pass, or whose guess was wrong, mostly stop before they touch. After a few such stops in a
 row it drives, because positions that are wrong or forged must not hold it for good.
+
+All this is as good as what is heard. In lockstep, on a channel without delay or loss, where all robots send in each
+tick, a robot decides on where the others are now. With delay or loss, and where the fleet saves on its radio
+(`radio.adaptive`, `radio.budget`), it decides on older places, or on predicted ones. So it may keep right late or not
+at all, and bump. Then the rules of `agent.bodies.giveway` and `agent.bodies.passing` are left.
 """
 
 from __future__ import annotations
@@ -46,10 +51,10 @@ MARGIN = 0.5
 """Least gap between two bodies that pass, points: ways run over the centres of points."""
 
 STILL = 0.1
-"""A robot stands still if it moves by less than this share of a stride in a tick."""
+"""A robot stands still if it moves by no more than this share of its own stride in a tick."""
 
 FASTEST = 2.0
-"""A robot that has moved by more than so many strides in a tick is one whose position was wrong."""
+"""A robot that has moved by more than so many of its own strides in a tick is one whose position was wrong."""
 
 BARRIER = 3
 BARRIER_GAP = 1.5
@@ -79,44 +84,77 @@ class Meeting:
     there: Spot
 
 
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """Another robot's place and movement, as far as they were heard.
+
+    Attributes:
+        sequence: Of its newest position.
+        tick: At which it was at its place.
+        place: x and y in m.
+        moved: The same in a tick; (0, 0) for a robot that was heard once, or whose position was wrong.
+    """
+
+    sequence: int
+    tick: int
+    place: Spot
+    moved: Spot = (0.0, 0.0)
+
+    def after(self, sequence: int, place: Spot, stride: float) -> Motion:
+        """Return the motion a tick later; the same where nothing was heard and no place was predicted.
+
+        Args:
+            sequence: Of the newest position then.
+            place: Its place, or the one that is predicted for then.
+            stride: Longest way of the robot in a step, m.
+        """
+        if sequence == self.sequence and place == self.place:
+            return self
+        tick = self.tick + 1 if sequence == self.sequence else max(sequence, self.tick + 1)
+        ticks = tick - self.tick
+        moved = (place[0] - self.place[0]) / ticks, (place[1] - self.place[1]) / ticks
+        return Motion(sequence, tick, place, moved if math.hypot(*moved) <= FASTEST * stride else (0.0, 0.0))
+
+
 class KeepingRight:
     """One robot's way past others that it hears. Call `note` once a tick before all else."""
 
-    def __init__(self, number: int, radii: Mapping[int, float], ground: Ground, step: float, stride: float) -> None:
+    def __init__(
+        self, number: int, radii: Mapping[int, float], strides: Mapping[int, float], ground: Ground, step: float
+    ) -> None:
         """Start without having heard of others.
 
         Args:
             number: The robot's.
             radii: Radius in m of each robot of the fleet, by number.
+            strides: Longest way in m of each in one step, likewise.
             ground: Where the robot's centre may be.
             step: s per tick.
-            stride: Longest way in one step, m.
         """
         self._number = number
         self._radii = radii
         self._ground = ground
         self._margin = MARGIN * ground.terrain.point
         self._step = step
-        self._stride = stride
-        self._heard: dict[int, Spot] = {}
-        self._moved: dict[int, Spot] = {}
+        self._strides = strides
+        self._stride = strides[number]
+        self._others: dict[int, Motion] = {}
         self._expected: int | None = None
 
     def note(self, view: View) -> None:
-        """Take note of where the others are, and of how each has moved since the last tick.
+        """Take note of where the others are, and of how each has moved since it was last heard.
 
         Args:
             view: Of this tick.
         """
-        before, self._heard = self._heard, {number: (p.pose.x, p.pose.y) for number, p in view.peers.items()}
-        self._moved = {}
-        for number, (x, y) in self._heard.items():
-            was_x, was_y = before.get(number, (x, y))
-            moved = x - was_x, y - was_y
-            self._moved[number] = moved if math.hypot(*moved) <= FASTEST * self._stride else (0.0, 0.0)
+        before, self._others = self._others, {}
+        for number, peer in view.peers.items():
+            place = peer.pose.x, peer.pose.y
+            was = before.get(number) or Motion(peer.sequence, peer.sequence, place)
+            self._others[number] = was.after(peer.sequence, place, self._strides[number])
 
     def touches(self, command: Command, view: View) -> bool:
-        """Return True if a command would bring the body into another one that goes on as in the last tick.
+        """Return True if a command would bring the body into another one that goes on as before.
 
         Args:
             command: For the next step.
@@ -124,8 +162,8 @@ class KeepingRight:
         """
         if is_halt(command):
             return False
-        for number, (x, y) in self._heard.items():
-            both, (right, up) = self._both(number), self._moved[number]
+        for number, other in self._others.items():
+            both, (x, y), (right, up) = self._both(number), other.place, other.moved
             reach = both + self._stride + math.hypot(right, up)
             if math.dist((view.pose.x, view.pose.y), (x, y)) > reach:
                 continue
@@ -176,9 +214,9 @@ class KeepingRight:
             return None
         across, up = ((there - here) / ahead * self._stride for here, there in zip((x, y), bend, strict=True))
         meetings = []
-        for number, (other_x, other_y) in sorted(self._heard.items()):
+        for number, other in sorted(self._others.items()):
+            (other_x, other_y), (moved_x, moved_y) = other.place, other.moved
             apart_x, apart_y = other_x - x, other_y - y
-            moved_x, moved_y = self._moved[number]
             closer_x, closer_y = moved_x - across, moved_y - up
             both, speed = self._both(number), closer_x**2 + closer_y**2
             ticks = -(apart_x * closer_x + apart_y * closer_y) / speed if speed > 0.0 else 0.0
@@ -195,9 +233,10 @@ class KeepingRight:
     def _barriers(self, meeting: Meeting, here: Spot) -> Iterator[list[Disc]]:
         """Give what to close so that the way leads past another robot, best first."""
         point, both = self._ground.terrain.point, self._both(meeting.other)
-        now = self._heard[meeting.other]
+        other = self._others[meeting.other]
+        now = other.place
         apart = math.dist(here, now)
-        if math.hypot(*self._moved[meeting.other]) < STILL * self._stride or apart == 0.0:
+        if math.hypot(*other.moved) <= STILL * self._strides[meeting.other] or apart == 0.0:
             yield [disc_round(now, here, both, point)]
             return
         left = -(now[1] - here[1]) / apart, (now[0] - here[0]) / apart

@@ -46,6 +46,7 @@ class BodySetup:
     Attributes:
         spec: The robot's number, model, speed (m/s), radius (m) and turning radius (m).
         radii: Radius in m of each robot of the fleet, by number.
+        strides: Longest way in m of each in one step, likewise.
         identity: The scenario's seed, the robot's number and its incarnation, for repeatable draws.
         step: s per tick.
         patrol: The scenario's section `patrol`.
@@ -58,6 +59,7 @@ class BodySetup:
 
     spec: RobotSpec
     radii: Mapping[int, float]
+    strides: Mapping[int, float]
     identity: tuple[int, int, int]
     step: float
     patrol: PatrolSpec
@@ -89,9 +91,12 @@ class BodyBase(ABC):
         self._point = setup.ground.terrain.point
         gives = setup.patrol.give_way
         self._give_way = GiveWay(*setup.identity, dict(setup.radii), setup.step) if gives else None
-        facts = setup.spec.number, setup.radii, setup.ground, setup.step, self.stride
-        self._passing = Passing(*facts) if gives else None
-        self._keeping_right = KeepingRight(*facts) if gives else None
+        self._passing: Passing | None = None
+        self._keeping_right: KeepingRight | None = None
+        if gives:
+            number, radii, ground, step = setup.spec.number, setup.radii, setup.ground, setup.step
+            self._passing = Passing(number, radii, ground, step, self.stride)
+            self._keeping_right = KeepingRight(number, radii, setup.strides, ground, step)
         self._stops = 0
 
     def obstacles(self, tick: int, pose: Pose, bumped: bool, peers: Mapping[int, Peer]) -> Sequence[Disc]:

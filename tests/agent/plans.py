@@ -50,12 +50,15 @@ def prepared_in(
     starts: Sequence[Pose],
     robots: Mapping[str, Any],
     *,
+    speeds: Sequence[float] = (),
     patrol: Mapping[str, Any] | None = None,
     sensor: Mapping[str, Any] | None = None,
     zones: Sequence[Mapping[str, Any]] = (),
 ) -> Prepared:
-    """A scenario with equal robots that begin at these places, and reach what they reach from there."""
-    roster = [{**robots, "start": [start.x, start.y, start.heading]} for start in starts]
+    """A scenario with robots, equal but for speeds, that begin at these places, and reach what they do from there."""
+    roster: list[dict[str, Any]] = [{**robots, "start": [start.x, start.y, start.heading]} for start in starts]
+    for robot, speed in zip(roster, speeds, strict=False):
+        robot["speed"] = speed
     mapping = {"terrain": {"builtin": "open"}, "point": terrain.point, "robots": roster}
     scenario = load_scenario(
         {**mapping, "patrol": dict(patrol or {}), "sensor": dict(sensor or {}), "zones": list(zones)}
@@ -76,7 +79,7 @@ class Says:
 
 
 class Robots:
-    """Robots that the world moves as their bodies command; each hears all others."""
+    """Robots that the world moves as their bodies command; each hears all others, in every so many ticks."""
 
     def __init__(self, prepared: Prepared, *intents: Intent, at_poses: Sequence[Pose] = ()) -> None:
         roster = prepared.scenario.roster
@@ -88,13 +91,15 @@ class Robots:
         for mind, intent in zip(self.minds, intents, strict=False):
             mind.policy = Says(intent)
         self.k = 0
+        self.heard_every = 1
 
     def tick(self) -> list[Decision]:
         sensed = [at(self.k, body.pose, body.bumped) for body in self.bodies]
         sent = [mind.frames(one) for mind, one in zip(self.minds, sensed, strict=True)]
         decisions = []
         for i, mind in enumerate(self.minds):
-            heard = [frame for j, frames in enumerate(sent) if j != i for frame in frames]
+            lost = self.k % self.heard_every != 0
+            heard = [] if lost else [frame for j, frames in enumerate(sent) if j != i for frame in frames]
             decisions.append(mind.step(sensed[i], heard))
         for body, decision in zip(self.bodies, decisions, strict=True):
             assert type(decision.command) is type(halted(body.spec.model))

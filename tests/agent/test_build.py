@@ -11,7 +11,7 @@ import pytest
 
 from agent.bodies.goal import GoalFinder
 from agent.bodies.refine import psi_field
-from agent.build import Shared, build_mind, radii_of, shared_by
+from agent.build import Shared, build_mind, radii_of, shared_by, strides_of
 from agent.psi import load_psi, psi_of, save_psi
 from patrol.exchange import Sensed
 from patrol.ground.speed_limits import SpeedLimits
@@ -87,7 +87,8 @@ def test_minds_from_saved_and_from_own_fields_decide_alike(mixed: Prepared, tmp_
     save_psi(mixed, tmp_path)
     footprint = sensor_footprint(mixed.scenario, mixed.terrain)
     limits = SpeedLimits(mixed.scenario.zones, mixed.terrain)
-    saved = Shared(footprint, load_psi(mixed.scenario, tmp_path), radii_of(mixed.scenario), limits)
+    psi, radii, strides = load_psi(mixed.scenario, tmp_path), radii_of(mixed.scenario), strides_of(mixed.scenario)
+    saved = Shared(footprint, psi, radii, strides, limits)
     for number in (1, 2, 3):
         sensed = Sensed(0, mixed.starts[number - 1], False, (), 0.0)
         decisions = [build_mind(mixed, number, shared=shared).step(sensed, []) for shared in (None, saved)]

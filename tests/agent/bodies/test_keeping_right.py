@@ -12,12 +12,12 @@ RADIUS = 0.2
 LEFT, RIGHT = (1.5, 2.0), (13.5, 2.0)
 
 
-def meeting(model: str, bodies: float, *, gives_room: bool = True) -> Robots:
+def meeting(model: str, bodies: float, *, gives_room: bool = True, speeds: tuple[float, float] = (1.0, 1.0)) -> Robots:
     """Two robots at the ends of a corridor of so many bodies' width, each of which wants to be where the other is."""
     low, high = 2.0 - bodies * RADIUS, 2.0 + bodies * RADIUS
     terrain = plan((15.0, 4.0), (0.0, 0.0, 3.0, 4.0), (3.0, low, 12.0, high), (12.0, 0.0, 15.0, 4.0), point=0.05)
-    body = {"radius": RADIUS, "speed": 1.0, "model": model, "turning_radius": 0.5}
-    prepared = prepared_in(terrain, [Pose(*LEFT, 0.0), Pose(*RIGHT, 3.14)], body)
+    body = {"radius": RADIUS, "model": model, "turning_radius": 0.5}
+    prepared = prepared_in(terrain, [Pose(*LEFT, 0.0), Pose(*RIGHT, 3.14)], body, speeds=speeds)
     return Robots(prepared, Place(*RIGHT, gives_room=gives_room), Place(*LEFT, gives_room=gives_room))
 
 
@@ -33,6 +33,24 @@ def test_two_robots_pass_on_the_right_without_a_touch(model: str, bodies: float)
     # Each has the other on its left.
     assert robots.bodies[0].pose.y < robots.bodies[1].pose.y
     robots.until(lambda: robots.apart(RIGHT) < 0.5 and robots.apart(LEFT, 1) < 0.5, 30)
+    assert collisions(robots) == 0
+
+
+@pytest.mark.parametrize("model", ["holonomic", "differential", "car"])
+@pytest.mark.parametrize("bodies", [2.5, 4.0])
+def test_a_slow_robot_foresees_a_fast_one(model: str, bodies: float) -> None:
+    robots = meeting(model, bodies, speeds=(0.3, 1.0))
+    robots.until(lambda: robots.bodies[0].pose.x > robots.bodies[1].pose.x, 60)
+    # The slow one has moved aside as well.
+    assert robots.bodies[0].pose.y < 2.0 - 0.25 * RADIUS < robots.bodies[1].pose.y
+    assert collisions(robots) == 0
+
+
+@pytest.mark.parametrize("model", ["holonomic", "differential", "car"])
+def test_robots_that_are_heard_in_every_second_tick_pass_as_well(model: str) -> None:
+    robots = meeting(model, 3.0)
+    robots.heard_every = 2
+    robots.until(lambda: robots.apart(RIGHT) < 0.5 and robots.apart(LEFT, 1) < 0.5, 60)
     assert collisions(robots) == 0
 
 
