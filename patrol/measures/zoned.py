@@ -10,7 +10,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from itertools import combinations, combinations_with_replacement
 from operator import itemgetter
 from typing import TYPE_CHECKING
@@ -168,12 +167,14 @@ def _zoned_ground(prepared: Prepared, weighing: Weighing) -> ZonedGround:
             weight = float(grid[points_of(zone, terrain) & patrolled].min())  # other zones may weigh parts of it more
             wanted[weight] = min(zone.age, wanted.get(weight, zone.age))
     classes = tuple(np.unique(grid[patrolled]).tolist())
-    rounds = _known_rounds(prepared, grid, classes) or _rounds(prepared, grid, classes)
+    known = _known_ground(prepared, grid, classes)
+    rounds = _rounds(prepared, grid, classes) if known is None else known.rounds
     speed = min(spec.speed for spec in prepared.scenario.roster)
     wishes = tuple(wanted.get(weight) for weight in classes)
+    laid_out = known.laid_out if known is not None and known.wanted == wishes else {}
     visited = [number for number, wish in enumerate(wishes) if wish is not None and rounds and not terrain.against.size]
     ways = {number: _ways_m(prepared, rounds[number, number]) for number in visited}
-    return ZonedGround(grid, classes, wishes, rounds, speed, ways)
+    return ZonedGround(grid, classes, wishes, rounds, speed, ways, laid_out)
 
 
 def _ways_m(prepared: Prepared, laid_out: Round) -> NDArray[np.float32]:
@@ -186,13 +187,13 @@ def _ways_m(prepared: Prepared, laid_out: Round) -> NDArray[np.float32]:
     return np.where(lengths < FAR, lengths * np.float32(terrain.point / 100.0), np.float32(np.inf))
 
 
-def _known_rounds(prepared: Prepared, grid: NDArray[np.float64], classes: tuple[float, ...]) -> Mapping[Classes, Round]:
-    """Return the rounds of ground whose points have other weights in the same order; none where there is no such."""
+def _known_ground(prepared: Prepared, grid: NDArray[np.float64], classes: tuple[float, ...]) -> ZonedGround | None:
+    """Return ground with the same rounds: its points have other weights in the same order; None without such."""
     order = np.searchsorted(classes, grid[prepared.patrolled])
     for known in list(prepared.zoned.values()):
-        if np.array_equal(np.searchsorted(known.classes, known.weights[prepared.patrolled]), order):
-            return known.rounds
-    return {}
+        if known.rounds and np.array_equal(np.searchsorted(known.classes, known.weights[prepared.patrolled]), order):
+            return known
+    return None
 
 
 def _rounds(prepared: Prepared, grid: NDArray[np.float64], classes: tuple[float, ...]) -> dict[Classes, Round]:

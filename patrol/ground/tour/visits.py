@@ -122,7 +122,8 @@ def longest_gaps_m(base: Round, grounds: Iterable[int], robots: int, plans: Sequ
     for ground in grounds:
         own = np.sort(np.where(number == ground, middle_m % lap_m, np.inf), axis=1)
         last = np.where(np.isfinite(own), own, -np.inf).max(axis=1)
-        spread = np.diff(np.minimum(own, last[:, None]), axis=1).max(axis=1, initial=0.0)
+        within = np.where(np.isfinite(last), last, 0.0)[:, None]  # infinity minus infinity is no number
+        spread = np.diff(np.minimum(own, within), axis=1).max(axis=1, initial=0.0)
         gaps.append(np.where(np.isfinite(last), np.maximum(spread, own[:, 0] + lap_m[:, 0] - last), np.inf))
     return np.stack(gaps, axis=1)
 

@@ -18,6 +18,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from heapq import heapify, heapreplace
 from itertools import combinations
 from pathlib import Path
 from typing import NamedTuple
@@ -27,7 +28,7 @@ from numpy.typing import NDArray
 
 from patrol.ground.fields import load_grid
 from patrol.ground.tour.round import Round
-from patrol.ground.tour.visits import Ground, longest_gaps_m, plan_visits, with_visits
+from patrol.ground.tour.visits import MOST_VISITS, Ground, longest_gaps_m, plan_visits, with_visits
 
 MOST_CLASSES = 4
 """Distinct weights of the ground of a fleet that follows rounds."""
@@ -53,15 +54,17 @@ class Group(NamedTuple):
 
 
 class LaidOut(NamedTuple):
-    """The round of a group.
+    """The round of a group, or what is known of it before its visits are chosen.
 
     Attributes:
-        round: With the visits of its classes.
-        ages_s: By class, the time between two robots that come by it, s.
+        round: With the visits of its classes; None before they are chosen.
+        ages_s: By class, the time between two robots that come by it, s; lower bounds before visits are chosen.
+        visits: Whether the round has visits.
     """
 
-    round: Round
+    round: Round | None
     ages_s: Mapping[int, float]
+    visits: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +79,7 @@ class ZonedGround:
         speed: Of the robots, m/s.
         ways: For each class that may be visited, float32 (height, width): length of the way from each point to the
             nearest place of the round over its ground, m; infinity where no way leads.
+        laid_out: By group, what is known of its round with visits; filled as divisions are made.
     """
 
     weights: NDArray[np.float64]
@@ -84,7 +88,7 @@ class ZonedGround:
     rounds: Mapping[Classes, Round]
     speed: float
     ways: Mapping[int, NDArray[np.float32]] = field(default_factory=dict)
-    _laid_out: dict[Group, LaidOut] = field(default_factory=dict)
+    laid_out: dict[Group, LaidOut] = field(default_factory=dict)
 
     def divide(self, robots: int) -> tuple[Group, ...]:
         """Divide robots between groups.
@@ -97,12 +101,31 @@ class ZonedGround:
         """
         if not self.rounds:
             return ()
-        return min(self._divisions(robots), key=self._rank)
+        ranked = [(self._rank(groups), number, groups) for number, groups in enumerate(self._divisions(robots))]
+        heapify(ranked)
+        while True:
+            # Visits take long to choose. They are chosen only in the division that may still be the best one.
+            rank, number, groups = ranked[0]
+            bounded = next((group for group in groups if self._known(group).round is None), None)
+            if bounded is not None:
+                self.round_of(bounded)
+            elif rank == self._rank(groups):
+                return groups
+            heapreplace(ranked, (self._rank(groups), number, groups))
 
     def _rank(self, groups: tuple[Group, ...]) -> tuple[float, float, int]:
-        """Return what is least for the best division."""
-        visits = any(self.round_of(group) is not self.rounds[group.classes] for group in groups)
-        return self._excess(groups), (VISITS if visits else 1.0) * self.cost_s(groups), len(groups)
+        """Return what is least for the best division; a lower bound before all of its visits are chosen.
+
+        It begins with how many times too long the robots take for the wish that is kept worst, at least 1.
+        """
+        known = [self._known(group) for group in groups]
+        excess, cost_s = 1.0, 0.0
+        for laid_out in known:
+            for number, age_s in laid_out.ages_s.items():
+                cost_s = max(cost_s, self.classes[number] * age_s)
+                if (wanted := self.wanted[number]) is not None:
+                    excess = max(excess, age_s / wanted)
+        return excess, (VISITS if any(laid_out.visits for laid_out in known) else 1.0) * cost_s, len(groups)
 
     def cost_s(self, groups: tuple[Group, ...]) -> float:
         """Return the greatest weight times the time between two robots of a division, s.
@@ -128,44 +151,62 @@ class ZonedGround:
         Args:
             group: The group.
         """
-        return self._lay_out(group).round
+        laid_out = self._known(group)
+        if laid_out.round is None:
+            laid_out = self.laid_out[group] = self._with_visits(group)
+        assert laid_out.round is not None
+        return laid_out.round
 
     def _ages_s(self, group: Group) -> Iterable[tuple[int, float]]:
         """Return for each class of a group the time between two robots that come by it, s."""
-        return self._lay_out(group).ages_s.items()
+        self.round_of(group)
+        return self.laid_out[group].ages_s.items()
 
-    def _lay_out(self, group: Group) -> LaidOut:
-        """Put in visits of the classes for which the group's round is too long."""
-        if group not in self._laid_out:
-            self._laid_out[group] = self._with_visits(group)
-        return self._laid_out[group]
+    def _known(self, group: Group) -> LaidOut:
+        """Return the round of a group, or bounds if it is to have visits that are not chosen yet."""
+        if group not in self.laid_out:
+            self.laid_out[group] = self._bounded(group)
+        return self.laid_out[group]
 
-    def _with_visits(self, group: Group) -> LaidOut:
-        (first, last), whole, speed = group.classes, self.rounds[group.classes], group.robots * self.speed
-        due_s = {n: wish / KEPT for n in range(first, last + 1) if (wish := self.wanted[n]) is not None}
-        late = [n for n in due_s if n in self.ways and first < last and whole.length_m / speed > due_s[n]]
-        if not late:
-            return LaidOut(whole, dict.fromkeys(range(first, last + 1), whole.length_m / speed))
+    def _bounded(self, group: Group) -> LaidOut:
+        """Return the round of a group without visits, or else what none with visits can do better."""
+        (first, last), speed = group.classes, group.robots * self.speed
+        base, due_s = self._visited(group)
+        ages_s = dict.fromkeys(range(first, last + 1), base.length_m / speed)
+        if not due_s:
+            return LaidOut(base, ages_s, visits=False)
+        # At least one visit to ground that the round leaves out, and at most MOST_VISITS to any.
+        unseen = {n for n in due_s if not np.isin(base.points, self.rounds[n, n].points).any()}
+        visit_m = {
+            n: 2.0 * float(self.ways[n].reshape(-1)[base.places].min()) + self.rounds[n, n].length_m for n in due_s
+        }
+        least_m = base.length_m + sum(visit_m[n] for n in unseen)
+        ages_s = dict.fromkeys(range(first, last + 1), least_m / speed)
+        for n in due_s:
+            shown, others_m = (0, least_m - visit_m[n]) if n in unseen else (1, least_m)
+            gaps_m = [(others_m + count * visit_m[n]) / (count + shown) for count in (1 - shown, MOST_VISITS)]
+            ages_s[n] = min(gaps_m) / speed
+        return LaidOut(None, ages_s, visits=True)
+
+    def _visited(self, group: Group) -> tuple[Round, Mapping[int, float]]:
+        """Return the round of a group before its visits, and by class to be visited how often they are due, s."""
+        (first, last), whole = group.classes, self.rounds[group.classes]
+        round_s = whole.length_m / (group.robots * self.speed)
+        wishes = {n: wish for n in range(first, last + 1) if n in self.ways and (wish := self.wanted[n]) is not None}
+        late = {n: wish / KEPT for n, wish in wishes.items() if first < last and round_s > wish / KEPT}
         while last in late and last > first:
             last -= 1  # visits alone show that class
-        base = self.rounds[first, last]
-        grounds = {n: Ground(self.rounds[n, n], self.ways[n], due_s[n] * self.speed) for n in late}
+        return self.rounds[first, last] if late else whole, late
+
+    def _with_visits(self, group: Group) -> LaidOut:
+        base, due_s = self._visited(group)
+        speed = group.robots * self.speed
+        grounds = {n: Ground(self.rounds[n, n], self.ways[n], due * self.speed) for n, due in due_s.items()}
         visits = plan_visits(base, grounds, group.robots)
         laid_out = with_visits(base, grounds, visits)
-        gaps_s = longest_gaps_m(base, late, group.robots, [visits])[0] / self.speed
-        numbers = range(first, group.classes[1] + 1)
-        return LaidOut(
-            laid_out, dict.fromkeys(numbers, laid_out.length_m / speed) | dict(zip(late, gaps_s.tolist(), strict=True))
-        )
-
-    def _excess(self, groups: tuple[Group, ...]) -> float:
-        """Return how many times too long the robots of a division take for the wish that is kept worst, at least 1."""
-        excess = 1.0
-        for group in groups:
-            for number, age_s in self._ages_s(group):
-                if (wanted := self.wanted[number]) is not None:
-                    excess = max(excess, age_s / wanted)
-        return excess
+        gaps_s = longest_gaps_m(base, list(due_s), group.robots, [visits])[0] / self.speed
+        ages_s = dict.fromkeys(range(group.classes[0], group.classes[1] + 1), laid_out.length_m / speed)
+        return LaidOut(laid_out, ages_s | dict(zip(due_s, gaps_s.tolist(), strict=True)), visits=True)
 
     def _divisions(self, robots: int) -> Iterator[tuple[Group, ...]]:
         count = len(self.classes)

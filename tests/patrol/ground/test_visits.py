@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from patrol.ground.tour.round import Round
-from patrol.ground.tour.visits import Ground, longest_gaps_m, plan_visits, with_visits
+from patrol.ground.tour.visits import Ground, Visit, longest_gaps_m, plan_visits, with_visits
 from patrol.ground.ways import lengths_along
 
 POINT = 1.0
@@ -53,3 +53,10 @@ def test_a_round_with_visits_is_a_way_over_the_ground() -> None:
     assert np.maximum(abs(np.diff(rows)), abs(np.diff(cols))).max() == 1
     assert (np.diff(laid_out.place_of) >= 0).all()
     assert set(laid_out.points.tolist()) == {*base.points.tolist(), *vault.round.points.tolist()}
+
+
+@pytest.mark.filterwarnings("error")
+def test_ground_without_a_visit_yet_is_never_come_by() -> None:
+    base, _ = ground(35.0)
+    gaps_m = longest_gaps_m(base, [VAULT, 1], 1, [[Visit(VAULT, 0, 10.0), Visit(VAULT, 40, 10.0)]])
+    assert gaps_m.tolist() == [[50.0, np.inf]]

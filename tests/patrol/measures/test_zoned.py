@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,9 @@ import numpy as np
 import pytest
 
 from patrol.errors import BadInput
+from patrol.ground.tour.round import Round
+from patrol.ground.tour.visits import Ground, Visit, plan_visits
+from patrol.ground.tour.zoned import Group
 from patrol.measures.best_tour import best_tour
 from patrol.measures.zoned import best_weighted_s, prepare_zones, zone_weights, zoned_ground
 from patrol.prepare import Prepared, prepare
@@ -86,6 +90,33 @@ def test_another_weight_in_the_same_order_keeps_the_rounds() -> None:
         assert ground.classes == tuple(sorted({1.0, 3.0, vault}))
         assert (ground.rounds is first.rounds) == kept
         assert len(ground.rounds) == (6 if vault != 3.0 else 3)
+
+
+def test_visits_are_chosen_only_where_they_may_be_best_and_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A group with visits that cannot be in the best division is not laid out."""
+    boxes = [box(0, 0, 30, 30), box(60, 0, 90, 30), box(0, 60, 30, 90)]
+    zones = [
+        {"name": f"z{n}", "polygon": where, "age": age}
+        for n, (where, age) in enumerate(zip(boxes, (12, 15, 20), strict=True))
+    ]
+    made = prepared(*zones, sensor={"range": 5.0})
+    chosen: list[int] = []
+
+    def count(base: Round, grounds: Mapping[int, Ground], robots: int) -> tuple[Visit, ...]:
+        chosen.append(robots)
+        return plan_visits(base, grounds, robots)
+
+    monkeypatch.setattr("patrol.ground.tour.zoned.plan_visits", count)
+    ground = zoned_ground(made)
+    assert ground is not None
+    best = ground.divide(20)
+    assert best == (Group((0, 0), 4), Group((1, 1), 3), Group((2, 2), 4), Group((3, 3), 9))
+    assert len(chosen) < 20, "91 groups of the divisions would have visits"
+    heavier = zoned_ground(made, frozenset((name, 1.001 * weight) for name, weight in zone_weights(made).items()))
+    assert heavier is not None
+    before = len(chosen)
+    assert heavier.divide(20) == best
+    assert len(chosen) == before, "the same rounds with the same wishes"
 
 
 def test_all_combinations_of_few_zones_are_prepared_and_kept_with_the_rest(tmp_path: Path) -> None:
