@@ -19,7 +19,8 @@ help: ## list the targets
 		printf '  make %-12s %s\n' "$${line%%:*}" "$${line#*## }"; done
 
 # One make at a time changes .venv: `make docs` beside `make develop` would make it twice, and clear it meanwhile.
-SET_UP = @flock $(CURDIR) $(MAKE) --no-print-directory --quiet
+# The + tells make that this starts another one, as $(MAKE) in a recipe does: for `make -n`, and the jobs of `make -j`.
+SET_UP = +@flock $(CURDIR) $(MAKE) --no-print-directory --quiet
 
 .PHONY: install develop
 install: ## set up .venv with what a run needs, as locked

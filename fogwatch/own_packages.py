@@ -12,8 +12,8 @@ from os import path
 
 NAMES = ("patrol", "agent", "worldsim", "monitor", "experiments")
 HOME = path.dirname(path.dirname(path.abspath(__file__)))  # noqa: PTH100, PTH120 - pathlib takes longer to load
-_WARNED: dict[str | tuple[str, type[Warning], int], int] = {}
-"""The warnings given, so that each comes once."""
+_HIDDEN: set[str] = set()
+"""The files that a line has named, so that each is named once."""
 
 
 class OwnPackages:
@@ -21,7 +21,9 @@ class OwnPackages:
 
     @staticmethod
     def find_spec(name: str, _path: object = None, _target: object = None) -> ModuleSpec | None:
-        """Find one of our packages, and warn of a user's module that it hides.
+        """Find one of our packages, and name a user's module that it hides on the standard error output.
+
+        Python's warnings do not serve here: under ``python -W error`` the import of our package would fail.
 
         Args:
             name: Of the module, in full.
@@ -32,11 +34,11 @@ class OwnPackages:
         if name not in NAMES:
             return None
         own, first = PathFinder.find_spec(name, [HOME]), PathFinder.find_spec(name)
-        if own is not None and first is not None and first.origin not in (None, own.origin):
-            import warnings
-
-            message = f"fogwatch has a package of the name {name}, which hides this file; rename it"
-            warnings.warn_explicit(message, UserWarning, first.origin, 1, registry=_WARNED)
+        file = None if first is None else first.origin
+        if file is not None and file not in _HIDDEN and not _is_own(name, file):
+            _HIDDEN.add(file)
+            line = f"fogwatch: {file}: fogwatch has a package of the name {name}, which hides this file; rename it"
+            print(line, file=sys.stderr)
         return own
 
 
@@ -47,7 +49,13 @@ def prefer_own_packages() -> None:
         ImportError: A module of the user's with the name of one of them is already imported.
     """
     for name in NAMES:
-        file = getattr(sys.modules.get(name), "__file__", None)
-        if file is not None and path.dirname(path.dirname(path.abspath(file))) != HOME:  # noqa: PTH100, PTH120
+        module = sys.modules.get(name)
+        file = getattr(module, "__file__", None) or next(iter(getattr(module, "__path__", ())), None)
+        if file is not None and not _is_own(name, file):
             raise ImportError(f"{file}: fogwatch has a package of the name {name}; rename it", name=name, path=file)
     sys.meta_path.insert(0, OwnPackages)
+
+
+def _is_own(name: str, file: str) -> bool:
+    """Return whether a file is that of our package, perhaps by way of a symbolic link."""
+    return path.realpath(file) == path.realpath(path.join(HOME, name, "__init__.py"))  # noqa: PTH118

@@ -59,6 +59,8 @@ def checked_arguments(function: Callable[P, T]) -> Callable[P, T]:
             given.arguments[argument] = plain(value)
             if argument in MAPPINGS and value is not None:
                 _check_mapping(argument, value)
+            if argument == "progress" and value is not None and not callable(value):
+                raise BadInput(f"progress = {quoted(plain(value))}: expected a function, such as print")
             if argument in FOLDERS and not isinstance(value, str | os.PathLike | None):
                 raise BadInput(f"{argument} = {quoted(value)}: expected a folder, such as 'runs/first'")
         return function(*given.args, **given.kwargs)

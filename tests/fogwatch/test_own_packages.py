@@ -19,7 +19,9 @@ HOME = Path(patrol.__file__).parents[1]
 def run_script(folder: Path, text: str) -> subprocess.CompletedProcess[str]:
     script = folder / "script.py"
     script.write_text(text)
-    return subprocess.run([sys.executable, str(script)], cwd=folder, capture_output=True, text=True, check=False)
+    return subprocess.run(
+        [sys.executable, "-W", "error", str(script)], cwd=folder, capture_output=True, text=True, check=False
+    )
 
 
 @pytest.mark.processes
@@ -31,24 +33,66 @@ def test_a_users_module_gives_way_until_it_is_imported(tmp_path: Path, name: str
     module = name.partition("/")[0].removesuffix(".py")
     ours = run_script(tmp_path, f"import fogwatch, {module}\nfrom agent.ports import Place\nprint({module}.__file__)")
     assert ours.stdout == f"{HOME / module / '__init__.py'}\n", ours.stderr
-    assert f"{file}:1: UserWarning: fogwatch has a package of the name {module}" in ours.stderr
+    assert ours.stderr == (
+        f"fogwatch: {file}: fogwatch has a package of the name {module}, which hides this file; rename it\n"
+    )
     theirs = run_script(tmp_path, f"import {module}, fogwatch")
     assert theirs.stderr.splitlines()[-1] == (
         f"ImportError: {file}: fogwatch has a package of the name {module}; rename it"
     )
 
 
-def test_processes_get_no_folder_that_hides_a_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.processes
+def test_a_namespace_folder_that_is_already_imported_is_named(tmp_path: Path) -> None:
+    (tmp_path / "agent").mkdir()
+    ours = repr(str(HOME))  # while it is on the path, its agent goes before a folder without __init__.py
+    theirs = run_script(
+        tmp_path, f"import sys\nsys.path.remove({ours})\nimport agent\nsys.path.append({ours})\nimport fogwatch"
+    )
+    assert theirs.stderr.splitlines()[-1] == (
+        f"ImportError: {tmp_path / 'agent'}: fogwatch has a package of the name agent; rename it"
+    )
+
+
+@pytest.mark.processes
+def test_our_own_packages_by_way_of_a_symbolic_link_are_ours(tmp_path: Path) -> None:
+    (tmp_path / "link").symlink_to(HOME)
+    linked = "sys.path.insert(0, 'link')"
+    both = run_script(
+        tmp_path, f"import sys\n{linked}\nimport agent\nsys.path.pop(0)\nimport fogwatch\n{linked}\nimport monitor"
+    )
+    assert (both.returncode, both.stderr) == (0, "")
+
+
+def test_processes_look_for_our_packages_before_a_folder_that_hides_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     hiding, harmless = tmp_path / "hiding", tmp_path / "harmless"
     for folder, name in ((hiding, "agent.py"), (harmless, "my_policy.py")):
         folder.mkdir()
         (folder / name).touch()
-    monkeypatch.setenv("PYTHONPATH", f"{hiding}:{HOME}:{harmless}")
-    assert environment.own_environment()["PYTHONPATH"] == f"{HOME}:{harmless}"
+    link = tmp_path / "link"
+    link.symlink_to(HOME)
+    monkeypatch.setenv("PYTHONPATH", f"{link}:{harmless}")
+    assert environment.own_environment()["PYTHONPATH"] == f"{link}:{harmless}"
+    monkeypatch.setenv("PYTHONPATH", f"{harmless}:{hiding}")
+    assert environment.own_environment()["PYTHONPATH"] == f"{harmless}:{HOME}:{hiding}"
     monkeypatch.chdir(hiding)
     monkeypatch.setenv("PYTHONPATH", ":.")
-    assert environment.own_environment()["PYTHONPATH"] == ""
+    assert environment.own_environment()["PYTHONPATH"] == f"{HOME}::."
     assert {*NAMES, "fogwatch"} == set(environment.PACKAGES)
+
+
+@pytest.mark.processes
+def test_a_process_finds_both_our_package_and_the_users_module_beside_its_namesake(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("agent.py", "mine.py"):
+        (tmp_path / name).touch()
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    command = [sys.executable, "-P", "-c", "import agent.ports, mine; print(mine.__file__)"]
+    process = subprocess.run(command, env=environment.own_environment(), capture_output=True, text=True, check=False)
+    assert process.stdout == f"{tmp_path / 'mine.py'}\n", process.stderr
 
 
 def test_a_policy_beside_the_script_is_a_file_to_other_processes(

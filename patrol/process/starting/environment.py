@@ -12,22 +12,30 @@ from importlib.machinery import PathFinder
 import patrol
 
 PACKAGES = ("patrol", "agent", "worldsim", "monitor", "experiments", "fogwatch")
+HOME = os.path.dirname(patrol.__path__[0])  # noqa: PTH120
 
 
 def own_environment() -> dict[str, str]:
-    """Return this process's environment, without folders of ``PYTHONPATH`` whose modules would hide our packages."""
+    """Return this process's environment, with our packages before any modules on ``PYTHONPATH`` that would hide them.
+
+    ``python -m agent`` looks for `agent` before any code of ours runs, so only the order of folders can decide.
+    """
     environment = dict(os.environ)
-    if folders := environment.get("PYTHONPATH"):
-        kept = [folder for folder in folders.split(os.pathsep) if not _hides_a_package(folder)]
-        environment["PYTHONPATH"] = os.pathsep.join(kept)
+    if value := environment.get("PYTHONPATH"):
+        folders = value.split(os.pathsep)
+        hiding = next((index for index, folder in enumerate(folders) if _hides_a_package(folder)), None)
+        if hiding is not None:
+            folders.insert(hiding, HOME)
+            environment["PYTHONPATH"] = os.pathsep.join(folders)
     return environment
 
 
 def _hides_a_package(folder: str) -> bool:
     """Return whether a folder holds a module that has the name of one of our packages, and is another."""
-    home = os.path.dirname(patrol.__path__[0])  # noqa: PTH120
-    specs = [(name, PathFinder.find_spec(name, [folder or "."])) for name in PACKAGES]
-    return any(
-        spec is not None and spec.origin not in (None, os.path.join(home, name, "__init__.py"))  # noqa: PTH118
-        for name, spec in specs
-    )
+    for name in PACKAGES:
+        spec = PathFinder.find_spec(name, [folder or "."])
+        if spec is not None and spec.origin is not None:
+            own = os.path.join(HOME, name, "__init__.py")  # noqa: PTH118
+            if os.path.realpath(spec.origin) != os.path.realpath(own):
+                return True
+    return False

@@ -46,6 +46,7 @@ def test_numpys_values_are_plain_wherever_they_stand() -> None:
         (lambda: plan("open", 60), "plan(): too many positional arguments"),
         (lambda: sweep(BASE, grid=["seed"]), 'grid = ["seed"]: expected lists of values by dotted field'),
         (lambda: sweep(BASE, cases={"a": 3}), "cases: a = 3: expected settings by the name of a case"),
+        (lambda: run(BASE, progress=3), "progress = 3: expected a function, such as print"),
         (lambda: load(3), "folder = 3: expected a folder"),
     ],
 )
