@@ -188,7 +188,7 @@ def _hold(lifeline: int, ending: Ending, on_death: Callable[[], None]) -> None:
             break
     ending.ask("its launcher has died")
     if os.getpgrp() == os.getpid():
-        os.killpg(0, signal.SIGTERM)  # what foreign code has started in this process, which is asked once more
+        _signal(_children(), signal.SIGTERM)  # those that foreign code has started in this process
     threading.Event().wait(GRACE_S)
     on_death()
     leave(INTERRUPTED)

@@ -105,7 +105,7 @@ def test_the_stalest_point_has_a_mark_and_the_page_says_where(chromium: Any, tra
                     }});
                     const stalest = [{x}, {y}, {k * run.step}, false];
                     const canvas = {{ width: 200, height: 200 }}, store = {{ state: {{ stalest }} }};
-                    drawStalest({{ context, canvas, ratio: 1, store, toScreen: (x, y) => [x, y] }});
+                    drawStalest({{ context, canvas, ratio: 1, store, taken: [], toScreen: (x, y) => [x, y] }});
                     return drawn;
                 }}"""
             )
