@@ -33,6 +33,8 @@ def answer_lines(plan: FleetPlan) -> Iterator[str]:
     if least is not None:
         yield f"left out: {least.text}"
     yield from _on_patrol(plan)
+    if given_up := [str(size.robots) for size in plan.sizes if 0 < len(size.runs) < plan.seeds]:
+        yield f"given up at the first run that failed, of {plan.seeds}: {', '.join(given_up)} robots"
     if plan.wanted_s is not None:
         yield from _answer(plan, plan.wanted_s)
     if plan.chosen is not None:
@@ -93,8 +95,8 @@ def _kept_by(size: FleetSize, wanted_s: float) -> str:
 def _remedy(plan: FleetPlan, wanted_s: float) -> str:
     """Say what may help where no number keeps the wanted age."""
     last = plan.sizes[-1]
-    if plan.opened is not None and plan.opened.keeps(wanted_s):
-        robots = len(plan.opened.scenario.roster)
+    if plan.opened and plan.opened[-1].keeps(wanted_s):
+        robots = len(plan.opened[-1].scenario.roster)
         return f"with nothing ever closed {_keep(robots, wanted_s, True)}, so what closes is the reason"
     if last.tour_s is None:
         return "give --robots with larger numbers, or a longer --age"
@@ -120,12 +122,23 @@ def _tests(size: FleetSize, wanted_s: float | None) -> Iterator[str]:
 def _closed_out(size: FleetSize) -> Iterator[str]:
     """Say what the age of all ground is where the ages above are those of open ground."""
     kept = size.simulated
-    if kept is not None and kept.all_max_s is not None:
-        names = ", ".join(c.name for c in kept.scenario.closures if c.closed or c.closes)
+    if kept is None or kept.all_max_s is None:
+        return
+    names = ", ".join(c.name for c in kept.scenario.closures if c.name in kept.closed)
+    if names:
+        because = f", because of {names}" if kept.all_max_s > kept.max_s else f"; closed: {names}"
         yield (
             f"closures: ages are of open ground, the time in which it was closed out left out; with it the largest is "
-            f"{age_text(kept.all_max_s)} s, because of {names}"
+            f"{age_text(kept.all_max_s)} s{because}"
         )
+    tried = {name for run in size.runs for name in run.closed}
+    for closure in kept.scenario.closures:
+        if closure.name in tried or (closure.closed is None and closure.closes is None):
+            continue
+        why, remedy = "closed in no run", "give a longer --duration"
+        if closure.closed and (begin_s := closure.closed[0][0]) >= kept.scenario.duration:
+            why, remedy = f"begins at {begin_s:g} s, after the run's end", f"--duration {2 * begin_s:g} would try it"
+        yield f"closure {closure.name}: {why}, so it was not tried; {remedy}"
 
 
 def _zones(size: FleetSize) -> Iterator[str]:

@@ -7,6 +7,7 @@ only the time in which it was not closed out.
 
 The search for the least number begins with the least that keeps the age on one of its tours. It goes down while the
 simulated fleet keeps the age, or else up until it does. It takes for granted that more robots keep no greater age.
+A number is given up at its first run that does not keep the age.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from patrol.errors import BadInput, NotPrepared
 from patrol.ground.left_out import LeftOut
 from patrol.ground.maps.load import load_terrain
 from patrol.ground.speed_limits import SpeedLimits
+from patrol.journal.records import CLOSED
 from patrol.measures.best_tour import MOST_ROBOTS, BestTour, best_tour
 from patrol.prepare import Prepared, prepare
 from patrol.scenario import RobotGroup, as_mapping, load_scenario
@@ -89,6 +91,7 @@ class AgeKept:
         trace_hash: Of the run.
         all_max_s: Largest MFoW in it of all ground, closed out or not; None without closures.
         zones_s: By name, the largest age of the ground of each zone with a wanted age in it, while it was in force, s.
+        closed: Names of the closures that closed in the run.
     """
 
     scenario: Scenario
@@ -101,6 +104,7 @@ class AgeKept:
     trace_hash: str
     all_max_s: float | None = None
     zones_s: Mapping[str, float] = field(default_factory=dict)
+    closed: frozenset[str] = frozenset()
 
     def keeps(self, age_s: float) -> bool:
         """Return whether nothing was older than an age, in a run that can be believed.
@@ -164,7 +168,9 @@ class FleetPlan:
         chosen: The least number of robots that keeps the wanted age, simulated or, with `quick`, by tours; without a
             wanted age the largest. None if no number does.
         quick: Whether nothing was simulated.
-        opened: Where no number keeps the age, the largest with nothing ever closed; None too without closures.
+        opened: Where no number keeps the age, the runs of the largest with nothing ever closed, up to the first that
+            does not keep it; empty too without closures.
+        seeds: Runs of each fleet, unless one fails.
     """
 
     scenario: Scenario
@@ -173,7 +179,8 @@ class FleetPlan:
     sizes: tuple[FleetSize, ...]
     chosen: int | None
     quick: bool
-    opened: AgeKept | None = None
+    opened: tuple[AgeKept, ...] = ()
+    seeds: int = SEEDS
 
     def size(self, robots: int) -> FleetSize:
         """Return the fleet of some size.
@@ -226,9 +233,9 @@ def make_plan(
         if chosen - 1 in planner.sizes and planner.sizes[chosen - 1].runs:
             planner.simulate(chosen - 1)
         planner.test(chosen)
-    opened = planner.opened() if chosen is None and not quick else None
+    opened = () if chosen is not None or wanted_s is None or quick else planner.opened(wanted_s)
     sizes = tuple(size for _, size in sorted(planner.sizes.items()))
-    return FleetPlan(planner.scenario, planner.terrain, wanted_s, sizes, chosen, quick, opened)
+    return FleetPlan(planner.scenario, planner.terrain, wanted_s, sizes, chosen, quick, opened, seeds)
 
 
 class _Planner:
@@ -269,7 +276,7 @@ class _Planner:
         self._duration_s = duration_s
         self._quick = quick
         self._seeds = seeds
-        self._opened: dict[int, AgeKept] = {}
+        self._opened: dict[int, tuple[AgeKept, ...]] = {}
         self._limits = SpeedLimits(self.scenario.zones, self.terrain)
         self._divider = Divider()
 
@@ -284,8 +291,8 @@ class _Planner:
             return number
         most = MOST_ROBOTS
         while number < most:
-            opened = self.opened()
-            if most == MOST_ROBOTS and opened is not None and opened.keeps(wanted_s):
+            opened = self.opened(wanted_s)
+            if most == MOST_ROBOTS and opened and opened[-1].keeps(wanted_s):
                 most = min(number + MORE_WHERE_CLOSED, MOST_ROBOTS)
             number += 1
             if self._keeps(number, wanted_s):
@@ -379,13 +386,24 @@ class _Planner:
             self.sizes[number] = size = replace(size, runs=(*size.runs, self._run(scenario, f"seed {scenario.seed}")))
         return size.runs[seed]
 
-    def opened(self) -> AgeKept | None:
-        """Run the largest fleet that was simulated with nothing ever closed; None without closures."""
+    def opened(self, wanted_s: float) -> tuple[AgeKept, ...]:
+        """Run the largest fleet that was simulated with nothing ever closed, up to the first seed that fails.
+
+        Args:
+            wanted_s: The wanted age, s.
+
+        Returns:
+            The runs, of which the last alone may not keep the age; empty without closures.
+        """
         number = max(number for number, size in self.sizes.items() if size.runs)
         if self.scenario.closures and number not in self._opened:
-            mapping = as_mapping(self._scenario_of(number)) | {"closures": []}
-            self._opened[number] = self._run(load_scenario(mapping), "nothing ever closed")
-        return self._opened.get(number)
+            runs: list[AgeKept] = []
+            while len(runs) < self._seeds and (not runs or runs[-1].keeps(wanted_s)):
+                mapping = as_mapping(self._scenario_of(number)) | {"closures": []}
+                scenario = load_scenario(mapping, {"seed": self.scenario.seed + len(runs)})
+                runs.append(self._run(scenario, f"seed {scenario.seed}, nothing ever closed"))
+            self._opened[number] = tuple(runs)
+        return self._opened.get(number, ())
 
     def _scenario_of(self, number: int) -> Scenario:
         settings = {"name": f"{self.scenario.name}-{number}", "robots.count": number}
@@ -422,6 +440,7 @@ class _Planner:
             "" if end is None else end.trace_hash,
             None if open_ages is None else max(ages[begin:]),
             {n: float(np.nanmax(s)) for n, s in in_zones.items() if n in wanted and not np.isnan(s).all()},
+            frozenset(event.detail for event in outcome.journal.events if event.kind == CLOSED),
         )
 
 
@@ -485,6 +504,7 @@ def _kept_facts(kept: AgeKept | None, wanted_s: float | None) -> dict[str, Any] 
         "warnings": list(kept.warnings),
         "trace_hash": kept.trace_hash,
         "all_max_s": kept.all_max_s,
+        "closed": sorted(kept.closed),
         "zones_s": dict(kept.zones_s),
     }
 

@@ -158,9 +158,33 @@ def test_where_doors_close_only_open_ground_counts(rooms: Path) -> None:
     assert kept.all_max_s > 250.0
     assert plan.chosen == 2
     assert [line for line in answer_lines(plan) if line.startswith("closures: ") and line.endswith("because of door")]
-    short = make_plan(scenario, None, range(2, 3), Silent(), duration_s=60.0, seeds=1).size(2).simulated
+    before = make_plan(scenario, None, range(2, 3), Silent(), duration_s=60.0, seeds=1)
+    short = before.size(2).simulated
     assert short is not None
     assert short.all_max_s == short.max_s
+    (line,) = (line for line in answer_lines(before) if line.startswith("clos"))
+    assert line == (
+        "closure door: begins at 100 s, after the run's end, so it was not tried; --duration 200 would try it"
+    )
+
+
+def test_nothing_ever_closed_is_run_with_the_same_seeds(rooms: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With nothing closed it fails with the third seed only, so what closes is not the reason."""
+    opened: list[int] = []
+
+    def run(_: Any, scenario: Scenario, how: str) -> AgeKept:
+        if not scenario.closures:
+            opened.append(scenario.seed)
+        age = 99.0 if scenario.closures or scenario.seed == first + 2 else 10.0
+        return AgeKept(scenario, 0.0, age, age, None, "valid", (), how)
+
+    monkeypatch.setattr(module._Planner, "_run", run)
+    door = {"name": "door", "polygon": [[21, 4], [21.5, 4], [21.5, 7], [21, 7]], "closed": [[100, 2000]]}
+    scenario = ground(rooms, closures=[door])
+    first = scenario.seed
+    plan = make_plan(scenario, 20.0, range(2, 3), Silent(), duration_s=400.0, seeds=3)
+    assert opened == [first, first + 1, first + 2]
+    assert not [line for line in answer_lines(plan) if "what closes is the reason" in line]
 
 
 def test_it_answers_wanted_ages_of_zones_and_knows_slow_ones(rooms: Path) -> None:
