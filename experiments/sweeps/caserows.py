@@ -41,7 +41,7 @@ class CaseRow:
 
     @property
     def words(self) -> list[str]:
-        """What the case's name consists of: a word for each axis, or its words where there are no axes."""
+        """The words of the case's name: one for each axis, or those of the name where there are no axes."""
         return [label.word for label in self.labels] or self.case.split()
 
 

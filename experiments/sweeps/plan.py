@@ -61,7 +61,7 @@ class Label:
 
     @property
     def word(self) -> str:
-        """What the case's name says of this axis, such as "half lost" or "dilatation=2"."""
+        """The axis's part of the case's name, such as "half lost" or "dilatation=2"."""
         return self.text if self.given else f"{self.title}={self.text}"
 
 

@@ -227,7 +227,7 @@ class _Ground:
 
     @property
     def is_one_piece(self) -> bool:
-        """Whether most of the free cells hang together."""
+        """True if most of the free cells hang together."""
         labels, count = parts_of(self.cells)
         sizes = np.bincount(labels.reshape(-1), minlength=count + 1)[1:]
         return count > 0 and bool(sizes.max() > 0.5 * sizes.sum())
