@@ -238,6 +238,25 @@ def make_plan(
     return FleetPlan(planner.scenario, planner.terrain, wanted_s, sizes, chosen, quick, opened, seeds)
 
 
+def planned_scenario(scenario: Scenario) -> Scenario:
+    """Return a scenario as plans use it: without faults, intruders, given starts and spare robots.
+
+    Args:
+        scenario: As given.
+
+    Raises:
+        BadInput: It lists its robots.
+    """
+    if not isinstance(scenario.robots, RobotGroup):
+        raise BadInput(f"{scenario.name} lists its robots; a plan needs robots of one kind: give one entry with count")
+    mapping = as_mapping(scenario)
+    for name in ("faults", "intruders", "nemesis"):
+        mapping.pop(name, None)
+    for name in ("starts", "spare"):
+        mapping["robots"].pop(name, None)
+    return load_scenario(mapping)
+
+
 class _Planner:
     """Computes and runs fleets of several sizes on one terrain.
 
@@ -256,16 +275,7 @@ class _Planner:
         quick: bool,
         seeds: int,
     ) -> None:
-        if not isinstance(scenario.robots, RobotGroup):
-            raise BadInput(
-                f"{scenario.name} lists its robots; a plan needs robots of one kind: give one entry with count"
-            )
-        mapping = as_mapping(scenario)
-        for name in ("faults", "intruders", "nemesis"):
-            mapping.pop(name, None)
-        for name in ("starts", "spare"):
-            mapping["robots"].pop(name, None)
-        self.scenario = load_scenario(mapping)
+        self.scenario = planned_scenario(scenario)
         try:
             self.terrain = load_terrain(scenario.terrain, scenario.point, scenario.base, zones=scenario.zones)
         except BadInput as error:

@@ -19,7 +19,7 @@ from patrol.printable import printable
 from patrol.process.lifeline import heed
 from patrol.process.starting.seldom import SELDOM
 from patrol.process.starting.warmup import warm
-from patrol.scenario import BUILTINS, RobotGroup, as_mapping, load_scenario, naming, open_scenario, parse_overrides
+from patrol.scenario import BUILTINS, as_mapping, load_scenario, naming, open_scenario, parse_overrides
 
 if TYPE_CHECKING:
     from experiments.plan.plan import FleetPlan
@@ -144,17 +144,11 @@ def plan(
 
 def _notes(scenario: Scenario, most: int) -> list[str]:
     """Return the notes on the scenario with the most robots that a plan looks at, one if it searches for the number."""
-    from fogwatch.grounds.scenario_notes import scenario_notes  # here: these import kernels
+    from experiments.plan.plan import planned_scenario  # here: these import kernels
+    from fogwatch.grounds.scenario_notes import scenario_notes
     from patrol.prepare import prepare
 
-    if not isinstance(scenario.robots, RobotGroup):
-        return []  # the plan refuses it
-    mapping = as_mapping(scenario)
-    for name in ("faults", "intruders", "nemesis"):
-        mapping.pop(name, None)
-    for name in ("starts", "spare"):
-        mapping["robots"].pop(name, None)
-    return scenario_notes(prepare(load_scenario(mapping, {"robots.count": most})))
+    return scenario_notes(prepare(load_scenario(as_mapping(planned_scenario(scenario)), {"robots.count": most})))
 
 
 def _table(plan: FleetPlan) -> Table:
