@@ -11,7 +11,7 @@ Theory of operation
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -126,10 +126,12 @@ class _Drawing:
         self._places = [terrain.centre(row, col) for row, col in np.argwhere(part).tolist()]
         self._doors = [(door.x, door.y, door.width) for door in Rooms(terrain, base.roster[0].radius, part).doors()]
         closures = self._closures(base)
+        if base.spares:
+            mapping["robots"][-1]["start"] = self._place()
         mapping |= self._not_given(
             {
                 "radio": self._radio(base),
-                "docks": self._docks(base),
+                "docks": self._docks(base, [robot["start"] for robot in mapping["robots"] if "start" in robot]),
                 "zones": self._zones(base),
                 "closures": closures,
                 "intruders": self._intruders(base),
@@ -277,10 +279,12 @@ class _Drawing:
             radio |= {"model": "path-loss", "options": {"exponent": dice.choice(2.5, 4.0), "redraw": 20.0 * step}}
         return radio
 
-    def _docks(self, base: Scenario) -> list[dict[str, Any]]:
+    def _docks(self, base: Scenario, starts: Sequence[tuple[float, float]]) -> list[dict[str, Any]]:
+        """Draw docks, some where a spare robot starts, so that it may have to wait for one that charges there."""
         if all(spec.battery is None for spec in base.roster):
             return []
-        return [{"place": self._place(), "radius": 1.0} for _ in range(self._dice.whole(1, 2))]
+        dice = self._dice
+        return [{"place": dice.choice(self._place(), *starts), "radius": 1.0} for _ in range(dice.whole(1, 2))]
 
     def _closures(self, base: Scenario) -> list[dict[str, Any]]:
         if not self._takes("closures") or base.patrol.paths != "wave":

@@ -11,6 +11,7 @@ import tests.chaos.examine
 from experiments.inprocess import InProcessFleet
 from fogwatch.testing.swarm import random_fleet
 from patrol.errors import BadInput
+from patrol.pose import MODELS
 from patrol.scenario import load_scenario
 from patrol.scenario.faults.kinds import KINDS
 from tests.chaos.__main__ import hunt
@@ -100,8 +101,9 @@ def test_a_seed_that_holds_leaves_nothing_behind(tmp_path: Path) -> None:
 
 def test_what_was_never_met_fails_after_enough_seeds() -> None:
     most = [name for name in SINGLES if name != "fault loss"]
-    assert missing([{"met": most}] * (ENOUGH - 1)) == []
-    assert missing([{"met": most}] * ENOUGH) == ["fault loss"]
+    assert missing([{"met": most}] * (ENOUGH["fault"] - 1)) == []
+    assert missing([{"met": most}] * ENOUGH["fault"]) == ["fault loss"]
+    assert missing([{"met": []}] * min(ENOUGH.values())) == [f"body {model}" for model in MODELS]
     apart = [{"met": most}, {"met": ["fault loss"]}] * ENOUGH_FOR_PAIRS
     assert "fault delay with fault loss" in missing(apart)
 
