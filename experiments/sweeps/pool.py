@@ -11,11 +11,12 @@ import sys
 from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from numbers import Integral
 from types import TracebackType
 from typing import IO, Protocol, Self
 
 from experiments.sweeps.worker import Answer, Task, answer
-from patrol.errors import BadInput
+from patrol.errors import BadInput, quoted
 from patrol.process.starting.environment import own_environment
 
 LOOK_UP_S = 0.5
@@ -71,10 +72,10 @@ class LocalWorkers:
             size: Number of processes; None for one per core that this process may use.
 
         Raises:
-            BadInput: The number is below 1.
+            BadInput: It is no whole number of 1 or more.
         """
-        if size is not None and size < 1:
-            raise BadInput(f"--workers = {size}: expected 1 or more")
+        if size is not None and not (isinstance(size, Integral) and size >= 1):
+            raise BadInput(f"--workers = {quoted(size)}: expected 1 or more")
         self.size = size or cores()
         self._workers: dict[IO[bytes], _Worker] = {}
 

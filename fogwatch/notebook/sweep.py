@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -190,7 +190,7 @@ def sweep(
             **({} if against is None else {"against": with_names(against)}),
         }
     if seeds is not None and count is None:
-        content = {**content, "seeds": list(seeds)}  # type: ignore[arg-type]  # no number
+        content = {**content, "seeds": list(seeds) if isinstance(seeds, Iterable) else seeds}
     plan = plan_of(content, file, count)
     check_classes(plan)
     folder = Path("runs") / plan.name if out is None else Path(out)
