@@ -152,7 +152,7 @@ def plan(
         age: The age that nothing is to exceed, s; needed without `robots`.
         robots: A number of robots, or several in ascending order; those around the answer unless given.
         overrides: Values by dotted field.
-        duration: Length of each simulated run, s; 12 ages, at least 600 s, unless given.
+        duration: Length of each simulated run, s; 12 times the age of the tours, at least 600 s, unless given.
         quick: Whether to compute bounds and tours only, and simulate nothing.
         seeds: Simulated runs of each number, each with another seed; 3 unless given.
         out: A folder for the files that `fogwatch plan` writes, new or empty; none are written unless given.

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+from patrol.exchange import FIRST_INCARNATION
 from patrol.net.keys import FleetKeys, robot_of
 from patrol.net.messages.telemetry import Traffic
 from patrol.radio.message import CONTACT, Rejected, decode
@@ -31,22 +32,30 @@ LAST_REPORTS_S = 2.0
 
 @dataclass(slots=True)
 class _Counts:
-    """The counts that the processes of one robot have reported: `last` of the newest, the sums of those before it."""
+    """The counts that the processes of one robot have reported: `last` of the newest, the sums of those before it.
+
+    A process that was killed has not counted its last frames: `is_whole` is False after one.
+    """
 
     senders: frozenset[str]
     last: Traffic | None = None
+    is_whole: bool = True
     sent: int = 0
     refused: int = 0
     heard: Counter[str] = field(default_factory=Counter)
 
     def take(self, traffic: Traffic) -> None:
         """Take the next report; one of an older process comes too late."""
-        if self.last is not None and traffic.incarnation < self.last.incarnation:
+        last = self.last
+        before = FIRST_INCARNATION - 1 if last is None else last.incarnation
+        if traffic.incarnation < before:
             return
-        if self.last is not None and traffic.incarnation > self.last.incarnation:
-            self.sent += self.last.sent
-            self.refused += self.last.refused
-            self.heard.update(self.last.heard)
+        if traffic.incarnation > before:
+            self.is_whole &= traffic.incarnation == before + 1 and (last is None or last.final)
+        if last is not None and traffic.incarnation > last.incarnation:
+            self.sent += last.sent
+            self.refused += last.refused
+            self.heard.update(last.heard)
         heard = {sender: count for sender, count in traffic.heard.items() if sender in self.senders}
         self.last = replace(traffic, heard=heard)
 
@@ -60,8 +69,8 @@ class _Counts:
         last = self.last
         assert last is not None
         heard = {sender: self.heard[sender] + count for sender, count in sorted(last.heard.items())}
-        refused = self.refused + last.refused
-        return {"sent": self.sent + last.sent, "heard": heard, "refused": refused, "final": last.final}
+        refused, final = self.refused + last.refused, last.final and self.is_whole
+        return {"sent": self.sent + last.sent, "heard": heard, "refused": refused, "final": final}
 
 
 class Listener:

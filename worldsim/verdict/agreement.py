@@ -7,6 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from worldsim.verdict.common.check import TAGS_NOT_JUDGED
+
 WALL_TIMES = ("wall_s", "realtime_factor")
 """Fields that only a journal with an end gives, and of a run in one process only since version 0.2.0."""
 
@@ -132,8 +134,9 @@ def _between_verdicts(stated: Mapping[str, Any], found: Mapping[str, Any]) -> It
         if check is None:
             yield Difference(field, stated_check, None)
         elif check["judged"] or not stated_check.get("judged", True):
+            again = {**check, "detail": check["detail"].partition(TAGS_NOT_JUDGED)[0]}
             for part in ("ok", "judged", "detail"):
-                yield from _between(stated_check.get(part, True), check[part], f"{field}.{part}")
+                yield from _between(stated_check.get(part, True), again[part], f"{field}.{part}")
 
 
 def _between(stated: Any, found: Any, field: str) -> Iterator[Difference]:

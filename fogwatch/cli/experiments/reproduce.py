@@ -129,12 +129,14 @@ def _check(page: str | None) -> int:
     samples = [sample for sample in documented.samples if page in (None, sample.page)]
     for sample in samples:
         stated = sample.stated(documented.folder)
+        typer.echo(f"docs/results/{sample.page}.md ...", err=True)
         value = sample.measure(CLONE)
         same = abs(value - stated.value) <= stated.allowed
         changed += not same
         typer.echo(
             f"{'same   ' if same else 'changed'} docs/results/{sample.page}.md: {stated.value:g} (within "
-            f"{stated.allowed:.3g}), now {value:.4g}: {sample.commands[-1]}"
+            f"{stated.allowed:.3g}), now {value:.4g}: "
+            f"{sample.commands[-1].format(out='OUT', seed=sample.seeds[-1], clone='.')}"
         )
     typer.echo(f"{changed} of {len(samples)} numbers have changed")
     return DIFFERS if changed else 0

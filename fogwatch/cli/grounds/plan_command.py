@@ -66,7 +66,10 @@ def plan(
     point: Annotated[float | None, typer.Option(metavar="M", help="Side of one grid point in m.")] = None,
     duration: Annotated[
         float | None,
-        typer.Option(metavar="S", help="Length of each simulated run in s (default: 12 ages, at least 600 s)."),
+        typer.Option(
+            metavar="S",
+            help="Length of each simulated run in s (default: 12 times the age of the tours, at least 600 s).",
+        ),
     ] = None,
     settings: Annotated[
         list[str] | None,

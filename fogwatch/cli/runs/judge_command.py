@@ -29,7 +29,7 @@ EXIT_CODES = (
 DISAGREES = 1
 MOST_SHOWN = 20
 """Differences printed at most."""
-NO_KEY = Path("(no --key)")
+NO_KEY = "(no --key)"
 """In place of a key's file that a scenario names."""
 
 
@@ -101,7 +101,7 @@ def _with_key(prepared: Prepared, key: Path | None) -> Prepared:
     radio = prepared.scenario.radio
     if radio.key is None:
         return prepared
-    given = radio.model_copy(update={"key": key or NO_KEY})
+    given = radio.model_copy(update={"key": str(key or NO_KEY)})
     return replace(prepared, scenario=prepared.scenario.model_copy(update={"radio": given}))
 
 

@@ -112,6 +112,16 @@ def test_what_robots_say_of_their_radio_adds_up_over_their_processes() -> None:
     assert scene.time == 0.0
 
 
+@pytest.mark.parametrize(("incarnation", "final"), [(2, False), (3, True)])
+def test_the_counts_of_a_robot_that_was_killed_are_not_whole(incarnation: int, final: bool) -> None:
+    scene = Scene()
+    scene.say("r1", sent=10, final=final)
+    scene.listener.frames(0)
+    scene.say("r1", incarnation=incarnation, sent=5)
+    said = scene.listener.notes()["direct"]["said"]
+    assert (said["r1"]["sent"], said["r1"]["final"]) == (15, False)
+
+
 def test_the_world_waits_a_moment_for_last_words() -> None:
     scene = Scene()
     scene.say("r1", final=False)

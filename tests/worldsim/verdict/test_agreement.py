@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from worldsim.verdict.agreement import WALL_TIMES, differences, missing, not_repeated
+from worldsim.verdict.common.check import TAGS_NOT_JUDGED
 
 WARNED = "r1 is slow"
 
@@ -54,6 +55,14 @@ def test_the_warnings_of_other_checks_are_compared() -> None:
 def test_the_warnings_of_a_check_that_an_earlier_version_lacked_are_not() -> None:
     stated = summary("valid", check(True))
     assert differences(stated, summary("valid", check(True), check(True, warnings=(WARNED,), name="router"))) == []
+
+
+@pytest.mark.parametrize(("says", "agrees"), [("80 frames agree", True), ("81 frames agree", False)])
+def test_tags_that_cannot_be_judged_without_the_key_are_no_difference(says: str, agrees: bool) -> None:
+    stated = summary("valid", {**check(True, name="frames"), "detail": says})
+    without_key = f"80 frames agree{TAGS_NOT_JUDGED}radio.key: cannot read"
+    found = summary("valid", {**check(True, name="frames"), "detail": without_key})
+    assert (differences(stated, found) == []) is agrees
 
 
 @pytest.mark.parametrize(("share", "agrees"), [(0.0, True), (0.5, False)])

@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from worldsim.run_record import RunRecord
 
 
+TAGS_NOT_JUDGED = "; tags not judged: "
+"""Comes before the reason, at the end of a detail."""
+
+
 @dataclass(frozen=True, slots=True)
 class CheckResult:
     """The result of one check.

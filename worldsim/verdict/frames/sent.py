@@ -18,7 +18,7 @@ from patrol.radio.fleet_key import fleet_key
 from patrol.radio.message import MAX_TRAIL, Position, Rejected, decode, encode
 from worldsim.robots.intruders import Intruders
 from worldsim.robots.senses import Senses
-from worldsim.verdict.common.check import Check, CheckResult
+from worldsim.verdict.common.check import TAGS_NOT_JUDGED, Check, CheckResult
 from worldsim.verdict.common.closed_ground import ClosedGround
 from worldsim.verdict.common.robots_there import RobotsThere
 from worldsim.verdict.frames.airborne import sent_links
@@ -64,7 +64,7 @@ class FramesAreTrue(Check):
         try:
             self._key = fleet_key(scenario.radio.key)
         except BadInput as bad:
-            self._unknown_key = f"; tags not judged: {bad}"
+            self._unknown_key = f"{TAGS_NOT_JUDGED}{bad}"
         self._missing: list[tuple[int, int, str]] = []
         self._looked = 0
 
