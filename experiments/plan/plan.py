@@ -90,7 +90,8 @@ class AgeKept:
         warnings: Of the verdict.
         trace_hash: Of the run.
         all_max_s: Largest MFoW in it of all ground, closed out or not; None without closures.
-        zones_s: By name, the largest age of the ground of each zone with a wanted age in it, while it was in force, s.
+        zones_s: By name, the largest age of the ground of each zone with a wanted age in it, likewise, while it was in
+            force, s.
         closed: Names of the closures that closed in the run.
     """
 
@@ -436,8 +437,9 @@ class _Planner:
         begin = killed + round(SETTLED * len(ages))
         open_ages, zones = outcome.verdict.open_ages, outcome.verdict.zones
         judged = np.array(ages) if open_ages is None else open_ages.ages_s
+        zones_s = open_ages.zones_s if open_ages is not None else {} if zones is None else zones.ages_s
         late, end = judged[begin:], outcome.journal.end
-        in_zones = {} if zones is None else {name: zone_s[begin:] for name, zone_s in zones.ages_s.items()}
+        in_zones = {name: zone_s[begin:] for name, zone_s in zones_s.items()}
         wanted = [zone.name for zone in scenario.zones if zone.age is not None]
         return AgeKept(
             scenario,

@@ -109,7 +109,7 @@ def _read(path: Path, contents: Contents, write: Callable[[Any], None] | None) -
             write(record)
     if contents.why_cut and not contents.messages:
         again = f"record again: fogwatch record {path.parent}" if (path.parent / JOURNAL).is_file() else "record again"
-        raise BadInput(f"{path}: is cut off before its first message, so nothing can be saved; {again}")
+        raise BadInput(f"{path}: is damaged or cut off, no message in it is whole, nothing can be saved; {again}")
     if not contents.facts:
         raise BadInput(
             f"{path}: is an MCAP file, but not one of fogwatch (it has no metadata '{METADATA}'); name a recording.mcap"

@@ -124,6 +124,8 @@ class OpenAges:
     """The ages of points while they were open to view.
 
     Attributes:
+        points: int64 (points,), flat indices of the points that count.
+        now: int32 (points,), their open ages in the last tick, ticks.
         greatest: The greatest open age in each tick, ticks.
         closed_share: Share of the patrolled ground that is closed out, in each tick.
     """
@@ -134,8 +136,9 @@ class OpenAges:
         Args:
             patrolled: bool (height, width), the points that count.
         """
-        self._points = np.flatnonzero(patrolled)
-        self._out: NDArray[np.int32] = np.zeros(self._points.size, dtype=np.int32)
+        self.points = np.flatnonzero(patrolled)
+        self.now: NDArray[np.int32] = np.zeros(self.points.size, dtype=np.int32)
+        self._out = np.zeros_like(self.now)
         self.greatest: list[int] = []
         self.closed_share: list[float] = []
 
@@ -147,9 +150,10 @@ class OpenAges:
             closed_out: bool (height, width), of `OpenGround`.
             last_seen: int32 (height, width), when each point was last seen.
         """
-        out = closed_out.reshape(-1)[self._points]
-        ages = k - np.maximum(last_seen.reshape(-1)[self._points], 0)
+        out = closed_out.reshape(-1)[self.points]
+        ages = k - np.maximum(last_seen.reshape(-1)[self.points], 0)
         self._out += out
         self._out[ages == 0] = 0
-        self.greatest.append(max(int((ages - self._out).max()), 0))
+        self.now = np.maximum(ages - self._out, 0)
+        self.greatest.append(int(self.now.max()))
         self.closed_share.append(float(np.mean(out)))

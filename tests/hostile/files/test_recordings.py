@@ -96,4 +96,4 @@ def test_a_chunk_in_a_chunk_is_not_opened(tmp_path: Path) -> None:
 def test_a_recording_with_nothing_before_that_is_refused(what: str, tmp_path: Path) -> None:
     path = tmp_path / "strange.mcap"
     path.write_bytes(BEGIN + CUT[what]())
-    assert "cut off before its first message" in one_line(lambda: inspect_recording(path))
+    assert "no message in it is whole" in one_line(lambda: inspect_recording(path))

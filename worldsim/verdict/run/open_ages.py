@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from patrol.ground.zones import points_of
 from patrol.journal import Status
 from patrol.measures.open_ground import OpenAges, OpenGround
+from patrol.scenario.zones import zones_in_force
 from worldsim.verdict.common.check import JournalReading
 from worldsim.verdict.common.closed_ground import ClosedGround
 from worldsim.verdict.common.robots_there import RobotsThere
@@ -30,6 +32,8 @@ class OpenFacts:
         mfow_open_max_s: The greatest of them.
         closed_out_share: Share of ground times time that was closed out.
         ages_s: float64 (ticks,), the greatest open age in each tick, s; not in the summary.
+        zones_s: The same of the ground of each zone with a wanted age, by name, NaN while it was not in force; not in
+            the summary.
     """
 
     mfow_open_mean_s: float
@@ -37,10 +41,11 @@ class OpenFacts:
     mfow_open_max_s: float
     closed_out_share: float
     ages_s: NDArray[np.float64]
+    zones_s: dict[str, NDArray[np.float64]]
 
     def figures(self) -> dict[str, float]:
         """Return what the summary has of it."""
-        return {name: value for name, value in vars(self).items() if name != "ages_s"}
+        return {name: value for name, value in vars(self).items() if name not in ("ages_s", "zones_s")}
 
 
 class GroundOpen(JournalReading):
@@ -74,6 +79,12 @@ class AgesOpen(JournalReading):
         self._ground = readings[GroundOpen]
         self._fog = readings[TrueFog].fog
         self._ages = OpenAges(run.prepared.patrolled)
+        self._zones = [zone for zone in run.prepared.scenario.zones if zone.age is not None]
+        grounds = {
+            zone.name: points_of(zone, run.prepared.terrain).reshape(-1)[self._ages.points] for zone in self._zones
+        }
+        self._grounds = {name: ground for name, ground in grounds.items() if ground.any()}
+        self._in_zones: dict[str, list[float]] = {name: [] for name in self._grounds}
 
     @classmethod
     def applies(cls, run: JudgedRun) -> bool:
@@ -84,6 +95,9 @@ class AgesOpen(JournalReading):
         """Look at the fog after the tick's observations."""
         assert self._ground.open_ground is not None
         self._ages.tick(record.k, self._ground.open_ground.closed_out, self._fog.last_seen)
+        in_force = zones_in_force(self._zones, record.k * self._run.step)
+        for name, ground in self._grounds.items():
+            self._in_zones[name].append(float(self._ages.now[ground].max()) if name in in_force else np.nan)
 
     def facts(self) -> OpenFacts | None:
         """Return the figures; None before the first tick."""
@@ -96,4 +110,5 @@ class AgesOpen(JournalReading):
             mfow_open_max_s=float(ages.max()),
             closed_out_share=float(np.mean(self._ages.closed_share)),
             ages_s=ages,
+            zones_s={name: np.array(of_zone) * self._run.step for name, of_zone in self._in_zones.items()},
         )
