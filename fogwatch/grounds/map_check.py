@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +14,8 @@ from numpy.typing import NDArray
 
 from patrol.ground.doors.rooms import LISTED_AREA, Door, Rooms
 from patrol.ground.fields import StaticFields, compute_fields
-from patrol.ground.kernels.doors import FIRST, ROOM, SADDLE, SECOND
+from patrol.ground.kernels.doors import FIRST, SADDLE, SECOND
+from patrol.ground.left_out import joined_ground, middle_of, why_out_of_reach
 from patrol.ground.maps.doubts import perhaps_unknown
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import Pose
@@ -23,14 +23,6 @@ from patrol.starts import starting_part
 
 if TYPE_CHECKING:
     from patrol.scenario import ClosureSpec, DockSpec, ZoneSpec
-
-
-class Reason(StrEnum):
-    """The reason why a part of the free space cannot be reached."""
-
-    DOOR = "door too narrow"
-    WALL = "walled off, no opening at all"
-    NARROW = "too narrow for the body"
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +46,7 @@ class SealedPart:
     seen: float
     standable: float
     at_border: bool
-    reason: Reason
+    reason: str
     door: Door | None
 
 
@@ -140,7 +132,7 @@ def check_map(
         starts = [Pose(*terrain.centre(*divmod(int(part[0]), terrain.width)), 0.0)]
     fields = compute_fields(terrain, radius, sensor_range, line_of_sight, starts)
     rooms = Rooms(terrain, radius, fields.reach)
-    parts = sorted(_sealed_parts(rooms, fields), key=lambda sealed: (-sealed[0].area, sealed[0].x, sealed[0].y))
+    parts = sorted(_sealed_parts(rooms, fields, radius), key=lambda sealed: (-sealed[0].area, sealed[0].x, sealed[0].y))
     listed = [(part, leaves) for part, leaves in parts if part.area >= LISTED_AREA]
     sealed = np.zeros(terrain.shape, dtype=np.int32)
     for number, (_, leaves) in enumerate(listed, start=1):
@@ -168,40 +160,39 @@ def check_map(
     )
 
 
-def _sealed_parts(rooms: Rooms, fields: StaticFields) -> list[tuple[SealedPart, list[int]]]:
+def _sealed_parts(rooms: Rooms, fields: StaticFields, radius: float) -> list[tuple[SealedPart, list[int]]]:
     """Find every part without a start, with its rooms, except parts too narrow for the body that are seen entirely."""
-    candidates = []
+    joined = joined_ground(rooms.terrain, fields.reach)
+    parts = []
     for number, node in enumerate(rooms.nodes):
-        leaves = rooms.leaves[number]
-        if rooms.is_root[number] and not rooms.reached[number]:
-            reason = Reason.WALL if rooms.takes_body(leaves) else Reason.NARROW
-            candidates.append((_part(rooms, fields, leaves, reason, None), leaves))
-        elif node[SADDLE] >= 0 and rooms.reached[node[FIRST]] != rooms.reached[node[SECOND]]:
+        side, door = number, None
+        if node[SADDLE] >= 0 and rooms.reached[node[FIRST]] != rooms.reached[node[SECOND]]:
             side = int(node[SECOND] if rooms.reached[node[FIRST]] else node[FIRST])
-            leaves = rooms.leaves[side]
-            if rooms.takes_body(leaves):
-                door = rooms.door(number, float(rooms.areas[side]))
-                candidates.append((_part(rooms, fields, leaves, Reason.DOOR, door), leaves))
-            else:
-                candidates.append((_part(rooms, fields, leaves, Reason.NARROW, None), leaves))
-    return [(part, leaves) for part, leaves in candidates if part.reason != Reason.NARROW or part.seen < part.area]
+            door = rooms.door(number, float(rooms.areas[side]))
+        elif rooms.reached[number] or not rooms.is_root[number]:
+            continue
+        points = rooms.points_of(rooms.leaves[side])
+        why = why_out_of_reach(rooms.terrain, points, joined, fields.cspace, radius)
+        part = _part(rooms.terrain, fields, points, why, door)
+        if part.standable or part.seen < part.area:
+            parts.append((part, rooms.leaves[side]))
+    return parts
 
 
-def _part(rooms: Rooms, fields: StaticFields, leaves: Sequence[int], reason: Reason, door: Door | None) -> SealedPart:
+def _part(terrain: Terrain, fields: StaticFields, points: BoolGrid, reason: str, door: Door | None) -> SealedPart:
     """Describe some rooms as one sealed-off part."""
-    points = rooms.points_of(leaves)
-    largest = max(leaves, key=lambda leaf: (rooms.areas[leaf], -leaf))
-    x, y = rooms.terrain.centre(*divmod(int(rooms.nodes[largest, ROOM]), rooms.terrain.width))
+    x, y = middle_of(terrain, points)
+    standable = _area(terrain, points & fields.cspace)
     edges = (points[0], points[-1], points[:, 0], points[:, -1])
     return SealedPart(
         x=x,
         y=y,
-        area=_area(rooms.terrain, points),
-        seen=_area(rooms.terrain, points & fields.patrolled),
-        standable=_area(rooms.terrain, points & fields.cspace),
+        area=_area(terrain, points),
+        seen=_area(terrain, points & fields.patrolled),
+        standable=standable,
         at_border=any(bool(edge.any()) for edge in edges),
         reason=reason,
-        door=door,
+        door=door if standable else None,
     )
 
 

@@ -53,8 +53,8 @@ class LeftOut:
             parts += f", {small} of less than {LEAST_M2:g} m²"
         largest = "it is" if self.parts == 1 else f"the largest, {_area(self.largest_m2)}, is"
         return (
-            f"{_area(self.area_m2)} of free ground{parts}, which no robot sees; {largest} around ({self.x:.1f}, "
-            f"{self.y:.1f}), {self.why}"
+            f"{_area(self.area_m2)} of free ground{parts}, which no robot sees; {largest} around ({self.x:.2f}, "
+            f"{self.y:.2f}), {self.why}"
         )
 
 
@@ -84,16 +84,14 @@ def left_out(terrain: Terrain, patrolled: BoolGrid, narrowest: StaticFields, rad
     if not counted.any():
         return None
     largest = labels == areas_m2.argmax()
-    rows, columns = np.nonzero(largest)
-    middle = np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2)
-    x, y = terrain.centre(int(rows[middle]), int(columns[middle]))
+    x, y = middle_of(terrain, largest)
     return LeftOut(
         area_m2=round(float(areas_m2[counted].sum()), 6),
         parts=int(np.count_nonzero(counted)),
         largest_m2=round(float(areas_m2.max()), 6),
         x=round(x, 6),
         y=round(y, 6),
-        why=_reason(terrain, largest, narrowest, radius),
+        why=why_out_of_reach(terrain, largest, joined_ground(terrain, narrowest.reach), narrowest.cspace, radius),
         small_parts=int(np.count_nonzero(small)),
     )
 
@@ -102,13 +100,43 @@ def _area(area_m2: float) -> str:
     return f"{area_m2:.0f} m²" if area_m2 >= LEAST_M2 else f"{area_m2:.2g} m²"
 
 
-def _reason(terrain: Terrain, part: BoolGrid, narrowest: StaticFields, radius: float) -> str:
-    """Return why no robot sees a part of the free ground."""
-    joined, _ = parts_of(terrain.free)
-    if not np.isin(joined[part], np.unique(joined[narrowest.reach])).any():
+def middle_of(terrain: Terrain, part: BoolGrid) -> tuple[float, float]:
+    """Return x and y, m, of the point of a part that is nearest to the part's centroid.
+
+    Args:
+        terrain: The ground.
+        part: bool (height, width), with at least one point.
+    """
+    rows, columns = np.nonzero(part)
+    middle = np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2)
+    return terrain.centre(int(rows[middle]), int(columns[middle]))
+
+
+def joined_ground(terrain: Terrain, reach: BoolGrid) -> BoolGrid:
+    """Return the free ground that is connected with where a body gets to, however narrow the way.
+
+    Args:
+        terrain: The ground.
+        reach: bool (height, width), where the body's centre gets to.
+    """
+    labels, _ = parts_of(terrain.free)
+    return np.isin(labels, np.unique(labels[reach]))
+
+
+def why_out_of_reach(terrain: Terrain, part: BoolGrid, joined: BoolGrid, cspace: BoolGrid, radius: float) -> str:
+    """Return the reason why a body does not get into a part of the free ground.
+
+    Args:
+        terrain: The ground.
+        part: bool (height, width), the part.
+        joined: bool (height, width), as of `joined_ground`.
+        cspace: bool (height, width), where the body's centre may be.
+        radius: Of the body, m.
+    """
+    if not (part & joined).any():
         return "walled off, without an opening"
-    if not (part & narrowest.cspace).any():
-        return f"too narrow for a body of radius {radius:g} m, and out of sight"
+    if not (part & cspace).any():
+        return f"too narrow for a body of radius {radius:g} m"
     if terrain.against.size:
         return f"behind an opening too narrow for a radius of {radius:g} m, or one-way zones leave no way back"
     return f"behind an opening that is too narrow for a body of radius {radius:g} m"

@@ -171,7 +171,8 @@ def _areas(report: MapReport) -> list[tuple[str, float, str]]:
 
 def _sealed_headline(report: MapReport) -> str:
     """Tell the number of parts that are sealed off."""
-    small = f"{report.small_parts} small parts of {report.small_area:.1f} m² in total" if report.small_parts else ""
+    small_parts = f"{report.small_parts} small part{'s' if report.small_parts > 1 else ''}"
+    small = f"{small_parts} of {report.small_area:.1f} m² in total" if report.small_parts else ""
     if not report.parts:
         return f"sealed off: nothing but {small}" if small else "sealed off: nothing"
     parts = f"{len(report.parts)} part{'s' if len(report.parts) > 1 else ''}"
@@ -181,7 +182,7 @@ def _sealed_headline(report: MapReport) -> str:
 
 def _why(part: SealedPart) -> str:
     """Tell why a part cannot be reached, and how much of it is seen from outside."""
-    reason = str(part.reason)
+    reason = part.reason
     if part.door is not None:
         reason = f"its door at {_place(part.door)} is too narrow, {part.door.width:.2f} m, and {_passing(part.door)}"
     where = "; touches the map's border" if part.at_border else ""

@@ -111,14 +111,6 @@ class Rooms:
         points: BoolGrid = chosen[self.labels]
         return points
 
-    def takes_body(self, leaves: Sequence[int]) -> bool:
-        """Return True if the body fits into at least one of some rooms.
-
-        Args:
-            leaves: The rooms' nodes.
-        """
-        return any(self.levels.flat[self.nodes[leaf, ROOM]] >= self.body for leaf in leaves)
-
     def door(self, number: int, behind: float) -> Door:
         """Return the door that an inner node stands for.
 

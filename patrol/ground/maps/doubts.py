@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from patrol.ground.cspace import parts_of
 from patrol.ground.maps.cells import (
     BLOCK,
+    LEVELS,
     Levels,
     MapImage,
     free_levels,
@@ -67,7 +68,9 @@ def doubts(terrain: Terrain) -> list[str]:
     says = read_map_file(terrain.source)
     image = read_image(says)
     settings = (f"{says.path.name}: is this what the map shows? {text}" for text in _settings(says, image))
-    return [*_image_elsewhere(says), *_dark_free_ground(says, image), *_jpeg(says, image), *settings]
+    # The dark greys of a JPEG may be artefacts, so its own warning goes first.
+    greys = list(_jpeg(says, image)) or _dark_free_ground(says, image)
+    return [*_image_elsewhere(says), *greys, *settings]
 
 
 def wrong_settings(says: MapFile, image: MapImage) -> str:
@@ -125,15 +128,21 @@ def _image_elsewhere(says: MapFile) -> Iterator[str]:
 
 
 def _dark_free_levels(says: MapFile, image: MapImage) -> Levels:
-    """Return the greys of the image that look like unknown ground and are read as free, if they make up much of it."""
+    """Return the greys of the image that look like unknown ground and are read as free, if they make up much of it.
+
+    Only in mode trinary: in the others greys are meant to differ.
+    """
     free, counts = free_levels(says), image.histogram
     dark = free & (counts > 0) & (occupancy_of(says) > DARK)
     is_notable = counts[dark].sum() >= NOTABLE * counts[free].sum()
-    return dark if is_notable and says.mode != "raw" else np.zeros_like(free)
+    return dark if is_notable and says.mode == "trinary" else np.zeros_like(free)
 
 
 def _dark_free_ground(says: MapFile, image: MapImage) -> Iterator[str]:
-    """Warn of dark greys that are read as free, with the threshold that makes nearly all of them unknown."""
+    """Warn of dark greys that are read as free, with the threshold that makes nearly all of them unknown.
+
+    Where that threshold would leave nearly nothing free, as on a floor that is drawn in such a grey, it is no remedy.
+    """
     dark, counts = _dark_free_levels(says, image), image.histogram
     if not dark.any():
         return
@@ -146,10 +155,14 @@ def _dark_free_ground(says: MapFile, image: MapImage) -> Iterator[str]:
     is_enough = np.cumsum(counts[from_light]) > NOTABLE * min(dark_count, free_count - dark_count)
     least = float(occupancy[from_light[is_enough.argmax()]])
     cure = math.floor(1000.0 * least - 1e-6) / 1000.0
+    cured = _Ground(replace(says, free_thresh=cure), image)
+    cured_count = int(counts[free_levels(cured.says)].sum())
+    meaning = f"unknown; if it does here, set free_thresh: {cure:g}"
+    if cured_count < NOTABLE * free_count and cured.core < BROAD:  # a small room in a large image is broad
+        meaning = f"unknown, but then only {_area(says, cured_count)} would be free; if it is floor here, draw it white"
     yield (
         f"{says.path.name}: free_thresh = {says.free_thresh:g} reads {named} as free: {_area(says, dark_count)} of "
-        f"{_area(says, free_count)} free ground. In most maps such grey means unknown; if it does here, set "
-        f"free_thresh: {cure:g}"
+        f"{_area(says, free_count)} free ground. In most maps such grey means {meaning}"
     )
 
 
@@ -236,18 +249,23 @@ class _Ground:
 def _is_inverted(now: _Ground, negated: _Ground) -> bool:
     """Return whether a map's free ground is probably what is occupied now.
 
-    Free ground that consists of thin lines is walls. Savers write no `negate: 1`, so where it is set, less is needed:
-    a saver's grey for unknown ground, or free ground all around one piece that is occupied.
+    Free ground that consists of thin lines is walls. Thick walls are recognised beside a saver's grey for unknown
+    ground, which is inverted where `negate: 0` is wrong. Then there must be a broad floor as well, not at the border,
+    since drawings have walls in any grey. Savers write no `negate: 1`, so where it is set, less is needed: that grey,
+    or free ground all around one piece that is occupied.
     """
     if negated.share <= NEARLY_NOTHING or negated.core < BROAD:
         return False
     is_mostly_lines = now.core < 0.5 or (now.core < BROAD and now.share < NEARLY_NOTHING)
     if is_mostly_lines or (negated.share > SEVERAL * now.share and negated.border < 0.5):
         return True
+    counts, greys = now.image.histogram, np.array(UNKNOWN_GREYS)
+    has_unknown = bool(counts[greys if now.says.negate else LEVELS - 1 - greys].sum() > NOTABLE * counts.sum())
     if not now.says.negate:
-        return False
-    counts = now.image.histogram
-    if counts[list(UNKNOWN_GREYS)].sum() > NOTABLE * counts.sum():
+        floor = _Ground(replace(negated.says, free_thresh=min(negated.says.free_thresh, DARK)), now.image)
+        is_floor = floor.share > NEARLY_NOTHING and floor.core >= BROAD and floor.border < 0.5
+        return has_unknown and is_floor and now.says.mode == "trinary"
+    if has_unknown:
         return True
     return now.border > 0.9 and negated.border < 0.1 and negated.is_one_piece
 

@@ -3,13 +3,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fogwatch.grounds.map_check import Reason, check_map
+from fogwatch.grounds.map_check import check_map
 from patrol.ground.cspace import cspace_of, parts_of
 from patrol.ground.doors.rooms import Rooms
+from patrol.ground.left_out import left_out
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import Pose
 
 POINT = 0.1
+WALLED_OFF = "walled off, without an opening"
 
 
 def flat(*doors: int) -> Terrain:
@@ -53,7 +55,7 @@ def test_rooms_behind_a_door_that_is_too_narrow_are_one_sealed_part() -> None:
     report = check_map(flat(12, 5, 9), 0.4, starts=at(1.0, 1.0))
     assert [door.passes for door in report.doors] == [False, True]
     (part,) = report.parts
-    assert part.reason is Reason.DOOR
+    assert part.reason == "behind an opening that is too narrow for a body of radius 0.4 m"
     assert part.door == report.doors[0]
     assert part.area == pytest.approx(32.0, abs=0.5)
     assert part.x > 8.4
@@ -72,7 +74,7 @@ def test_what_is_walled_off_or_too_small_is_told_apart() -> None:
     free[10:16, 50:] = True  # a lane 0.6 m wide
     free[55, 55] = True  # a crumb
     report = check_map(Terrain("mixed", free, POINT), 0.35, sensor_range=1.5, starts=at(1.0, 1.0))
-    assert [part.reason for part in report.parts] == [Reason.WALL]
+    assert [part.reason for part in report.parts] == [WALLED_OFF]
     walled = report.parts[0]
     assert walled.area == pytest.approx(21 * 21 * POINT**2)
     assert walled.seen == 0.0
@@ -81,15 +83,20 @@ def test_what_is_walled_off_or_too_small_is_told_apart() -> None:
     assert report.unseen == pytest.approx(report.free - report.patrolled)
 
 
-def test_the_ground_outside_a_building_is_named_as_such() -> None:
-    free = np.ones((80, 80), dtype=np.bool_)
-    free[20:60, 20:60] = False
-    free[21:59, 21:59] = True
+@pytest.mark.parametrize("ring", [20, 4], ids=["wide", "narrow"])
+def test_the_ground_outside_a_building_is_named_as_in_a_run(ring: int) -> None:
+    free = np.ones((40 + 2 * ring, 40 + 2 * ring), dtype=np.bool_)
+    free[ring:-ring, ring:-ring] = False
+    free[ring + 1 : -ring - 1, ring + 1 : -ring - 1] = True
     report = check_map(Terrain("hall", free, POINT), 0.3)
     (part,) = report.parts
     assert part.at_border
-    assert part.reason is Reason.WALL
+    assert part.reason == WALLED_OFF
     assert report.patrolled == pytest.approx(38 * 38 * POINT**2)
+    left = left_out(report.terrain, report.fields.patrolled, report.fields, 0.3)
+    assert left is not None
+    assert left.why == part.reason
+    assert (left.x, left.y) == pytest.approx((part.x, part.y))
 
 
 def test_the_starts_decide_what_is_sealed_off() -> None:

@@ -32,7 +32,7 @@ def test_what_a_keep_out_shuts_off(tmp_path: Path) -> None:
     assert float(tape.split()[2]) > 50.0
     (behind,) = (line for line in told if line.startswith("  beside and behind keep-outs: "))
     assert float(behind.split()[4]) > 1000.0
-    assert any("walled off, no opening at all" in line for line in told)
+    assert any("walled off, without an opening" in line for line in told)
 
 
 @pytest.mark.parametrize(

@@ -22,19 +22,19 @@ class ClosedGround(JournalReading):
 
     Attributes:
         closed: The points that are closed.
-        told: The events of closures before this tick.
+        closure_events: The events of closures before this tick.
     """
 
     def __init__(self, run: JudgedRun, readings: Readings) -> None:
         super().__init__(run, readings)
         self.closed = ClosedPoints(run.prepared.scenario.closures, run.prepared.terrain)
-        self.told: list[Event] = []
+        self.closure_events: list[Event] = []
         self._events = 0
 
     @property
     def changed(self) -> bool:
         """True if something closed or opened, or began to wait, before this tick."""
-        return bool(self.told)
+        return bool(self.closure_events)
 
     @cached_property
     def footprint(self) -> Footprint:
@@ -54,10 +54,10 @@ class ClosedGround(JournalReading):
         if not self.closed.points:
             return
         events = self._run.journal.events
-        self.told = []
+        self.closure_events = []
         while self._events < len(events) and events[self._events].k <= record.k:
             if self.closed.take(events[self._events]):
-                self.told.append(events[self._events])
+                self.closure_events.append(events[self._events])
             self._events += 1
         if self.changed and isinstance(self.footprint, ChangingFootprint):
             self.footprint.close(self.closed.grid)

@@ -89,7 +89,7 @@ class ClosuresKept(Check):
 
     def _check_events(self, name: str, k: int, is_closed: bool, waits_for: Sequence[RobotTick]) -> None:
         """Check that the events of a closure before a tick are those that its change calls for."""
-        told = [event for event in self._ground.told if closure_of(event) == name]
+        events = [event for event in self._ground.closure_events if closure_of(event) == name]
         was_closed, was_waiting = name in self._was_closed, name in self._was_waiting
         if is_closed != was_closed:
             due = CLOSED if is_closed else OPENED
@@ -97,11 +97,11 @@ class ClosuresKept(Check):
             due = WAITING if waits_for else STAYS_OPEN
         else:
             due = ""
-        if [event.kind for event in told] != [due] * bool(due):
-            kinds = " and ".join(event.kind for event in told) or "nothing"
+        if [event.kind for event in events] != [due] * bool(due):
+            kinds = " and ".join(event.kind for event in events) or "nothing"
             self._fail(f"before tick {k} the journal has {kinds} of {name}, and should have {due or 'nothing'}")
-        elif due == WAITING and not self._names_who_waits(told[0], name, waits_for):
-            self._fail(f"before tick {k}, {told[0].detail}: these are not the robots that stand there")
+        elif due == WAITING and not self._names_who_waits(events[0], name, waits_for):
+            self._fail(f"before tick {k}, {events[0].detail}: these are not the robots that stand there")
 
     def _names_who_waits(self, event: Event, name: str, near: Sequence[RobotTick]) -> bool:
         """Return True if an event names all robots in a closure, and no others but near ones, in their order."""

@@ -77,23 +77,23 @@ class EventsFollow(Check):
         timeline = self._run.timeline
         return [*timeline.endings(k), *timeline.beginnings(k)] if k in self._fault_ticks else []
 
-    def _compare(self, k: int, told: Sequence[Event], due: Sequence[Event]) -> None:
-        self._is_lost |= any(event.kind == _LOST for event in told)
+    def _compare(self, k: int, journalled: Sequence[Event], due: Sequence[Event]) -> None:
+        self._is_lost |= any(event.kind == _LOST for event in journalled)
         if self._is_lost:
             return
-        for event in told:
+        for event in journalled:
             if event.k != k:
                 self._fail(f"the journal has {_shown(event)} between ticks {k - 1} and {k}")
-        for has, wants in zip_longest(self._of_robots(told), due):
-            if has != wants:
-                self._fail(_difference(has, wants))
+        for journal_event, due_event in zip_longest(self._of_robots(journalled), due):
+            if journal_event != due_event:
+                self._fail(_difference(journal_event, due_event))
                 return
 
-    def _of_robots(self, told: Sequence[Event]) -> list[Event]:
+    def _of_robots(self, events: Sequence[Event]) -> list[Event]:
         """Return the events that are compared."""
         kept: list[Event] = []
         before: Event | None = None
-        for event in told:
+        for event in events:
             if event.kind == OPERATOR:
                 compared = event.robot is not None
             elif event.kind in (IN_FORCE, OUT_OF_FORCE):
@@ -115,12 +115,12 @@ class EventsFollow(Check):
         return f"{self._read} events, as faults, operators and robots made them"
 
 
-def _difference(has: Event | None, wants: Event | None) -> str:
-    if wants is None:
-        return f"the journal has {_shown(has)}, which nothing made"
-    if has is None:
-        return f"the journal lacks {_shown(wants)}"
-    return f"the journal has {_shown(has)} in place of {_shown(wants)}"
+def _difference(journal_event: Event | None, due_event: Event | None) -> str:
+    if due_event is None:
+        return f"the journal has {_shown(journal_event)}, which nothing made"
+    if journal_event is None:
+        return f"the journal lacks {_shown(due_event)}"
+    return f"the journal has {_shown(journal_event)} in place of {_shown(due_event)}"
 
 
 def _shown(event: Event | None) -> str:

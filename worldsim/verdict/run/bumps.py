@@ -14,7 +14,12 @@ if TYPE_CHECKING:
 
 BUMPS_A_MINUTE = 0.5
 LEAST_BUMPS = 5
-"""A robot bumps often if its moves are cancelled more often than this, and at least so many times in the run."""
+"""A robot bumps often if its moves are cancelled more often than this, and at least so many times in the run.
+
+The rate lies between the two columns of bumps in docs/results/swaps.md, a minute and robot: at most 0.25 where robots
+keep right (one row: 0.7), and 0.5 to 10 in the same patrols before they did (one row: 0). The least number spares a
+short run the warning for a single meeting in a door, which may cost a few bumps.
+"""
 
 
 class BumpsRare(Check):
@@ -41,7 +46,7 @@ class BumpsRare(Check):
         for number, name in self._run.names.items():
             bumps, minutes = self._bumps[number], self._alive[number] * self._run.step / 60.0
             if bumps >= LEAST_BUMPS and bumps > BUMPS_A_MINUTE * minutes:
-                often.append(f"{name} {bumps} times, {bumps / minutes:.1f} a minute")
+                often.append(f"{name} {bumps / minutes:.1f} a minute, {bumps} times in all")
         if not often:
             return CheckResult(self.name, True, self._good())
         line = f"robots bumped often, so that moves were cancelled: {'; '.join(often)}"

@@ -61,10 +61,10 @@ class TranscriptsAgree(Check):
         name = process_name(self._run.names.get(note["robot"], str(note["robot"])), int(note["incarnation"]))
         self._messages += messages
         compared = -1
-        for first, last, heard, told, sent, acted_on in sorted(note["spans"]):
+        for first, last, heard, world_sent, sent, acted_on in sorted(note["spans"]):
             compared = max(compared, int(last))
             ticks = f"{name}: in ticks {int(first)} to {int(last)}"
-            if heard != told:
+            if heard != world_sent:
                 yield f"{ticks} the robot acted on phases that the world had not sent"
             if sent != acted_on:
                 yield f"{ticks} the world acted on replies that the robot had not sent"

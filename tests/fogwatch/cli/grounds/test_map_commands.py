@@ -48,9 +48,15 @@ def test_says_what_is_reached_and_what_is_not_and_why(flat: Path) -> None:
         assert f"\n  {label}" in told
     assert "sealed off: 3 parts\n" in told
     assert "is too narrow, 0.50 m, and lets a radius of 0.20 m pass" in told
-    assert "walled off, no opening at all" in told
+    assert "walled off, without an opening" in told
     assert "  0.90 m at (1.95, 8.55): lets a radius of 0.40 m pass, a wider body loses" in told
     assert "\x1b" not in told
+    with Image.open(flat.with_suffix(".png")) as image:
+        cells = np.asarray(image).copy()
+    cells[45:49, 100:104] = 254
+    Image.fromarray(cells).save(flat.with_suffix(".png"))
+    told = output("check", str(flat), "--radius", "0.35")
+    assert "sealed off: 3 parts, and 1 small part of 0.2 m² in total\n" in told
 
 
 def test_a_start_decides_which_part_is_patrolled(flat: Path) -> None:

@@ -142,7 +142,7 @@ def test_ground_without_a_way_to_it_is_named_in_plan_and_scenario_check(
         free = np.asarray(image).copy()
     free[:, 21] = 0
     Image.fromarray(free).save(tmp_path / "rooms.png")
-    words = "left out: 100 m² of free ground, which no robot sees; it is around (15.8, 5.2), walled off"
+    words = "left out: 100 m² of free ground, which no robot sees; it is around (15.75, 5.25), walled off"
     assert fogwatch("plan", rooms, "--robots", "1", "--quick", *BODY) == 0
     shown = capsys.readouterr()
     assert words in " ".join(shown.out.split())

@@ -325,10 +325,30 @@ def test_unknown_ground_that_is_read_as_free_is_named_with_its_area_and_the_cure
     assert "reads grey 205 as free: 20.0 m² of 34.4 m² free ground" in doubt
     assert doubt.endswith("set free_thresh: 0.196")
     assert np.count_nonzero(perhaps_unknown(terrain)) == 60 * 60 - 40 * 40
+    assert (
+        doubts(read_terrain(write_map(tmp_path, Image.fromarray(mapped), {"free_thresh": 0.25, "mode": "scale"}), 0.1))
+        == []
+    )
     path.write_text(path.read_text().replace("0.25", "0.196"))
     corrected = read_terrain(path, 0.1)
     assert doubts(corrected) == []
     assert not perhaps_unknown(corrected).any()
+
+
+@pytest.mark.parametrize(
+    ("white", "ending"),
+    [
+        (0, "but then only 0.0 m² would be free; if it is floor here, draw it white"),
+        (3, "but then only 0.2 m² would be free; if it is floor here, draw it white"),
+        (14, "if it does here, set free_thresh: 0.196"),
+    ],
+    ids=["grey floor", "grey floor with a speck", "small room in a large image"],
+)
+def test_a_cure_that_leaves_no_floor_is_not_advised(tmp_path: Path, white: int, ending: str) -> None:
+    mapped = np.full((200, 200), 205, dtype=np.uint8)
+    mapped[:white, : 2 * white] = 254
+    (doubt,) = doubts(read_terrain(write_map(tmp_path, Image.fromarray(mapped), {"free_thresh": 0.25}), 0.1))
+    assert doubt.endswith(ending)
 
 
 def test_dark_greys_that_are_few_each_and_many_together_are_named_with_a_cure_for_nearly_all(tmp_path: Path) -> None:
@@ -364,11 +384,25 @@ def test_an_inverted_negate_is_noticed_where_walls_are_thick_too(tmp_path: Path,
     assert "negate: 0 would make 25.0 % free" in doubt
 
 
+@pytest.mark.parametrize("unknown", [50, 49])
+def test_an_inverted_image_is_noticed_by_its_unknown_ground(tmp_path: Path, unknown: int) -> None:
+    mapped = np.full((80, 80), unknown, dtype=np.uint8)
+    mapped[10:70, 10:70] = 254
+    mapped[20:60, 20:60] = 0
+    (doubt,) = doubts(read_terrain(write_map(tmp_path, Image.fromarray(mapped), {"free_thresh": 0.19}), 0.1))
+    assert "negate: 1 would make 25.0 % free" in doubt
+    mapped[10:70, 10:70] = 254  # a drawing whose walls have that grey
+    for outside in (unknown, 0):
+        mapped[:5] = mapped[-5:] = mapped[:, :5] = mapped[:, -5:] = outside
+        assert doubts(read_terrain(write_map(tmp_path, Image.fromarray(mapped), {"free_thresh": 0.25}), 0.1)) == []
+
+
 def test_a_jpeg_that_blurs_unknown_into_free_is_named(tmp_path: Path) -> None:
     mapped = np.full((80, 80), 205, dtype=np.uint8)
     mapped[21:61, 21:61] = WALLED
     blurred = write_map(tmp_path, Image.fromarray(mapped), {"image": "plan.jpg"})
-    assert doubts(read_terrain(blurred, 0.1))[-1].startswith("plan.jpg: a JPEG, which blurs greys: ")
+    (doubt,) = doubts(read_terrain(blurred, 0.1))
+    assert doubt.startswith("plan.jpg: a JPEG, which blurs greys: ")
     assert doubts(read_terrain(write_map(tmp_path, Image.fromarray(mapped), {"image": "plan.png"}), 0.1)) == []
 
 

@@ -23,5 +23,5 @@ def test_robots_that_bump_more_than_once_in_two_minutes_are_named(lab: Lab, bump
         journal.write(replace(record, robots=rows))
     result = result_of(BumpsRare, world.prepared, journal)
     assert result.ok
-    line = "robots bumped often, so that moves were cancelled: r2 6 times, 60.0 a minute"
+    line = "robots bumped often, so that moves were cancelled: r2 60.0 a minute, 6 times in all"
     assert result.warnings == ((line,) if warned else ())
