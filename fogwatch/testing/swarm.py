@@ -55,7 +55,10 @@ FAULT_KINDS = (*DRAWN, "close", "open")
 """Kinds of faults of which a seed takes half; a nemesis does not draw the last two, because they need a closure."""
 
 EXCLUDED = {"age": {"quality", "narrow view", "mixed bodies"}, "one_way": {"closures"}}
-"""Features that a zone with such a rule leaves out: a wanted age is compared with a tour, which these have not."""
+"""Features that a zone with such a rule leaves out: a wanted age is compared with a tour, which these have not.
+
+Nor have vertices, so a graph then has the ground patrolled.
+"""
 
 DEFAULT_SHARE = 0.25
 """Share of the scenarios with the default policy; the others take all in turn."""
@@ -348,7 +351,8 @@ class _Drawing:
             if length > 0.0:
                 edges.append([first, last, length])
         graph = {"vertices": places, "edges": edges, "visit": 2.0 * self._terrain.point}
-        return {"graph": graph, "patrolled": dice.choice("ground", "vertices")}
+        patrolled = "ground" if self._rule == "age" else dice.choice("ground", "vertices")
+        return {"graph": graph, "patrolled": patrolled}
 
     def _acts(self, base: Scenario) -> list[dict[str, Any]]:
         """Draw when spare robots join, and acts on robots that, unlike a nemesis's, may come one on top of another."""

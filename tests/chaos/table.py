@@ -27,14 +27,18 @@ SEEDS, PLANTED = "seeds.jsonl", "planted.jsonl"
 BY_PROCESSES = "feature direct radio"
 """What only seeds that are run as processes meet, which a hunt may leave out."""
 
+NO_TOUR = ("narrow view", "poor quality", "several bodies", "vertices")
+"""Features with which ground has no tour that a wanted age could be compared with."""
+
 NO_PAIRS = frozenset(
     {
         *((f"feature closures by {how}", "feature zone: one-way") for how in ("rates", "times")),
-        *((f"feature {what}", "feature zone: age") for what in ("narrow view", "poor quality", "several bodies")),
+        *((f"feature {what}", "feature zone: age") for what in NO_TOUR),
+        ("feature zone: age", "feature zone: one-way"),
         *((f"fault {kind}", "feature zone: one-way") for kind in ("close", "open")),
     }
 )
-"""Pairs that no scenario has: closures leave no one-way zone, and a wanted age needs a tour to compare with."""
+"""Pairs that no scenario has: closures leave no one-way zone, ages need a tour, and these two are drawn apart."""
 
 MARK = "<!-- made by python -m tests.chaos.table; do not edit below -->\n"
 
