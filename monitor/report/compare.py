@@ -14,6 +14,7 @@ from monitor.report.analysis import Analysis, disagreement, measures, outcome_of
 from monitor.report.charts import WIDTH, thinned
 from monitor.report.map_charts import fog_chart, never_seen_note
 from monitor.report.style import Drawing, colour, draw, figure, plain
+from patrol.errors import quoted
 from patrol.printable import printable
 
 if TYPE_CHECKING:
@@ -72,9 +73,9 @@ def differences(runs: Sequence[Run]) -> list[tuple[str, ...]]:
     fields = sorted({field for leaves in flat for field in leaves} - {"name"})
     rows = []
     for field in fields:
-        values = [str(leaves.get(field, "-")) for leaves in flat]
-        if len(set(values)) > 1:
-            rows.append((field, *(value if len(value) <= 60 else f"{value[:57]}..." for value in values)))
+        values = [leaves.get(field, "-") for leaves in flat]
+        if any(value != values[0] for value in values):
+            rows.append((field, *(_spelled(value) for value in values)))
     return rows
 
 
@@ -193,6 +194,12 @@ def _leaves(node: object, above: str = "") -> list[tuple[str, object]]:
     if isinstance(node, dict):
         return [leaf for key, value in node.items() for leaf in _leaves(value, f"{above}.{key}" if above else str(key))]
     return [(above, node)]
+
+
+def _spelled(value: object) -> str:
+    if not isinstance(value, str):
+        return quoted(value)
+    return value if len(value) <= 60 else f"{value[:57]}..."
 
 
 def _by_content(leaves: dict[str, object], run: Run) -> dict[str, object]:
