@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from hashlib import sha256
+from os.path import commonprefix
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +16,6 @@ from monitor.report.analysis import Analysis, disagreement, measures, outcome_of
 from monitor.report.charts import WIDTH, thinned
 from monitor.report.map_charts import fog_chart, never_seen_note
 from monitor.report.style import Drawing, colour, draw, figure, plain
-from patrol.errors import quoted
 from patrol.printable import printable
 
 if TYPE_CHECKING:
@@ -75,7 +76,9 @@ def differences(runs: Sequence[Run]) -> list[tuple[str, ...]]:
     for field in fields:
         values = [leaves.get(field, "-") for leaves in flat]
         if any(value != values[0] for value in values):
-            rows.append((field, *(_spelled(value) for value in values)))
+            texts = [value if isinstance(value, str) else json.dumps(value, ensure_ascii=False) for value in values]
+            shared = len(commonprefix(texts))  # noqa: RUF071 - of characters
+            rows.append((field, *(_cut(text, shared) for text in texts)))
     return rows
 
 
@@ -196,10 +199,11 @@ def _leaves(node: object, above: str = "") -> list[tuple[str, object]]:
     return [(above, node)]
 
 
-def _spelled(value: object) -> str:
-    if not isinstance(value, str):
-        return quoted(value)
-    return value if len(value) <= 60 else f"{value[:57]}..."
+def _cut(text: str, shared: int) -> str:
+    """Cut a text to 60 characters that show where it differs from the others."""
+    if len(text) > 60 and shared > 40:
+        text = f"...{text[min(shared - 20, len(text) - 57) :]}"
+    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def _by_content(leaves: dict[str, object], run: Run) -> dict[str, object]:
