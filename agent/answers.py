@@ -23,7 +23,7 @@ LARGEST = 1e9
 PAIR = "pair of numbers"
 
 PASSED_ON = (Late, KeyboardInterrupt)
-"""What comes out of foreign code although it has not raised it: its time is over, or somebody has pressed Ctrl-C."""
+"""Exceptions that interrupt a policy from outside, and so are no failure to catch: its time limit and Ctrl-C."""
 
 _INTENTS = Bearing, Place, Stay, Steer
 _MAPPINGS = dict, Mapping

@@ -5,6 +5,7 @@ It never holds the truth or another robot's intent: positions are all that robot
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar
@@ -75,6 +76,23 @@ class FogView:
     def looked(self) -> NDArray[np.int32]:
         """int32, the tick at which each point was last in a robot's view; `last_seen` unless a look leaves age."""
         return self._show(2, self._belief.looked)
+
+    def checked_point(self, point: tuple[int, int]) -> tuple[int, int]:
+        """Return a point's row and column as Python's integers.
+
+        Args:
+            point: Row and column of a point that the robot patrols; it may be left out for now.
+
+        Raises:
+            ValueError: It is anything else.
+        """
+        try:
+            row, col = map(operator.index, point)
+            if min(row, col) >= 0 and self._whole[row, col]:
+                return row, col
+        except (IndexError, TypeError, ValueError):
+            pass
+        raise ValueError(f"point = {point!r}: expected the row and column of a point that the robot patrols")
 
     def _show(self, slot: int, grid: NDArray[np.int32]) -> NDArray[np.int32]:
         """Return a read-only view of a grid, which is another one once a belief is no longer shared."""
@@ -188,9 +206,12 @@ class View:
 
         Returns:
             x and y in m, for a `Place`.
+
+        Raises:
+            ValueError: The robot does not patrol it, for example because it is a wall.
         """
-        row, col = divmod(int(self.fog.posts.stands[point]), self.ground.terrain.shape[1])
-        return self.place_of((row, col))
+        stand = int(self.fog.posts.stands[self.fog.checked_point(point)])
+        return self.place_of(divmod(stand, self.ground.terrain.shape[1]))
 
     def lengths_to_see(self, within: float | None = None) -> NDArray[np.float64]:
         """Compute how far the robot has to go to see each point: `lengths` to the places of `stand_to_see`.

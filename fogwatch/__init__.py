@@ -74,6 +74,11 @@ _RENAMED = {"Result": "Run"}
 prefer_own_packages()
 
 
+def __dir__() -> list[str]:
+    """List the public names too that are not imported yet, as notebooks complete them."""
+    return sorted({*globals(), *__all__})
+
+
 def __getattr__(name: str) -> Any:
     """Import a public name on first use."""
     if name in _RENAMED:

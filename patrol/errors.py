@@ -3,6 +3,7 @@
 Unusable                what a user, a file or a wire gave
     BadInput            a user's file or argument; the command line prints it and ends with exit code 2
         NotPrepared     a scenario that cannot run on its ground, or with these robots
+        WrongArguments  arguments that a function does not take (`fogwatch.notebook.arguments`)
     Malformed           bytes that are not the message or the record that belongs there
     Rejected            a frame that must not be used (`patrol.radio.message`)
     RequestRefused      a request that does not control the run (`patrol.net.security.control_auth`)

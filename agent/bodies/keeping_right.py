@@ -45,7 +45,8 @@ if TYPE_CHECKING:
 
 LOOK_AHEAD = 6.0
 LOOK_AHEAD_BODIES = 2.0
-"""How far ahead robots look for others, ticks: so many, and so many times what both bodies' width takes to drive."""
+"""How far ahead robots look for others: `LOOK_AHEAD` ticks, and `LOOK_AHEAD_BODIES` times the ticks that they need to
+drive the width of both bodies."""
 
 MARGIN = 0.5
 """Least gap between two bodies that pass, points: ways run over the centres of points."""

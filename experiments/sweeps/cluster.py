@@ -50,7 +50,7 @@ class ClusterWorkers:
         except Exception as error:  # noqa: BLE001 - what answers there may not be Dask
             why = str(error).splitlines()[0] if str(error) else type(error).__name__
             raise BadInput(
-                f"--cluster = {self._address}: cannot be reached ({why}); give the address of a running Dask "
+                f"cluster = {self._address}: cannot be reached ({why}); give the address of a running Dask "
                 "scheduler, such as tcp://host:8786"
             ) from None
         try:
@@ -81,7 +81,7 @@ class ClusterWorkers:
         for future in _distributed().as_completed(futures, loop=self._client.loop):
             task = given[future.key]
             if future.status in ("cancelled", "lost"):
-                raise BadInput(f"--cluster = {self._address}: was lost; start again to make the remaining runs")
+                raise BadInput(f"cluster = {self._address}: was lost; start again to make the remaining runs")
             error = future.exception()
             if error is not None:
                 yield answer(task, f"its Dask worker failed: {type(error).__name__}: {error}")
@@ -95,20 +95,18 @@ class ClusterWorkers:
         try:
             client.wait_for_workers(1, timeout=self._timeout_s)
         except TimeoutError:
-            raise BadInput(
-                f"--cluster = {self._address}: has no workers; start one with: dask worker ADDRESS"
-            ) from None
+            raise BadInput(f"cluster = {self._address}: has no workers; start one with: dask worker ADDRESS") from None
         try:
             versions: dict[str, Any] = client.run(prepare_worker)
         except Exception as error:  # noqa: BLE001 - another machine may raise anything
             raise BadInput(
-                f"--cluster = {self._address}: its workers cannot run fogwatch ({type(error).__name__}: {error}); "
+                f"cluster = {self._address}: its workers cannot run fogwatch ({type(error).__name__}: {error}); "
                 "install it on each of them"
             ) from None
         for worker, version in sorted(versions.items()):
             if version != software():
                 raise BadInput(
-                    f"--cluster = {self._address}: worker {worker} has fogwatch {version}, this is {software()}; "
+                    f"cluster = {self._address}: worker {worker} has fogwatch {version}, this is {software()}; "
                     "install the same on both"
                 )
         self.size = sum(client.nthreads().values())
@@ -125,4 +123,4 @@ def _distributed() -> Any:
     try:
         return importlib.import_module("distributed")
     except ImportError:
-        raise BadInput("--cluster needs Dask; install it with: pip install 'fogwatch[experiments]'") from None
+        raise BadInput("cluster: needs Dask; install it with: pip install 'fogwatch[experiments]'") from None

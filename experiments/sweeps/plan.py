@@ -21,6 +21,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from dataclasses import field as default
+from difflib import get_close_matches
 from itertools import product
 from math import prod
 from pathlib import Path
@@ -155,12 +156,14 @@ class Base:
     Attributes:
         raw: The scenario's keys and values.
         folder: The folder that its relative paths begin at.
-        called: What errors call it.
+        called: What errors call the sweep.
+        source: What errors call the scenario; None for the same.
     """
 
     raw: Mapping[str, Any]
     folder: Path
     called: str
+    source: str | None = None
 
 
 def make_plan(
@@ -233,7 +236,7 @@ def plan_of(raw: object, path: Path, seeds: int | None = None) -> Plan:
     name = raw.get("name", path.stem)
     if not isinstance(name, str) or not name or not name.isprintable():
         raise BadInput(f"{path}: name = {quoted(name)}: expected text without control characters")
-    numbers = count_of_seeds(seeds, "--seeds") if seeds is not None else _seeds(raw.get("seeds"), base, path)
+    numbers = count_of_seeds(seeds) if seeds is not None else _seeds(raw.get("seeds"), base, path)
     against = raw.get("against")
     if not (
         against is None or (isinstance(against, dict) and against and all(isinstance(key, str) for key in against))
@@ -245,7 +248,7 @@ def plan_of(raw: object, path: Path, seeds: int | None = None) -> Plan:
     return make_plan(name, base, _cases(raw, grid, path), numbers, against)
 
 
-def count_of_seeds(count: int, called: str) -> tuple[int, ...]:
+def count_of_seeds(count: int, called: str = "seeds") -> tuple[int, ...]:
     """Return the seeds 1 to `count`.
 
     Args:
@@ -263,13 +266,17 @@ def count_of_seeds(count: int, called: str) -> tuple[int, ...]:
 def _run(base: Base, case: Case, seed: int) -> Run:
     if "seed" in case.settings:
         raise BadInput(f"{base.called}: case {case.name}: sets seed; give the seeds under 'seeds:'")
+    source = base.source or base.called
     try:
-        scenario = load_scenario(base.raw, {**case.settings, "seed": seed}, base=base.folder, called=base.called)
-        check_map(scenario, base.called)
+        scenario = load_scenario(base.raw, {**case.settings, "seed": seed}, base=base.folder, called=source)
+        check_map(scenario, source)
         return Run(scenario_hash(scenario), case.name, seed, scenario, case.settings)
     except BadInput as error:
-        where = f"{base.called}: case {case.name}" if case.settings else base.called
-        raise BadInput(f"{where}: {str(error).removeprefix(f'{base.called}: ')}") from None
+        problem = str(error).removeprefix(f"{source}: ")
+        if case.settings:
+            problem = f"case {case.name}: {problem}"
+        overridden = problem.startswith(f"case {case.name}: override ")  # by the sweep
+        raise BadInput(f"{base.called if overridden else source}: {problem}") from None
 
 
 def _named_partners(base: Base, cases: Sequence[Case], against: Mapping[str, object]) -> dict[str, str]:
@@ -323,18 +330,29 @@ def _partners(
         elif wanted.key != run.key:
             partners[case.name] = called[wanted.key]
     if not partners:
+        where = f"{base.called}: against = {quoted(against)}"
+        for field, value in against.items():
+            known = {_text_of(case, field): case.settings[field] for case in cases if field in case.settings}
+            if known and value not in known.values():
+                raise BadInput(f"{where}: no case has this {field}; {did_you_mean(_as_text(value), list(known))}")
         if refused is not None:
             raise refused
-        raise BadInput(
-            f"{base.called}: against = {quoted(against)}: no two cases differ only in that; vary it in the grid, or "
-            "give case: NAME"
-        )
+        raise BadInput(f"{where}: no two cases differ only in that; vary it in the grid, or give case: NAME")
     return partners, tuple(unpaired)
+
+
+def _text_of(case: Case, field: str) -> str:
+    """Return the name of a case's value of a field that it sets."""
+    return next((label.text for label in case.labels if label.axis == field), _as_text(case.settings[field]))
+
+
+def _as_text(value: object) -> str:
+    return value if isinstance(value, str) else quoted(value)
 
 
 def _base(given: object, path: Path) -> Base:
     if isinstance(given, dict):
-        return Base({"name": path.stem, **given}, path.parent, f"{path}: base")
+        return Base({"name": path.stem, **given}, path.parent, str(path), f"{path}: base")
     if not isinstance(given, str):
         raise BadInput(f"{path}: base = {quoted(given)}: expected a scenario's keys and values, or its file")
     file = path.parent / given
@@ -346,12 +364,12 @@ def _base(given: object, path: Path) -> Base:
         raise BadInput(
             f"{path}: base = {given}: that file holds no scenario; name one, such as examples/yards-five.yaml"
         )
-    return Base({"name": file.stem, **raw}, file.parent, str(file))
+    return Base({"name": file.stem, **raw}, file.parent, str(path), str(file))
 
 
 def _seeds(given: object, base: Base, path: Path) -> tuple[int, ...]:
     if given is None:
-        given = [load_scenario(base.raw, base=base.folder, called=base.called).seed]
+        given = [load_scenario(base.raw, base=base.folder, called=base.source or base.called).seed]
     if isinstance(given, int) and not isinstance(given, bool):
         return count_of_seeds(given, f"{path}: seeds")
     if isinstance(given, list) and given and all(type(seed) is int and seed >= 0 for seed in given):
@@ -426,8 +444,9 @@ def _grid(given: object, path: Path) -> dict[str, list[_GridValue]]:
 def _grid_value(field: str, title: str, given: object, where: str) -> _GridValue:
     """Read a value: as it is, or {label: NAME, value: VALUE}."""
     if not isinstance(given, dict) or "label" not in given:
-        text = given if isinstance(given, str) else quoted(given)
-        return _GridValue(Label(field, title, text, given=False), given)
+        if isinstance(given, dict) and "value" in given and (wrong := get_close_matches("label", map(str, given))):
+            raise BadInput(f"{where}: {wrong[0]}: unknown key; did you mean label?")
+        return _GridValue(Label(field, title, _as_text(given), given=False), given)
     label = given["label"]
     if set(given) != _VALUE_KEYS or not isinstance(label, str) or not label.strip():
         raise BadInput(f"{where} = {quoted(given)}: expected {{label: NAME, value: VALUE}}, or a value alone")

@@ -75,7 +75,7 @@ class LocalWorkers:
             BadInput: It is no whole number of 1 or more.
         """
         if size is not None and not (isinstance(size, Integral) and size >= 1):
-            raise BadInput(f"--workers = {quoted(size)}: expected 1 or more")
+            raise BadInput(f"workers = {quoted(size)}: expected 1 or more")
         self.size = size or cores()
         self._workers: dict[IO[bytes], _Worker] = {}
 

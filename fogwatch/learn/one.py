@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, Literal, NoReturn
 
 import gymnasium
 
-from fogwatch.learn.parallel import Parts, PatrolEnv, parallel_env
+from fogwatch.learn.parallel import NO_EPISODE, Parts, PatrolEnv, parallel_env
+from fogwatch.learn.rewards import Reward
 from fogwatch.notebook.arguments import checked_arguments
 from patrol.errors import BadInput
 from patrol.scenario import Scenario
+from patrol.scenario.policies import LearnedInput
 
 
 class OneRobotEnv(gymnasium.Env[Parts, Any]):
@@ -57,7 +59,7 @@ class OneRobotEnv(gymnasium.Env[Parts, Any]):
         """
         agent = self._agent
         if not self.fleet.agents:
-            raise gymnasium.error.ResetNeeded("no episode, or it is over: call reset() before the next step")
+            raise gymnasium.error.ResetNeeded(NO_EPISODE)
         observations, rewards, gone, ended, infos = self.fleet.step({agent: action})
         return observations[agent], rewards[agent], gone[agent], ended[agent], infos[agent]
 
@@ -74,16 +76,43 @@ class OneRobotEnv(gymnasium.Env[Parts, Any]):
 def one_env(
     scenario: Scenario | str | Path | Mapping[str, Any] = "yards",
     overrides: Mapping[str, object] | None = None,
-    **settings: Any,
+    *,
+    actions: Literal["bearing", "place", "node"] | None = None,
+    decide: Literal["tick", "arrival"] | None = None,
+    inputs: Sequence[LearnedInput] | None = None,
+    window: int | None = None,
+    heard: int | None = None,
+    reward: str | Reward = "mean",
+    keep: bool = False,
+    render_mode: None = None,
 ) -> OneRobotEnv:
     """Make an environment of one robot.
 
     Args:
         scenario: As of `parallel_env`.
         overrides: Likewise; ``{"robots.count": 1}`` unless they say otherwise.
-        **settings: The others of `parallel_env`.
+        actions: Likewise.
+        decide: Likewise.
+        inputs: Likewise.
+        window: Likewise.
+        heard: Likewise.
+        reward: Likewise.
+        keep: Likewise.
+        render_mode: Likewise.
 
     Raises:
         BadInput: Likewise; or there are several robots.
     """
-    return OneRobotEnv(parallel_env(scenario, {"robots.count": 1, **(overrides or {})}, **settings))
+    fleet = parallel_env(
+        scenario,
+        {"robots.count": 1, **(overrides or {})},
+        actions=actions,
+        decide=decide,
+        inputs=inputs,
+        window=window,
+        heard=heard,
+        reward=reward,
+        keep=keep,
+        render_mode=render_mode,
+    )
+    return OneRobotEnv(fleet)

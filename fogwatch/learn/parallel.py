@@ -9,6 +9,7 @@ from typing import Any, Literal, NoReturn
 
 import numpy as np
 from gymnasium import spaces
+from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 from pettingzoo.utils.env import ParallelEnv
 
@@ -17,15 +18,17 @@ from agent.policies.learned.observation import Observer
 from experiments.inprocess import check_in_process
 from fogwatch.learn.episode import Episode
 from fogwatch.learn.rewards import Reward, reward_of
-from fogwatch.notebook.arguments import checked_arguments
+from fogwatch.notebook.arguments import WrongArguments, checked_arguments
 from fogwatch.notebook.scenario import scenario_of
-from patrol.errors import BadInput
+from patrol.errors import BadInput, quoted
 from patrol.journal import TickRecord
 from patrol.prepare import Prepared, prepare
 from patrol.scenario import Scenario
 from patrol.scenario.policies import LEARNED, LearnedInput, LearnedOptions
 
 Parts = dict[str, NDArray[Any]]
+
+NO_EPISODE = "no episode, or it is over: call reset() before the next step"
 
 
 class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZoo is untyped
@@ -145,10 +148,16 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZo
         Returns:
             By agent: observation; reward (`fogwatch.learn.rewards`), the same for all; whether the agent is gone for
             good; whether the scenario's duration is over; and info: whether the agent is ``active`` and so decides
-            next, the number of ``ticks`` of this step, and the true ``mfow_s`` and ``mean_age_s`` after it.
+            next, the number of ``ticks`` of this step, and the true ``mfow_s`` and ``mean_age_s`` after it. After the
+            end of an episode all five are empty.
+
+        Raises:
+            gymnasium.error.ResetNeeded: No episode has begun.
         """
         episode = self.episode
-        if episode is None or not self.agents:
+        if episode is None:
+            raise ResetNeeded(NO_EPISODE)
+        if not self.agents:
             return {}, {}, {}, {}, {}
         for name, action in actions.items():
             if name not in self._numbers:
@@ -257,6 +266,7 @@ def parallel_env(
     heard: int | None = None,
     reward: str | Reward = "mean",
     keep: bool = False,
+    render_mode: None = None,
 ) -> PatrolEnv:
     """Make an environment of a whole fleet.
 
@@ -271,6 +281,7 @@ def parallel_env(
         heard: Positions of other robots in an observation.
         reward: ``mean``, ``mfow`` or ``change``, or a function like those of `fogwatch.learn.rewards`.
         keep: Whether episodes keep the records of all ticks, so that they can be judged.
+        render_mode: None, as environments draw nothing.
 
     Returns:
         The environment. What is not given here is as `patrol.options` of the scenario say, if its policy is `learned`,
@@ -279,6 +290,8 @@ def parallel_env(
     Raises:
         BadInput: One line that says what is wrong, and how to mend it.
     """
+    if render_mode is not None:
+        raise WrongArguments(f"render_mode = {quoted(render_mode)}: environments draw nothing; leave it out")
     given = {"actions": actions, "decide": decide, "inputs": inputs, "window": window, "heard": heard}
     settings = {f"patrol.options.{name}": value for name, value in given.items() if value is not None}
     if inputs is not None:

@@ -30,6 +30,10 @@ FIELDS = {name: f"robots.{name}" for name in ("count", "model", "radius", "speed
 """Fields that have another name as an option of the command."""
 
 
+class WrongArguments(BadInput, TypeError):
+    """Arguments that a function does not take. Gymnasium's users catch a TypeError to try again without them."""
+
+
 def checked_arguments(function: Callable[P, T]) -> Callable[P, T]:
     """Check the arguments of a function before it is called, and replace NumPy's values in them.
 
@@ -39,7 +43,7 @@ def checked_arguments(function: Callable[P, T]) -> Callable[P, T]:
         function: The function.
 
     Returns:
-        It with the check, which raises BadInput.
+        It with the check, which raises BadInput, or WrongArguments where it does not take these arguments.
     """
     signature = inspect.signature(function)
 
@@ -53,7 +57,7 @@ def checked_arguments(function: Callable[P, T]) -> Callable[P, T]:
             raise (
                 _no_argument(name, unknown[0], kwargs[unknown[0]], signature)
                 if unknown
-                else BadInput(f"{name}(): {error}; help({name}) explains every argument")
+                else WrongArguments(f"{name}(): {error}; help({name}) explains every argument")
             ) from None
         for argument, value in given.arguments.items():
             given.arguments[argument] = plain(value)
@@ -92,7 +96,7 @@ def _check_mapping(argument: str, value: object) -> None:
                 raise BadInput(f"cases: {case} = {quoted(settings)}: {expected}")
 
 
-def _no_argument(function: str, argument: str, value: object, signature: inspect.Signature) -> BadInput:
+def _no_argument(function: str, argument: str, value: object, signature: inspect.Signature) -> WrongArguments:
     field = FIELDS.get(argument, argument)
     ways = {"overrides": f"{{{field!r}: {value!r}}}", "grid": f"{{{field!r}: [{value!r}]}}"}
     way = next((f"{name}={given}" for name, given in ways.items() if name in signature.parameters), None)
@@ -100,4 +104,4 @@ def _no_argument(function: str, argument: str, value: object, signature: inspect
         remedy = f"a field of the scenario is given as {way}"
     else:
         remedy = did_you_mean(argument, list(signature.parameters))
-    return BadInput(f"{argument} = {quoted(plain(value))}: {function}() has no such argument; {remedy}")
+    return WrongArguments(f"{argument} = {quoted(plain(value))}: {function}() has no such argument; {remedy}")

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from hashlib import sha256
+from os.path import commonprefix
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -72,9 +74,11 @@ def differences(runs: Sequence[Run]) -> list[tuple[str, ...]]:
     fields = sorted({field for leaves in flat for field in leaves} - {"name"})
     rows = []
     for field in fields:
-        values = [str(leaves.get(field, "-")) for leaves in flat]
-        if len(set(values)) > 1:
-            rows.append((field, *(value if len(value) <= 60 else f"{value[:57]}..." for value in values)))
+        values = [leaves.get(field, "-") for leaves in flat]
+        if any(value != values[0] for value in values):
+            texts = [value if isinstance(value, str) else json.dumps(value, ensure_ascii=False) for value in values]
+            shared = len(commonprefix(texts))  # noqa: RUF071 - of characters
+            rows.append((field, *(_cut(text, shared) for text in texts)))
     return rows
 
 
@@ -193,6 +197,13 @@ def _leaves(node: object, above: str = "") -> list[tuple[str, object]]:
     if isinstance(node, dict):
         return [leaf for key, value in node.items() for leaf in _leaves(value, f"{above}.{key}" if above else str(key))]
     return [(above, node)]
+
+
+def _cut(text: str, shared: int) -> str:
+    """Cut a text to 60 characters that show where it differs from the others."""
+    if len(text) > 60 and shared > 40:
+        text = f"...{text[min(shared - 20, len(text) - 57) :]}"
+    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def _by_content(leaves: dict[str, object], run: Run) -> dict[str, object]:

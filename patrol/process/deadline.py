@@ -16,8 +16,8 @@ DECISION_LIMIT_S = 30.0
 in lockstep."""
 
 MOST_CALLS = 50_000
-"""Calls inside each other at most, where foreign code has raised Python's own limit: leaving a call costs time too, so
-code that calls itself without end would be over long after its time."""
+"""Greatest depth of nested calls, also for code that has raised Python's recursion limit. Leaving calls takes time:
+without this depth, endless recursion would end long after its time limit."""
 
 _SLICES = 256
 """Number of looks at the time within a limit."""
@@ -86,7 +86,7 @@ class deadline:  # noqa: N801 - a context manager
 
 
 def _is_deep(frame: FrameType | None) -> bool:
-    """Return True if more than `MOST_CALLS` calls are inside each other."""
+    """Return True if calls are nested more than `MOST_CALLS` deep."""
     calls = 0
     while frame is not None and calls <= MOST_CALLS:
         frame, calls = frame.f_back, calls + 1

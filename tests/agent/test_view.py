@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -187,10 +189,16 @@ def test_contacts_are_those_of_the_robot_and_of_others() -> None:
     assert sorted(policy.views[0].contacts) == [(3.0, 4.0), (9.0, 9.0)]
 
 
+@pytest.mark.parametrize("point", [(-1, 0), (10, 24), (10**6, 0), (0.5, 1), (3,), None], ids=str)
+def test_there_is_no_stand_for_what_is_not_patrolled(point: Any) -> None:
+    with pytest.raises(ValueError, match="expected the row and column of a point that the robot patrols"):
+        looked().stand_to_see(point)
+
+
 def test_a_point_on_which_no_body_fits_is_seen_from_its_post() -> None:
     view = looked()
     corner, middle = (0, 0), (10, 10)
-    assert view.stand_to_see(middle) == view.place_of(middle)
+    assert view.stand_to_see(middle) == view.stand_to_see(np.array(middle)) == view.place_of(middle)  # type: ignore[arg-type]
     stand = view.stand_to_see(corner)
     assert not view.ground.open_now[1, 1]
     row, col = view.point_of(stand)

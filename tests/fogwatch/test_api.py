@@ -94,6 +94,10 @@ def test_what_has_run_is_never_thrown_away(tmp_path: Path, monkeypatch: pytest.M
 
 
 @pytest.mark.processes
+def test_the_public_names_are_listed_before_they_are_loaded() -> None:
+    assert {*fogwatch.__all__} <= {*dir(fogwatch)}
+
+
 def test_the_package_loads_nothing_until_a_run_is_wanted() -> None:
     program = "import sys, fogwatch\nassert 'numpy' not in sys.modules\nfogwatch.run\nassert 'numpy' in sys.modules"
     subprocess.run([sys.executable, "-P", "-c", program], check=True)

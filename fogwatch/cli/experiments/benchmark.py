@@ -181,7 +181,7 @@ def benchmark(
 
         policies = ",".join(name for name in POLICIES.built_in if name != LEARNED)  # which needs a network
     chosen = read_policies(policies)
-    numbers = count_of_seeds(_default(seeds, QUICK_SEEDS if quick else SEEDS), "--seeds")
+    numbers = count_of_seeds(_default(seeds, QUICK_SEEDS if quick else SEEDS))
     if preset is not None:
         own = {"--terrains": terrains, "--teams": teams, "--conditions": conditions, "--duration": duration}
         _check_preset(preset, {**own, "--model": model, "--quick": quick or None})

@@ -96,7 +96,7 @@ def faults(
     given = parse_overrides(settings or [])
     if taken := [name for name in given if name.split(".")[0] in TAKEN or name in TAKEN]:
         raise BadInput(f"--set {taken[0]}: the experiment sets this field; leave it out, or use an option")
-    numbers = count_of_seeds(seeds, "--seeds")
+    numbers = count_of_seeds(seeds)
     setup = FaultSetup(terrain, point, duration, robots, numbers, (folder / "fleet.key").resolve(), given)
     tried = chosen(setup, [name.strip() for name in only.split(",")] if only else [])
     plan = plan_of(setup, tried)

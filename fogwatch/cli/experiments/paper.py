@@ -232,7 +232,7 @@ def _setup(
     if duration is not None:
         given["duration"] = duration
     radius = paper().sensor_range(point).range if sensor_range is None else sensor_range
-    return PaperSetup(point, radius, count_of_seeds(seeds, "--seeds"), given)
+    return PaperSetup(point, radius, count_of_seeds(seeds), given)
 
 
 def _folder(out: Path | None, setup: PaperSetup) -> Path:

@@ -116,7 +116,7 @@ def _same_scenario(loaded: Prepared, journal: Journal) -> bool:
 
 
 def _end(summary: Summary, duration_s: float) -> str:
-    """Say how much of a run there is: an end that comes early passes the verdict, whoever chose it."""
+    """Say how much of its time a run lasted: the verdict does not count an early end against it."""
     time = f"after {summary.simulated_s:g} s of {duration_s:g} s"
     return f"{time}: completed" if summary.ended == "completed" else f"early, {time}: {summary.ended or 'cut off'}"
 

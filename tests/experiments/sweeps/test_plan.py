@@ -173,7 +173,19 @@ def test_the_key_is_what_a_run_means(tmp_path: Path) -> None:
         ({"seeds": True}, "seeds = true: expected a count"),
         (
             {"against": {"patrol.options.fow": "f1"}},
-            'against = {"patrol.options.fow": "f1"}: no two cases differ only in that',
+            'trial.yaml: against = {"patrol.options.fow": "f1"}: no two cases differ only in that',
+        ),
+        (
+            {"grid": {"faults": [{"label": "quiet", "value": []}]}, "against": {"faults": "quite"}},
+            'trial.yaml: against = {"faults": "quite"}: no case has this faults; did you mean quiet?',
+        ),
+        (
+            {"cases": [{"name": "a", "set": {"point": 2}}], "against": {"point": 9}},
+            "no case has this point; known are 2",
+        ),
+        (
+            {"grid": {"patrol.policy": [{"lable": "own", "value": "partition"}]}},
+            "trial.yaml: grid.patrol.policy.0: lable: unknown key; did you mean label?",
         ),
         ({"against": ["f1"]}, 'against = ["f1"]: expected {FIELD: VALUE'),
         ({"cases": [{"name": "one"}], "against": {"case": "onee"}}, "no such case; did you mean one?"),
@@ -205,7 +217,7 @@ def test_a_file_that_is_no_sweep(tmp_path: Path, text: str, problem: str) -> Non
 
 
 def test_the_count_of_seeds_on_the_command_line_is_checked(tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match="--seeds = 0"):
+    with pytest.raises(BadInput, match=r"^seeds = 0: expected"):
         plan(tmp_path, told=0)
 
 

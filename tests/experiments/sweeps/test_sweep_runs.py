@@ -130,7 +130,7 @@ def test_a_cluster_of_two_workers_gives_the_same_numbers(tmp_path: Path, referen
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense", "http://x:1"])
 def test_a_cluster_that_cannot_be_reached_is_said_before_anything_runs(tmp_path: Path, address: str) -> None:
-    with pytest.raises(BadInput, match=r"--cluster = .*: cannot be reached"):
+    with pytest.raises(BadInput, match=r"^cluster = .*: cannot be reached"):
         run_sweep(plan(SIX), tmp_path, workers=ClusterWorkers(address, timeout_s=0.5))
     with open_results(tmp_path) as there:
         assert there.by_key == {}
@@ -265,7 +265,7 @@ def test_a_worker_that_dies_fails_its_run_and_is_replaced(tmp_path: Path, monkey
 
 @pytest.mark.parametrize("size", [0, -1])
 def test_workers_are_one_or_more(size: int) -> None:
-    with pytest.raises(BadInput, match=f"--workers = {size}: expected 1 or more"):
+    with pytest.raises(BadInput, match=f"^workers = {size}: expected 1 or more"):
         LocalWorkers(size)
 
 

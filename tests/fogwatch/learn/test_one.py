@@ -8,7 +8,7 @@ import gymnasium
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from fogwatch.learn import SINGLE_ID, one_env
+from fogwatch.learn import SINGLE_ID, one_env, parallel_env
 from patrol.errors import BadInput
 
 ALONE: dict[str, Any] = {"point": 1.0, "duration": 30.0}
@@ -29,6 +29,18 @@ def test_its_episode_ends_with_the_scenario() -> None:
         env.step(env.action_space.sample())
     with pytest.raises(NotImplementedError, match="draw nothing; run what you have trained"):
         env.render()
+
+
+def test_gymnasium_may_pass_no_render_mode_and_a_caller_may_fall_back_from_another() -> None:
+    gymnasium.make(SINGLE_ID, overrides=ALONE, render_mode=None)
+    with pytest.raises(TypeError, match='render_mode = "rgb_array": environments draw nothing; leave it out'):
+        gymnasium.make(SINGLE_ID, overrides=ALONE, render_mode="rgb_array")
+
+
+@pytest.mark.parametrize("make", [one_env, parallel_env])
+def test_a_step_needs_a_reset(make: Any) -> None:
+    with pytest.raises(gymnasium.error.ResetNeeded, match=r"call reset\(\) before the next step"):
+        make("yards", ALONE).step({})
 
 
 def test_several_robots_are_refused() -> None:

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 import fogwatch
-from fogwatch.learn import parallel_env
+from fogwatch.learn import one_env, parallel_env
 from fogwatch.notebook.arguments import plain
 from patrol.errors import BadInput
 
@@ -38,6 +38,7 @@ def test_numpys_values_are_plain_wherever_they_stand() -> None:
         (lambda: run("yards", robots=np.int64(3)), "is given as overrides={'robots.count': np.int64(3)}"),
         (lambda: parallel_env(BASE, duration=5), "is given as overrides={'duration': 5}"),  # type: ignore[call-arg]
         (lambda: sweep(BASE, robots=3), "is given as grid={'robots.count': [3]}"),
+        (lambda: one_env(BASE, windo=3), "windo = 3: one_env() has no such argument; did you mean window?"),  # type: ignore[call-arg]
         (lambda: run(BASE, overides={}), "did you mean overrides?"),
         (lambda: run(BASE, overrides=["duration=10"]), 'overrides = ["duration=10"]: expected values by dotted field'),
         (lambda: run(BASE, overrides={3: 4}), 'overrides = {"3": 4}: expected values by dotted field'),

@@ -125,7 +125,7 @@ def test_bad_input_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
         fogwatch.sweep("open", workers=2, cluster="tcp://here:1")
     with pytest.raises(BadInput, match=r"seeds = 1\.5: expected a count such as 3"):
         fogwatch.sweep("open", seeds=1.5, out=tmp_path)  # type: ignore[arg-type]
-    with pytest.raises(BadInput, match=r'--workers = "a": expected 1 or more'):
+    with pytest.raises(BadInput, match=r'^workers = "a": expected 1 or more'):
         fogwatch.sweep("open", workers="a", out=tmp_path)  # type: ignore[arg-type]
     monkeypatch.setattr(Mine, "__module__", "__main__")
     monkeypatch.setattr("__main__.Mine", Mine, raising=False)

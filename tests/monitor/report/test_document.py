@@ -198,7 +198,16 @@ def test_runs_side_by_side(quiet: Any, faulty: Any, hazy: Any) -> None:
     assert rows["scenario"] == ["short", "faulty", "hazy"]
     assert rows["verdict"][0] == "valid"
     assert [float(text.split()[0]) for text in rows["largest MFoW"]] == [run.mfow.max() * run.step for run in runs]
-    assert {field for field, *_ in differences(runs)} == {"faults", "sensor.quality"}
+    differ = {field: values for field, *values in differences(runs)}
+    assert differ.keys() == {"faults", "sensor.quality"}
+    assert differ["faults"][0] == "[]"
+    assert differ["faults"][1].startswith('[{"kind": ')
+    same_but_last = faulty.open()
+    same_but_last.journal.header.scenario["faults"][-1]["id"] = "other"
+    ((_, *long),) = differences([runs[1], same_but_last])
+    assert long[0] != long[1]
+    assert "other" in long[1]
+    assert max(map(len, long)) <= 60
     analyses = [analyse(run) for run in runs]
     made = drawings_of_several(analyses)
     page = compare_html(analyses, made)

@@ -89,7 +89,7 @@ def test_the_policies_of_the_examples_can_be_run() -> None:
         (("--teams", "0"), "--teams 0: 0: expected a number of robots from 1 to"),
         (("--teams", "2", "--conditions", "deaths"), "--teams 2: deaths needs 3 robots or more"),
         (("--conditions", "loss"), "--conditions loss: loss: no such condition"),
-        (("--seeds", "0"), "--seeds"),
+        (("--seeds", "0"), "seeds = 0"),
         (("--duration", "-5"), "duration"),
         (("--point", "0"), "point"),
         (("--model", "boat"), "model"),
@@ -101,7 +101,7 @@ def test_the_policies_of_the_examples_can_be_run() -> None:
         (("--preset", "magec"), "--preset magec: needs --map cumberland.yaml and --graph cumberland.graph; get both"),
         (("--preset", "magec", "--teams", "3"), "--teams: --preset magec says what is run; leave it out"),
         (("--map", "plan.yaml"), "--map plan.yaml: goes with --preset; give --terrains FILE.graph+MAP.yaml instead"),
-        (("--workers", "0"), "--workers"),
+        (("--workers", "0"), "workers = 0"),
         (("--workers", "1", "--cluster", "tcp://127.0.0.1:9"), "--workers and --cluster"),
     ],
 )

@@ -54,7 +54,7 @@ def test_the_page_tells_everything_and_a_second_start_makes_no_run(
             ("--set", "patrol.options.separation=none"),
             "--set patrol.options.separation: the experiment sets this field",
         ),
-        (("--seeds", "0"), "--seeds"),
+        (("--seeds", "0"), "seeds = 0"),
         (("--terrain", "yard"), "yards"),
         (("--robots", "0"), "robots"),
         (("--duration", "-5"), "duration"),
