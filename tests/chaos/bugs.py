@@ -71,7 +71,9 @@ class Bug:
 BUGS: dict[str, Bug] = {}
 """By what is wrong."""
 
+LOSSY = {"duration": 600.0, "faults": [{"kind": "loss", "rate": 0.5}]}
 LONG_BURSTS = {"duration": 600.0, "faults": [{"kind": "loss", "rate": 0.5, "mean_burst": 10}]}
+DRIFTING = {"duration": 600.0, "faults": [{"kind": "drift", "who": "all", "growth": [0.05, 0.02]}]}
 UNEVEN = {
     "duration": 600.0,
     "faults": [{"kind": "motion", "who": "all", "jitter": {"size": 0.5}, "slip": {"rate": 0.4}}],
@@ -240,6 +242,7 @@ _bug(
     "losses",
     _put(rules, "below", lambda real: lambda *of: real(*of[:3], 0.5 * of[3])),
     kind="loss",
+    settings=LOSSY,
 )
 _bug(
     "a burst lasts half as long",
@@ -304,6 +307,7 @@ _bug(
     "senses",
     _put(Senses, "_error", lambda real: lambda of, e, fault, *at: real(of, e, _with(growth=(0.0, 0.0))(fault), *at)),
     kind="drift",
+    settings=DRIFTING,
 )
 _bug("a clock does not gain", "senses", _put(Senses, "clock", _clock), kind="clock")
 _bug(
