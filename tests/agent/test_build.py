@@ -1,4 +1,4 @@
-"""Where a mind is put together: each robot of a mixed team gets the lengths of its own body."""
+"""The place where a mind is put together: each robot of a mixed team gets the lengths of its own body."""
 
 from __future__ import annotations
 

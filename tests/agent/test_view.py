@@ -1,4 +1,4 @@
-"""What a policy sees: read-only, no age where there is nothing to patrol, and the same chance however often asked."""
+"""The view of a policy: read-only, no age where there is nothing to patrol, and the same chance however often asked."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def watched(incarnation: int = 1, seed: int = 1, quality: float = 1.0) -> tuple[
 
 
 def looked(last: int = 7, quality: float = 1.0) -> View:
-    """What it sees at a tick, and has seen at tick 0 from the same place."""
+    """The view at a tick, with what was seen at tick 0 from the same place."""
     mind, policy = watched(quality=quality)
     for k in (0, last):
         mind.step(at(k, POSE), [])

@@ -52,10 +52,10 @@ class _Counts:
             return
         if traffic.incarnation > before:
             self.is_whole &= traffic.incarnation == before + 1 and (last is None or last.final)
-        if last is not None and traffic.incarnation > last.incarnation:
-            self.sent += last.sent
-            self.refused += last.refused
-            self.heard.update(last.heard)
+            if last is not None:
+                self.sent += last.sent
+                self.refused += last.refused
+                self.heard.update(last.heard)
         heard = {sender: count for sender, count in traffic.heard.items() if sender in self.senders}
         self.last = replace(traffic, heard=heard)
 

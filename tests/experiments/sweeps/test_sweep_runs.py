@@ -92,7 +92,7 @@ class Watching:
 
 
 def numbers(results: Mapping[str, RunResult]) -> dict[str, Any]:
-    """What must not depend on who made a run."""
+    """The facts that must not depend on which process made a run."""
     return {key: (result.outcome, result.metrics, result.trace_hash) for key, result in results.items()}
 
 

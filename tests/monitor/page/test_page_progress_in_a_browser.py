@@ -1,4 +1,4 @@
-"""What the page says of a patrol that gets nowhere, and of what has not been seen, in a real browser."""
+"""The page's words on a patrol that gets nowhere and on what has not been seen, in a real browser."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def hidden(name: str) -> str:
 
 
 def pixels(look: Look, red: int, green: int, blue: int) -> int:
-    """How many pixels of the map have a colour."""
+    """Count the pixels of the map that have a colour."""
     return int(
         look.evaluate(
             f"""() => {{ const {{ width, height }} = document.getElementById('canvas');

@@ -145,7 +145,7 @@ def test_an_operators_weight_outlasts_those_of_the_scenario() -> None:
 
 
 def test_a_verdict_that_knows_nothing_of_the_operator_does_not_see_slow_zones_kept() -> None:
-    """By its times the ward is in force up to tick 19, and robots are fast from tick 9 on."""
+    """The ward is, by its times, in force up to tick 19, and robots are fast from tick 9 on."""
     prepared = prepare(load_scenario(SITE | {"zones": [VAULT, WARD | {"times": [[0, 10]]}, STAIRS]}))
     journal, *_ = run(prepared, {9: [switch("ward", False)]})
     assert judge(journal, {}, prepared).valid

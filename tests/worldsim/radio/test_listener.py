@@ -1,4 +1,4 @@
-"""What the world makes of robots that hear each other directly."""
+"""The world as a listener to robots that hear each other directly."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether a run whose folder is read is still going on."""
+"""The state of a run whose folder is read: still going on, or ended."""
 
 from __future__ import annotations
 
