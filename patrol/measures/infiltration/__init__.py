@@ -1,0 +1,1 @@
+"""The moving intruder, which watches a patrol, predicts it, and plans a way in."""
