@@ -83,7 +83,7 @@ class PatrolOptions(Section):
     )
     random_move_for: Literal["holonomic", "all"] = Field(
         "all",
-        description="holonomic (where the paper has them) | all, the bodies that make random steps",
+        description="holonomic | all (as printed: each robot), the bodies that make random steps",
     )
     obstacle_radius: AutoPositive = Field(
         AUTO, description="m, of the artificial obstacle at each other robot; auto: 5 radii"
@@ -181,7 +181,7 @@ class PotentialFieldOptions(PatrolOptions):
     )
     random_move_for: Literal["holonomic", "all"] = Field(
         "holonomic",
-        description="holonomic (where the paper has them) | all, the bodies that make random steps",
+        description="holonomic | all (as printed: each robot), the bodies that make random steps",
     )
     claim_width: Positive = Field(0.3, description="m, width s of the claims")
     repulsion: NotNegative = Field(0.5, description="repulsion of a robot nearby, as a share of all attraction")
