@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,7 @@ from agent.belief.posts import Posts
 from agent.belief.silent import Silent
 from agent.bodies import BODIES
 from agent.bodies.setup import BodySetup
+from agent.chance import Chance
 from agent.mind import Facts, MakeMind, Mind
 from agent.policies.charging import Charging
 from agent.policies.found import PolicyKind, policy_of
@@ -36,8 +38,9 @@ from patrol.ground.speed_limits import SpeedLimits
 from patrol.measures.best_tour import followers_of, round_of
 from patrol.measures.zoned import zoned_ground
 from patrol.prepare import inboxes_of, sensor_footprint
+from patrol.radio.fleet_key import fleet_key
 from patrol.radio.prediction import Predictor
-from patrol.random import Purpose, draw
+from patrol.random import Purpose
 from patrol.scenario.policies import COMMITTED, LEARNED
 from patrol.scenario.zones import weighing_at
 
@@ -62,6 +65,8 @@ class Shared:
         radii: Of `radii_of`.
         strides: Of `strides_of`.
         speed_limits: Of the scenario's slow zones.
+        key: Of the fleet's tags, or None.
+        chance: Of all their draws.
         scratches: Working memory, one for each group of minds (`group_of`); those of one never think at the same time.
         beliefs: What they believe and have heard; None where each mind has its own, as in a process.
         areas: By the identity of a body's static fields, which live as long as the scenario, and the dilatation.
@@ -74,6 +79,8 @@ class Shared:
     radii: Mapping[int, float]
     strides: Mapping[int, float]
     speed_limits: SpeedLimits
+    key: bytes | None
+    chance: Chance
     scratches: Sequence[dict[str, PathWindow]] = field(default_factory=lambda: ({},))
     beliefs: Beliefs | None = None
     areas: dict[tuple[int, int], Area] = field(default_factory=dict)
@@ -107,30 +114,41 @@ def shared_by(
     prepared: Prepared,
     footprint: Footprint | None = None,
     *,
+    psi: Psi | None = None,
     groups: int = 1,
     believe: bool = False,
-    key: bytes | None = None,
 ) -> Shared:
     """Make what the minds of a scenario can share.
 
     Args:
         prepared: The scenario.
         footprint: Its sensor, if the caller has one that remembers.
+        psi: Of `psi_of`, if the caller has it.
         groups: How many minds may think at the same time, one of each group (`group_of`).
         believe: Whether they share what they believe, where that is the same and no ground closes; then their caller
             lets `Shared.beliefs` hear for all of them, and then each decide.
-        key: Of the fleet's tags, or None; for beliefs that they share.
+
+    Raises:
+        BadInput: The fleet's key cannot be read.
     """
     scenario = prepared.scenario
+    key = fleet_key(scenario.radio.key)
     sensor = footprint or sensor_footprint(scenario, prepared.terrain)
     beliefs = None
     if believe and not sensor.changes:
         inboxes = inboxes_of(scenario, [spec.number for spec in scenario.roster], prepared.terrain.bounds, key)
         beliefs = Beliefs(inboxes, sensor, shares=True, at_once=groups > 1)
-    psi = psi_of(scenario, prepared.terrain)
-    limits = SpeedLimits(scenario.zones, prepared.terrain)
-    scratches: tuple[dict[str, PathWindow], ...] = tuple({} for _ in range(groups))
-    return Shared(sensor, psi, radii_of(scenario), strides_of(scenario), limits, scratches, beliefs)
+    return Shared(
+        footprint=sensor,
+        psi=psi_of(scenario, prepared.terrain) if psi is None else psi,
+        radii=radii_of(scenario),
+        strides=strides_of(scenario),
+        speed_limits=SpeedLimits(scenario.zones, prepared.terrain),
+        key=key,
+        chance=Chance(scenario.seed, key),
+        scratches=tuple({} for _ in range(groups)),
+        beliefs=beliefs,
+    )
 
 
 def radii_of(scenario: Scenario) -> Mapping[int, float]:
@@ -157,7 +175,6 @@ def build_mind(
     prepared: Prepared,
     number: int,
     incarnation: int = 1,
-    key: bytes | None = None,
     shared: Shared | None = None,
     kind: PolicyKind | None = None,
 ) -> Mind:
@@ -167,12 +184,11 @@ def build_mind(
         prepared: The scenario with its terrain and fields.
         number: Of the robot, 1 and up.
         incarnation: 1 for its first process, one more for each restart.
-        key: Of the fleet's tags, or None.
         shared: What it shares with others; made for it alone unless given.
         kind: What makes its policy; the scenario's unless given.
 
     Raises:
-        BadInput: The scenario's policy cannot be found or does not take its options.
+        BadInput: The scenario's policy cannot be found or does not take its options, or the key cannot be read.
         PolicyFailed: The policy cannot be made.
     """
     shared = shared or shared_by(prepared)
@@ -184,11 +200,8 @@ def build_mind(
     kind = kind or policy_of(scenario)
     lengths = scenario.lengths[spec.number].with_options(kind.options)
     scratch = shared.scratches[group_of(number, len(shared.scratches))]
-
-    def chance(tick: int, index: int, purpose: Purpose) -> float:
-        return draw(scenario.seed, purpose, number, incarnation, tick, index)
-
-    beliefs = shared.beliefs or Beliefs(inboxes_of(scenario, [number], terrain.bounds, key), sight)
+    chance = shared.chance.of_robot(number, incarnation)
+    beliefs = shared.beliefs or Beliefs(inboxes_of(scenario, [number], terrain.bounds, shared.key), sight)
     posts = shared.posts_of(fields, patrol)
     moves_posts = scenario.closures and patrol.paths != "straight"
     if moves_posts:
@@ -216,7 +229,7 @@ def build_mind(
             round=lambda: round_of(prepared, number),
             followers=lambda: followers_of(prepared, number),
             zoned=zoned_of(prepared),
-            fleet_chance=lambda question: draw(scenario.seed, Purpose.PERIOD, question),
+            fleet_chance=partial(shared.chance.draw, Purpose.PERIOD),
             weighing=weighing_at(scenario.zones, 0.0),
             docks=scenario.docks,
             charged=frozenset(robot.number for robot in scenario.roster if robot.battery is not None),
@@ -228,7 +241,6 @@ def build_mind(
             spec=spec,
             radii=shared.radii,
             strides=shared.strides,
-            identity=(scenario.seed, number, incarnation),
             step=scenario.step,
             patrol=patrol,
             lengths=lengths,
@@ -246,7 +258,7 @@ def build_mind(
         patience=patience,
         memory=math.floor(patrol.contact_memory / scenario.step),
         sending=_sending(scenario, prepared.terrain),
-        key=key,
+        key=shared.key,
         zones=scenario.zones,
         speed_limits=shared.speed_limits,
     )
@@ -316,16 +328,15 @@ def _sending(scenario: Scenario, terrain: Terrain) -> Sending:
     return Sending(radio.trail, radio.trail_every, share, radio.adaptive.error, silence, predictor)
 
 
-def mind_maker(prepared: Prepared, key: bytes | None, shared: Shared, kind: PolicyKind | None = None) -> MakeMind:
+def mind_maker(prepared: Prepared, shared: Shared, kind: PolicyKind | None = None) -> MakeMind:
     """Return a function that makes the minds of a scenario, which share what they can.
 
     Args:
         prepared: The scenario.
-        key: Of the fleet's tags, or None.
         shared: What the minds share.
         kind: What makes their policies; the scenario's unless given.
 
     Returns:
         Makes a mind by robot number and incarnation.
     """
-    return lambda number, incarnation: build_mind(prepared, number, incarnation, key, shared, kind)
+    return lambda number, incarnation: build_mind(prepared, number, incarnation, shared, kind)

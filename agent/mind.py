@@ -12,12 +12,13 @@ from agent.answers import PASSED_ON, checked, failure_of
 from agent.belief.believed import Belief
 from agent.belief.blocked import Blocked
 from agent.belief.silent import Silent
+from agent.chance import Draw
 from agent.ports import Body, Decision, Policy, PolicyFailed
 from agent.routes.ground import Ground
 from agent.routes.routes import Routes
 from agent.routes.visits import Visits
 from agent.sender import Sender, Sending
-from agent.view import Draw, FogView, View
+from agent.view import FogView, View
 from patrol.exchange import Sensed
 from patrol.ground.speed_limits import SpeedLimits
 from patrol.pose import Pose, halted, slowed
@@ -79,7 +80,7 @@ class Mind:
             routes: Over that ground.
             policy: Decides.
             body: Carries it out.
-            chance: Draws.
+            chance: The robot's own draws.
             silent: The robots no longer heard.
             blocked: What the robot has seen blocked; None on ground without closures.
         """

@@ -202,22 +202,16 @@ def mind_of(process: ProcessContext, scenario: Scenario, spec: RobotSpec, incarn
         AskedToLeave: Before there was a mind.
     """
     process.warm(("patrol", "agent"), scenario)
-    from agent.build import Shared, build_mind, radii_of, strides_of
+    from agent.build import build_mind, shared_by
     from agent.ports import PolicyFailed
     from agent.psi import load_psi
-    from patrol.ground.speed_limits import SpeedLimits
     from patrol.own_sensor import allow_sensor
-    from patrol.prepare import sensor_footprint
-    from patrol.radio.fleet_key import fleet_key
 
     allow_sensor(scenario.sensor)
-    prepared, shared = process.prepare(scenario), None
-    if (static := process.static) is not None:
-        footprint, limits = sensor_footprint(scenario, prepared.terrain), SpeedLimits(scenario.zones, prepared.terrain)
-        psi, radii, strides = load_psi(scenario, static), radii_of(scenario), strides_of(scenario)
-        shared = Shared(footprint, psi, radii, strides, limits)
+    prepared = process.prepare(scenario)
+    psi = None if process.static is None else load_psi(scenario, process.static)
     try:
-        return prepared, build_mind(prepared, spec.number, incarnation, fleet_key(scenario.radio.key), shared)
+        return prepared, build_mind(prepared, spec.number, incarnation, shared_by(prepared, psi=psi))
     except PolicyFailed as failed:
         if failed.__cause__ is not None:
             process.log.failure(failed.__cause__)

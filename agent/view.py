@@ -6,7 +6,7 @@ It never holds the truth or another robot's intent: positions are all that robot
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar
 
@@ -18,6 +18,7 @@ from patrol.random import Purpose
 if TYPE_CHECKING:
     from agent.belief.believed import Belief
     from agent.belief.posts import Posts
+    from agent.chance import Draw
     from agent.routes.ground import Ground, Spot
     from agent.routes.routes import Routes, Way
     from patrol.pose import Pose
@@ -26,10 +27,6 @@ if TYPE_CHECKING:
     from patrol.scenario.zones import Weighing
 
 T = TypeVar("T", bound=np.generic)
-
-Draw = Callable[[int, int, Purpose], float]
-"""A random number in [0, 1) for a tick, a question (0, 1, ...) and a purpose. It depends on nothing else but the
-scenario's seed, the robot and its incarnation."""
 
 
 class FogView:
@@ -143,7 +140,7 @@ class View:
         fog: What it believes of the fog.
         ground: Where its centre may be, and what is in the way now.
         routes: Lengths of ways, from here and from elsewhere.
-        chance: What `draw` asks.
+        chance: The robot's own draws, of which `draw` asks.
         charge: Share of the robot's battery that is left; None for a robot without a battery.
         zones: Names of the scenario's zones that are in force.
         weighing: Those of them that have a weight or a wanted age, with their weights now.
@@ -176,7 +173,7 @@ class View:
             index: Which of this tick's questions, 0 and up.
             purpose: What the draw is for; policies of one's own keep to the default.
         """
-        return self.chance(self.tick, index, purpose)
+        return self.chance(purpose, self.tick, index)
 
     def point_of(self, place: Spot) -> tuple[int, int]:
         """Return the terrain's point (row, col) on which a place (x, y) in m lies; off the terrain, the nearest one."""

@@ -21,7 +21,6 @@ from patrol.journal import Event, JournalWriter, Status, TickRecord, read_journa
 from patrol.own_sensor import allow_sensor
 from patrol.prepare import Prepared, prepare, sensor_footprint
 from patrol.process.deadline import DECISION_LIMIT_S, Late, deadline
-from patrol.radio.fleet_key import fleet_key
 from patrol.radio.message import as_received
 from worldsim.fleet.loop import run_ticks
 from worldsim.fleet.process_control import NotStarted
@@ -33,6 +32,7 @@ from worldsim.world import World
 
 if TYPE_CHECKING:
     from agent.belief.believed import Beliefs
+    from agent.chance import Chance
     from agent.view import View
     from patrol.ground.footprint import Footprint
     from patrol.scenario import Scenario
@@ -58,6 +58,9 @@ class InProcessFleet:
     It implements `worldsim.fleet.loop.Fleet` and `worldsim.fleet.process_control.ProcessControl`.
 
     A mind whose policy fails is lost, as its process would be; the others go on.
+
+    Attributes:
+        chance: What all minds draw from, those made later too; None for minds that were made otherwise.
     """
 
     def __init__(
@@ -68,6 +71,7 @@ class InProcessFleet:
         limit_s: float | None = None,
         beliefs: Beliefs | None = None,
         failure: PolicyFailure = lambda _number, _reason, _error: None,
+        chance: Chance | None = None,
     ) -> None:
         """Take minds in.
 
@@ -80,7 +84,9 @@ class InProcessFleet:
                 step in the main thread alone.
             beliefs: What the minds believe, where they share it.
             failure: Told of each policy that fails.
+            chance: What the minds draw from.
         """
+        self.chance = chance
         self._beliefs = beliefs
         self._failure = failure
         self._minds = dict(minds)
@@ -236,7 +242,7 @@ def make_minds(prepared: Prepared, shared: Shared | None = None) -> dict[int, Mi
     Returns:
         By robot number.
     """
-    make = mind_maker(prepared, fleet_key(prepared.scenario.radio.key), shared or shared_by(prepared))
+    make = mind_maker(prepared, shared or shared_by(prepared))
     return {spec.number: make(spec.number, FIRST_INCARNATION) for spec in prepared.scenario.roster}
 
 
@@ -280,9 +286,8 @@ def fleet_of(
     kind = kind or policy_of(prepared.scenario)
     if not kind.ours:
         threads = 1  # so that one which hangs can be stopped
-    key = fleet_key(prepared.scenario.radio.key)
-    shared = shared_by(prepared, footprint, groups=threads, believe=share, key=key)
-    make = mind_maker(prepared, key, shared, kind)
+    shared = shared_by(prepared, footprint, groups=threads, believe=share)
+    make = mind_maker(prepared, shared, kind)
     minds: dict[int, Mind] = {}
     for number in world.living:
         try:
@@ -290,7 +295,8 @@ def fleet_of(
         except PolicyFailed as failed:
             failure(number, str(failed), failed.__cause__)
             raise BadInput(str(failed)) from failed
-    return InProcessFleet(minds, make, threads, None if kind.ours else DECISION_LIMIT_S, shared.beliefs, failure)
+    limit_s = None if kind.ours else DECISION_LIMIT_S
+    return InProcessFleet(minds, make, threads, limit_s, shared.beliefs, failure, shared.chance)
 
 
 def run_in_process(

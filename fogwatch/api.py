@@ -118,7 +118,8 @@ def run(
         in_process: Whether to run in this process, or as one process per robot over Zenoh. Both give the same trace.
         progress: Called with the measures so far, at most ten times a second.
         preset: Settings that belong together, as for ``fogwatch run --preset``: ``paper`` is the paper's algorithm,
-            bodies and sensor without our additions, ``letter`` the same with each rule to the letter.
+            bodies and sensor with rules of ours where it is open or fails, ``letter`` the same without our additions.
+            Both have points of 0.5 m (the paper's: 0.1 m).
         overrides: Values by dotted field, such as ``{"patrol.options.separation": "none"}``; they hold over the preset.
         policy: A policy class (docs/policies.md), instead of a name in ``patrol.policy``; one that was defined in a
             notebook or a script runs in this process only, and its code is no part of the scenario's hash.

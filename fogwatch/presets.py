@@ -6,14 +6,16 @@ from collections.abc import Mapping
 
 from patrol.errors import BadInput
 
-PRESETS: Mapping[str, str] = {
-    "paper": "the paper's algorithm, bodies and sensor, without our additions",
-    "letter": "the same, and each rule of the algorithm to the letter",
-}
-"""The presets by name, and what each is."""
-
 POINT_M = 0.5
 """Side of a point with which the paper's tables are reproduced, and for which the sensor's range was calibrated, m."""
+
+_POINTS = f"on points of {POINT_M:g} m (the paper's: 0.1 m)"
+
+PRESETS: Mapping[str, str] = {
+    "paper": f"the paper's algorithm, bodies and sensor, with rules of ours where it is open or fails, {_POINTS}",
+    "letter": f"the paper without our additions, each rule as printed, random steps for cars too, {_POINTS}",
+}
+"""The presets by name, and what each is."""
 
 
 def preset_settings(name: str | None) -> dict[str, object]:

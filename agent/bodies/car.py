@@ -18,6 +18,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from enum import Enum, auto
+from functools import partial
 from itertools import chain
 from typing import TYPE_CHECKING
 
@@ -352,7 +353,7 @@ class CarBody(BodyBase):
             self._steering,
             setup.spec.speed,
             setup.step,
-            lambda k, index: chance(k, index, Purpose.UNSTUCK),
+            partial(chance, Purpose.UNSTUCK),
             as_printed="plain-unstuck" in setup.patrol.paper_rules,
         )
         self._parking = max(self.stride, 2.0 * setup.spec.turning_radius)
@@ -367,7 +368,7 @@ class CarBody(BodyBase):
                 setup.spec.number,
                 setup.radii,
                 setup.step,
-                lambda k: chance(k, 2, Purpose.UNSTUCK),
+                lambda k: chance(Purpose.UNSTUCK, k, 2),
             )
             moves = car_moves(setup.spec, setup.step, setup.ground.terrain.point)
             self._manoeuvres = Manoeuvres(moves, setup.spec, setup.ground.terrain, self._steering.is_free, setup.step)
@@ -459,7 +460,7 @@ class CarBody(BodyBase):
             self._after(Event.NEAR, view.tick)
             return Choice(self._steering.park(pose, spot), place.state, bearing, goal)
         if self._manoeuvres is not None and self._mode is not Mode.ESCAPING and self._bumps < OFTEN:
-            if view.bumped and self._chance(view.tick, 1, Purpose.UNSTUCK) < YIELDS:
+            if view.bumped and self._chance(Purpose.UNSTUCK, view.tick, 1) < YIELDS:
                 return Choice(Drive(0.0, 0.0), place.state, bearing, goal)
             is_there = exact and view.point_of((view.reported.x, view.reported.y)) == view.point_of(spot)
             drive = Drive(0.0, 0.0) if is_there else self._manoeuvres.next(view, spot, exact=exact)
@@ -485,7 +486,7 @@ class CarBody(BodyBase):
         if drive is not None:
             self._after(Event.ARCS, view.tick)
             return Choice(drive, State.DEAD_END)
-        self._escape(view.tick, TAU * self._chance(view.tick, 0, Purpose.UNSTUCK))
+        self._escape(view.tick, TAU * self._chance(Purpose.UNSTUCK, view.tick, 0))
         return self._drive(view, None, None, State.HOLDING)
 
     def _drive(self, view: View, bearing: float | None, goal: Goal | None, state: str) -> Choice:

@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from itertools import chain
 
 from agent.bodies.giveway import Bumps, nearest
@@ -347,8 +348,7 @@ class DifferentialBody(BodyBase):
     def __init__(self, setup: BodySetup) -> None:
         super().__init__(setup)
         self._steering = WheelSteering(setup.spec, setup.ground.terrain, setup.ground, setup.step)
-        chance = setup.chance
-        self._back_off = BackOff(self._steering, setup.step, lambda k, index: chance(k, index, Purpose.UNSTUCK))
+        self._back_off = BackOff(self._steering, setup.step, partial(setup.chance, Purpose.UNSTUCK))
         self._near = 2.0 * self.stride
         self._towards_places = self._either_way if setup.sees_all_round else self._steering.towards
         self._turns_to: float | None = None

@@ -10,14 +10,13 @@ one of them goes back (`agent.bodies.passing`).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from agent.routes.ground import Disc, Spot
 from patrol.pose import Pose
 from patrol.radio.peers import Peer, places_of
-from patrol.random import Purpose, draw
 
 SHORTEST_S = 3.0
 LONGEST_S = 10.0
@@ -101,19 +100,18 @@ class Bumps:
 class GiveWay:
     """The robots to which one robot gives way, and until when."""
 
-    def __init__(self, seed: int, number: int, incarnation: int, radii: dict[int, float], step: float) -> None:
+    def __init__(self, number: int, chance: Callable[[int], float], radii: Mapping[int, float], step: float) -> None:
         """Start without giving way.
 
         Args:
-            seed: The scenario's random seed.
             number: The robot's number.
-            incarnation: The robot's incarnation.
+            chance: Called with a tick; returns a repeatable draw from [0, 1).
             radii: Radius in m of each robot, by number.
             step: s per tick.
         """
         self._step = step
-        self._identity = (seed, Purpose.GIVE_WAY, number, incarnation)
         self._number = number
+        self._chance = chance
         self._radii = radii
         self._until: dict[int, int] = {}
         self._bumps = 0
@@ -134,7 +132,7 @@ class GiveWay:
         self._bumps += 1
         gap, other = nearest(pose, peers, self._radii)
         if gap <= self._radii[self._number] + near and (other < self._number or self._bumps > PATIENCE):
-            spell = SHORTEST_S + (LONGEST_S - SHORTEST_S) * draw(*self._identity, tick)
+            spell = SHORTEST_S + (LONGEST_S - SHORTEST_S) * self._chance(tick)
             self._until[other] = tick + round(spell / self._step)
 
     def stop(self, other: int) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -18,10 +19,12 @@ from agent.ports import Bearing, Choice, Intent, Place, PolicyFailed, State, Sta
 from agent.routes.ground import Disc, Ground
 from agent.routes.way_back import WayBack
 from patrol.pose import halted
+from patrol.random import Purpose
 
 if TYPE_CHECKING:
+    from agent.chance import Draw
     from agent.routes.ground import Spot
-    from agent.view import Draw, View
+    from agent.view import View
     from patrol.pose import Command, Pose
     from patrol.radio.peers import Peer
     from patrol.scenario import BodyLengths, PatrolSpec, RobotSpec
@@ -47,20 +50,18 @@ class BodySetup:
         spec: The robot's number, model, speed (m/s), radius (m) and turning radius (m).
         radii: Radius in m of each robot of the fleet, by number.
         strides: Longest way in m of each in one step, likewise.
-        identity: The scenario's seed, the robot's number and its incarnation, for repeatable draws.
         step: s per tick.
         patrol: The scenario's section `patrol`.
         lengths: The lengths of the robot's patrol, m.
         ground: Where the robot's centre may be.
         psi: float32 (h, w) of `agent.bodies.refine.psi_field`, or None for no refinement of goals.
-        chance: Repeatable draws.
+        chance: The robot's own draws.
         sees_all_round: Whether the sensor sees the same whichever way the body faces.
     """
 
     spec: RobotSpec
     radii: Mapping[int, float]
     strides: Mapping[int, float]
-    identity: tuple[int, int, int]
     step: float
     patrol: PatrolSpec
     lengths: BodyLengths
@@ -90,11 +91,12 @@ class BodyBase(ABC):
         self.way_back = WayBack(setup.ground, setup.spec.radius, wanted=setup.patrol.manoeuvres)
         self._point = setup.ground.terrain.point
         gives = setup.patrol.give_way
-        self._give_way = GiveWay(*setup.identity, dict(setup.radii), setup.step) if gives else None
+        self._give_way: GiveWay | None = None
         self._passing: Passing | None = None
         self._keeping_right: KeepingRight | None = None
         if gives:
             number, radii, ground, step = setup.spec.number, setup.radii, setup.ground, setup.step
+            self._give_way = GiveWay(number, partial(setup.chance, Purpose.GIVE_WAY), radii, step)
             self._passing = Passing(number, radii, ground, step, self.stride)
             self._keeping_right = KeepingRight(number, radii, setup.strides, ground, step)
         self._stops = 0

@@ -2,7 +2,7 @@
 
 Policies and terrains are given as texts::
 
-    committed,even-tour,committed:random_move=0.1,./mine.py:Mine:near=4
+    committed,even-tour,committed:unpredictability=1,./mine.py:Mine:near=4
     open,plan.yaml,cumberland.graph+cumberland.yaml
 """
 
@@ -192,11 +192,13 @@ def read_policies(text: str) -> tuple[NamedSettings, ...]:
         policy = ":".join(word for word in words if "=" not in word)
         settings: dict[str, object] = {"patrol.policy": policy}
         if not policy or policy.endswith(":"):
-            raise BadInput(f"--policies {name}: expected NAME or NAME:OPTION=VALUE, as in committed:random_move=0.1")
+            raise BadInput(f"--policies {name}: expected NAME or NAME:OPTION=VALUE, as in committed:unpredictability=1")
         for option in options:
             key, _, value = option.partition("=")
             if not key or not value:
-                raise BadInput(f"--policies {name}: {option}: expected OPTION=VALUE, as in committed:random_move=0.1")
+                raise BadInput(
+                    f"--policies {name}: {option}: expected OPTION=VALUE, as in committed:unpredictability=1"
+                )
             settings[f"patrol.options.{key}"] = value
         policies.append(NamedSettings(name, settings))
     return tuple(policies)

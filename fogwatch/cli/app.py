@@ -279,6 +279,8 @@ def run(
         ending.patience = ending.times  # one more, and no more files are written
 
     display = make_display(quiet)
+    if preset is not None:
+        display.say(f"preset {preset}: {PRESETS[preset]}")
     run_options = RunOptions(
         out,
         in_process,

@@ -229,6 +229,7 @@ class _Drawing:
             direction = dice.choice("mode", "mode", "vector")
             paths = dice.choice("wave", "straight", "regions")
             options |= {
+                "random_move_for": "holonomic",
                 "letter": dice.choice(False, False, ["one-direction", "far-goal"]),
                 "fow": dice.choice("f1", "f2", "f3", "f4", "f5"),
                 "distance": dice.choice("g1", "g2", "g3", "g4", "g5"),

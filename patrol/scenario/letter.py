@@ -35,8 +35,12 @@ from patrol.values.types import Flag, at_least, by_shape, expecting
 LATER_OPTIONS: Mapping[str, object] = {"letter": False, "ties": "diagonal", "origin": "point"}
 """Settings of `potential-field` that came later, and the values that change nothing."""
 
-TO_THE_LETTER: Mapping[str, object] = {"patrol.options.letter": True, "patrol.options.ties": "drawn"}
-"""The paper to the letter, by dotted field of the scenario."""
+TO_THE_LETTER: Mapping[str, object] = {
+    "patrol.options.letter": True,
+    "patrol.options.ties": "drawn",
+    "patrol.options.random_move_for": "all",
+}
+"""The paper to the letter, by dotted field of the scenario; of random steps it says "each robot", so cars make them."""
 
 PaperRule = Literal[
     "first-step",

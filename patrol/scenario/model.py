@@ -23,7 +23,15 @@ from patrol.scenario.faults.kinds import Faults
 from patrol.scenario.faults.nemesis_spec import NemesisSpec, room_for
 from patrol.scenario.faults.roster import check_faults, tick_of
 from patrol.scenario.lengths import BodyLengths, check_refinement, resolve_lengths
-from patrol.scenario.policies import PAPER, CommittedPatrol, PaperPatrol, Patrol, check_letter
+from patrol.scenario.policies import (
+    PAPER,
+    CommittedPatrol,
+    PaperPatrol,
+    Patrol,
+    PatrolOptions,
+    check_letter,
+    check_random_steps,
+)
 from patrol.scenario.radio_spec import IdealRadio, Radio, check_radio_spec
 from patrol.scenario.robots import RobotSpec, roster_of
 from patrol.scenario.sections import DockSpec, IntruderSpec, RobotGroup, Robots, SensorSpec, TerrainSpec
@@ -141,6 +149,8 @@ class Scenario(Section):
         check_refinement(self.patrol, self.roster, self.lengths)
         if isinstance(self.patrol, PaperPatrol):
             check_letter(self.patrol, (spec.model for spec in self.roster), bool(self.intruders))
+        if isinstance(self.patrol.options, PatrolOptions):
+            check_random_steps(self.patrol.options, {spec.model for spec in self.roster})
         self._check_zones()
         _check_names("zone", self.zones)
         _check_names("closure", self.closures)

@@ -83,7 +83,7 @@ class PatrolOptions(Section):
     )
     random_move_for: Literal["holonomic", "all"] = Field(
         "all",
-        description="holonomic (where the paper has them) | all, the bodies that make random steps",
+        description="holonomic | all (as printed: each robot), the bodies that make random steps",
     )
     obstacle_radius: AutoPositive = Field(
         AUTO, description="m, of the artificial obstacle at each other robot; auto: 5 radii"
@@ -181,7 +181,7 @@ class PotentialFieldOptions(PatrolOptions):
     )
     random_move_for: Literal["holonomic", "all"] = Field(
         "holonomic",
-        description="holonomic (where the paper has them) | all, the bodies that make random steps",
+        description="holonomic | all (as printed: each robot), the bodies that make random steps",
     )
     claim_width: Positive = Field(0.3, description="m, width s of the claims")
     repulsion: NotNegative = Field(0.5, description="repulsion of a robot nearby, as a share of all attraction")
@@ -411,6 +411,31 @@ def _needs(patrol: PaperPatrol, bodies: set[str], intruders: bool) -> dict[Paper
         "plain-unstuck": ("car" in bodies, "set a robot's model to car"),
         "surround-forces": (intruders, "give intruders"),
     }
+
+
+def check_random_steps(options: PatrolOptions, models: Iterable[str]) -> None:
+    """Refuse a probability of random steps that no robot makes, and whose switch is not stated.
+
+    As for `PatrolOptions.NEEDS` it is accepted where both are stated; so are 0 and the default, which promise nothing.
+
+    Args:
+        options: The policy's settings.
+        models: Those of the robots.
+
+    Raises:
+        PydanticCustomError: It names the field and the remedy.
+    """
+    stated, default = options.model_fields_set, type(options).model_fields["random_move"].get_default()
+    if "random_move" not in stated or options.random_move in (0.0, default):
+        return
+    if isinstance(options, CommittedOptions):
+        switch, values, has_effect = "unpredictability", "above 0", options.unpredictability > 0.0
+    else:
+        has_effect = options.random_move_for == "all" or "holonomic" in models
+        switch, values = "random_move_for", "all (no robot is holonomic)"
+    if not has_effect and switch not in stated:
+        problem = f"has no effect unless patrol.options.{switch} is {values}; set that as well, or drop this"
+        raise wrong("patrol.options.random_move", problem, options.random_move)
 
 
 class LearnedPatrol(PatrolSpec):

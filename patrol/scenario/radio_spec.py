@@ -109,7 +109,10 @@ class RadioSpec(Section):
     options: Any = Field(None, description="settings of the model, by name")
     trail: Trail = Field(0, description="number of past positions in each message")
     trail_every: TrailEvery = Field(1, description="ticks between the past positions of a message")
-    key: PathText | None = Field(None, description="file with the key of the messages' tags, relative to this file")
+    key: PathText | None = Field(
+        None,
+        description="file with the fleet's key, relative to this file: for the messages' tags and the robots' draws",
+    )
     forget_after: Positive = Field(10.0, description="s of silence after which a robot's claim ends")
     budget: BudgetSpec | None = Field(None, description="{bits_per_s: 1200}, for the whole fleet; null: no limit")
     adaptive: AdaptiveSpec | None = Field(None, description="{error: 2}, m; null: a robot sends in each tick if it may")

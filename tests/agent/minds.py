@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 from agent.belief.posts import Posts
 from agent.build import zoned_of
+from agent.chance import Chance
 from agent.policies.found import policy_of
 from agent.ports import PolicySetup
 from patrol.exchange import Sensed
@@ -14,7 +16,7 @@ from patrol.ground.terrain import Terrain
 from patrol.measures.best_tour import followers_of, round_of
 from patrol.pose import Pose
 from patrol.prepare import Prepared, sensor_footprint
-from patrol.random import Purpose, draw
+from patrol.random import Purpose
 from patrol.scenario import Scenario
 
 STEP = 0.5
@@ -55,5 +57,5 @@ def setup_of(prepared: Prepared, number: int = 1) -> PolicySetup:
         round=lambda: round_of(prepared, number),
         followers=lambda: followers_of(prepared, number),
         zoned=zoned_of(prepared),
-        fleet_chance=lambda question: draw(scenario.seed, Purpose.PERIOD, question),
+        fleet_chance=partial(Chance(scenario.seed).draw, Purpose.PERIOD),
     )

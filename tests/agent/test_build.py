@@ -11,11 +11,10 @@ import pytest
 
 from agent.bodies.goal import GoalFinder
 from agent.bodies.refine import psi_field
-from agent.build import Shared, build_mind, radii_of, shared_by, strides_of
+from agent.build import build_mind, shared_by
 from agent.psi import load_psi, psi_of, save_psi
 from patrol.exchange import Sensed
-from patrol.ground.speed_limits import SpeedLimits
-from patrol.prepare import Prepared, prepare, sensor_footprint
+from patrol.prepare import Prepared, prepare
 from patrol.scenario import load_scenario
 
 SMALL = {"model": "holonomic", "radius": 0.3, "speed": 1.0}
@@ -85,10 +84,7 @@ def test_each_robot_looks_as_far_ahead_as_its_body_asks(mixed: Prepared, number:
 
 def test_minds_from_saved_and_from_own_fields_decide_alike(mixed: Prepared, tmp_path: Path) -> None:
     save_psi(mixed, tmp_path)
-    footprint = sensor_footprint(mixed.scenario, mixed.terrain)
-    limits = SpeedLimits(mixed.scenario.zones, mixed.terrain)
-    psi, radii, strides = load_psi(mixed.scenario, tmp_path), radii_of(mixed.scenario), strides_of(mixed.scenario)
-    saved = Shared(footprint, psi, radii, strides, limits)
+    saved = shared_by(mixed, psi=load_psi(mixed.scenario, tmp_path))
     for number in (1, 2, 3):
         sensed = Sensed(0, mixed.starts[number - 1], False, (), 0.0)
         decisions = [build_mind(mixed, number, shared=shared).step(sensed, []) for shared in (None, saved)]

@@ -29,7 +29,7 @@ class Pair:
         scenario = load_scenario({**mapping, "sensor": {"range": 4.0}})
         self.poses = [Pose(6.0, 6.0, 0.3), Pose(20.0, 12.0, 2.0)]
         prepared = prepared_on(scenario, terrain, self.poses)
-        self.make = mind_maker(prepared, None, shared_by(prepared, groups=len(prepared.scenario.roster)))
+        self.make = mind_maker(prepared, shared_by(prepared, groups=len(prepared.scenario.roster)))
         self.minds = [self.make(number, 1) for number in (1, 2)]
         self.terrain = terrain
         self.bumped = [False, False]

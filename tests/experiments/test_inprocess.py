@@ -10,16 +10,18 @@ import pytest
 from agent.build import mind_maker, shared_by
 from agent.mind import Mind
 from agent.view import View
-from experiments.inprocess import InProcessFleet, Outcome, fault_free_mfow, run_in_process
+from experiments.inprocess import InProcessFleet, Outcome, fault_free_mfow, fleet_of, run_in_process
 from patrol.errors import BadInput
 from patrol.exchange import Sensed
 from patrol.journal import Event, RobotTick, TickRecord, read_journal
 from patrol.pose import wrap
-from patrol.prepare import prepare
+from patrol.prepare import prepare, sensor_footprint
 from patrol.scenario import Scenario, load_scenario
 from tests.fleets import end_of
+from worldsim.fleet.loop import run_ticks
 from worldsim.run_record import INTERRUPTED
 from worldsim.verdict.judge import judge
+from worldsim.world import World
 
 CARS = {"count": 3, "model": "car"}
 DISCS = {"count": 3, "model": "holonomic"}
@@ -42,6 +44,40 @@ def trace(outcome: Outcome) -> str:
 def test_the_same_seed_gives_the_same_trace_and_another_does_not(robots: dict[str, Any]) -> None:
     first, again, other = (trace(run_in_process(scenario(robots=robots, seed=seed))) for seed in (1, 1, 2))
     assert first == again != other
+
+
+def test_with_a_key_the_seed_tells_nobody_where_the_robots_go(tmp_path: Path) -> None:
+    def places(key: str | None, **more: Any) -> list[tuple[float, float]]:
+        keyed = scenario("open", DISCS, 60, radio={"key": key}, patrol={"policy": "potential-field"})
+        outcome = run_in_process(keyed, **more)
+        assert outcome.verdict.valid, outcome.verdict.failed
+        return [(row.x, row.y) for record in outcome.journal.ticks for row in record.robots]
+
+    for name in ("a", "b"):
+        (tmp_path / name).write_text(f"the key of fleet {name}", encoding="ascii")
+    first, other = str(tmp_path / "a"), str(tmp_path / "b")
+    assert places(first) == places(first, threads=3) == places(first, share=False)
+    assert places(first) != places(other) != places(None) != places(first)
+
+
+def test_the_secret_of_a_running_fleet_can_be_replaced() -> None:
+    def places(secret: bytes | None) -> list[tuple[float, float]]:
+        prepared = prepare(scenario("open", DISCS, 60, patrol={"policy": "potential-field"}))
+        world, records = World(prepared), list[TickRecord]()
+        fleet = fleet_of(world, sensor_footprint(prepared.scenario, prepared.terrain))
+
+        def take(record: TickRecord) -> None:
+            records.append(record)
+            if record.k == 30:
+                assert fleet.chance is not None
+                fleet.chance.key = secret
+
+        run_ticks(world, fleet, take, lambda _: None)
+        return [(row.x, row.y) for record in records for row in record.robots]
+
+    same, other = places(None), places(b"another secret")
+    assert same[: 3 * 31] == other[: 3 * 31]
+    assert same != other
 
 
 def test_a_narrow_view_turns_with_a_robot_that_turns_on_the_spot() -> None:
@@ -167,7 +203,7 @@ def test_process_faults_repeat_whatever_the_threads_and_are_judged_as_they_go(ro
 
 def test_a_restarted_mind_is_a_new_one() -> None:
     prepared = prepare(scenario(robots=DISCS))
-    fleet = InProcessFleet({}, mind_maker(prepared, None, shared_by(prepared)))
+    fleet = InProcessFleet({}, mind_maker(prepared, shared_by(prepared)))
     fleet.start(1, 1)
     first = fleet.minds[1]
     fleet.kill(1)

@@ -88,7 +88,7 @@ def run_of(
     prepared = prepare(loaded)
     footprint = sensor_footprint(loaded, prepared.terrain)
     world = World(prepared, footprint=footprint, operated=controls is not None)
-    make, minds = mind_maker(prepared, None, shared_by(prepared, footprint)), dict[int, Mind]()
+    make, minds = mind_maker(prepared, shared_by(prepared, footprint)), dict[int, Mind]()
 
     def made(number: int, incarnation: int) -> Mind:
         minds[number] = make(number, incarnation)

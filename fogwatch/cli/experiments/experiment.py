@@ -22,7 +22,7 @@ from experiments.faults.cost import (
     plan_of,
 )
 from experiments.faults.cost_page import page
-from experiments.sweeps.casetable import json_text, make_folder, write_tables, write_text
+from experiments.sweeps.casetable import json_text, write_tables, write_text
 from experiments.sweeps.plan import count_of_seeds
 from experiments.sweeps.stats import with_interval
 from fogwatch.cli.command_help import command
@@ -38,12 +38,14 @@ from fogwatch.launch.terminal.live_table import duration_text
 from fogwatch.pictures.fault_costs import costs_picture, curves_picture
 from fogwatch.progress import command_line, print_failures
 from patrol.errors import BadInput
-from patrol.radio.fleet_key import new_key
 from patrol.scenario import parse_overrides
 
 VARIED = sorted({field for settings in VARIANTS.values() for field in settings})
 TAKEN = ("faults", *VARIED, "terrain", "point", "duration", "robots.count", "seed", "nemesis")
 """Fields that the experiment sets."""
+
+KEY = "the key of this experiment"
+"""The content of the fleet's key, always the same, because robots draw from it."""
 
 app = typer.Typer(help="Run a whole experiment and write a page of its results.", no_args_is_help=True)
 
@@ -101,8 +103,7 @@ def faults(
     tried = chosen(setup, [name.strip() for name in only.split(",")] if only else [])
     plan = plan_of(setup, tried)
     if not setup.key.exists():
-        make_folder(folder)
-        new_key(setup.key)
+        write_text(setup.key, KEY)
     outcome = make_runs(plan, folder, workers_of(workers, cluster), console, estimate_time=True)
     found, compared = findings(outcome, tried), comparisons(outcome, tried)
     _print_findings(console, found)

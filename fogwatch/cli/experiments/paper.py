@@ -80,7 +80,8 @@ Radius = Annotated[
 Letter = Annotated[
     bool,
     typer.Option(
-        "--letter", help="Follow the paper to the letter (patrol.options.letter=true, ties=drawn in every cell)."
+        "--letter",
+        help="Follow the paper to the letter: letter=true, ties=drawn, random_move_for=all in every cell.",
     ),
 ]
 Rows = Annotated[str | None, typer.Option(metavar="NAME,...", help="Run only these rows.")]
@@ -175,7 +176,8 @@ def _reproduce(
     console = Console()
     folder = _folder(out, setup)
     plan = plan_of(tables, {"": setup})
-    _say(console, f"points of {setup.point:g} m, sensor range {setup.sensor_range:g} m{_calibrated(setup)}")
+    points = f"points of {setup.point:g} m (the paper's: 0.1 m)"
+    _say(console, f"{points}, sensor range {setup.sensor_range:g} m{_calibrated(setup)}")
     outcome = make_runs(plan, folder, workers_of(workers, cluster), console, estimate_time=True)
     comparisons = [compare(table, setup, outcome) for table in tables]
     for comparison in comparisons:

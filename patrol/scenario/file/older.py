@@ -104,6 +104,9 @@ def translate_patrol(patrol: Mapping[str, Any]) -> dict[str, Any]:
         section["options"] = options = {**stated, **(options or {})}
     if policy == COMMITTED and isinstance(options, Mapping) and options.keys() >= _STATED_0_3:
         section["options"] = {"unpredictability": 1.0, **options}
+    elif of_0_2 and policy == COMMITTED and isinstance(options, Mapping):
+        # Robots on rounds make no random steps.
+        section["options"] = {name: value for name, value in options.items() if name != "random_move"}
     return section
 
 

@@ -20,6 +20,7 @@ from patrol.journal import Status, TickRecord, read_journal
 from patrol.net.messages.phases import PhaseA, encode
 from patrol.net.security.tick_chain import PROOF
 from patrol.pose import Pose
+from patrol.radio.fleet_key import new_key
 
 if TYPE_CHECKING:
     from tests.fogwatch.conftest import Run
@@ -81,16 +82,20 @@ EVERYTHING = ["claims", "artificial-obstacles", "semaphores", "repulsion"]
 
 
 @pytest.mark.parametrize(
-    "rules",
+    ("rules", "keyed"),
     [
-        pytest.param({"paths": "regions", "fuzzy": True, "separation": EVERYTHING}, id="regions"),
-        pytest.param({"paths": "straight", "direction": "vector"}, id="straight", marks=pytest.mark.accept),
+        pytest.param({"paths": "regions", "fuzzy": True, "separation": EVERYTHING}, True, id="regions"),
+        pytest.param({"paths": "straight", "direction": "vector"}, False, id="straight", marks=pytest.mark.accept),
     ],
 )
-def test_so_it_is_under_other_rules(rules: dict[str, Any], start: Callable[..., Run]) -> None:
+def test_so_it_is_under_other_rules(
+    rules: dict[str, Any], keyed: bool, start: Callable[..., Run], tmp_path: Path
+) -> None:
+    new_key(tmp_path / "fleet.key")
     scenario = {**OPEN, "terrain": {"builtin": "yards"}, "duration": 30}
-    patrol = {"policy": "potential-field", "avoidance": "none", "options": rules}
-    run = start({**scenario, "patrol": patrol, "radio": {"trail": 2}})
+    patrol = {"policy": "potential-field", "avoidance": "none", "options": {**rules, "random_move": 0.3}}
+    radio = {"trail": 2, "key": str(tmp_path / "fleet.key") if keyed else None}
+    run = start({**scenario, "patrol": patrol, "radio": radio})
     assert run.end() == 0, run.errors
     assert run.summary()["ticks"] == 60
     run.assert_undisturbed()

@@ -106,8 +106,36 @@ def test_random_steps_that_rounds_leave_out_are_named() -> None:
         return patrol.options.notes
 
     assert notes() == notes(random_move=0.3, unpredictability=0.5) == ()
-    (note,) = notes(random_move=0.3)
+    (note,) = notes(random_move=0.3, unpredictability=0)
     assert note.startswith("patrol.options.random_move = 0.3: robots on rounds make no random steps; for free")
+
+
+@pytest.mark.parametrize(
+    ("policy", "model", "switch", "on"),
+    [
+        ("committed", "holonomic", "unpredictability", 0.5),
+        ("committed", "car", "unpredictability", 0.5),
+        ("potential-field", "car", "random_move_for", "all"),
+    ],
+)
+def test_random_steps_that_no_robot_makes_are_refused(policy: str, model: str, switch: str, on: object) -> None:
+    def read(**options: Any) -> Scenario:
+        patrol = {"policy": policy, "options": options}
+        return load_scenario({"terrain": {"builtin": "yards"}, "robots": {"model": model}, "patrol": patrol})
+
+    remedy = rf"patrol\.options\.random_move = 0\.3: has no effect unless patrol\.options\.{switch} is .*; set that"
+    with pytest.raises(BadInput, match=remedy):
+        read(random_move=0.3)
+    read(random_move=0)
+    read(random_move=0.3, **{switch: on})
+    written = as_mapping(read())
+    assert load_scenario(written, {"patrol.options.random_move": 0.3}) != read()
+
+
+def test_holonomic_robots_of_the_paper_make_random_steps() -> None:
+    patrol = {"policy": "potential-field", "options": {"random_move": 0.3}}
+    robots = [{"model": "car"}, {"model": "holonomic"}]
+    assert load_scenario({"terrain": {"builtin": "yards"}, "robots": robots, "patrol": patrol}).roster
 
 
 EFFECTLESS: list[tuple[PaperRule, dict[str, Any], str]] = [

@@ -109,7 +109,7 @@ def run(
     hour, rests = Hour(), Rests()
     requests = Script(hour, controls)
     world = requests.world = World(prepared, operated=True)
-    make = mind_maker(prepared, None, shared_by(prepared))
+    make = mind_maker(prepared, shared_by(prepared))
     fleet = InProcessFleet({number: make(number, FIRST_INCARNATION) for number in world.living}, make)
     journal = MemoryJournal(header_of(world))
     recorder = Recorder(journal, world.scenario.spares)

@@ -65,7 +65,7 @@ class Watched:
 
     def run(self, ticks: int, during: Callable[[], None]) -> None:
         """Run so many ticks; during each, call something."""
-        make = mind_maker(self.world.prepared, None, shared_by(self.world.prepared))
+        make = mind_maker(self.world.prepared, shared_by(self.world.prepared))
         fleet = InProcessFleet({number: make(number, FIRST_INCARNATION) for number in self.world.living}, make)
         phase_b = fleet.phase_b
 

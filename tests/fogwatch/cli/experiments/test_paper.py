@@ -48,6 +48,7 @@ def test_a_table_is_made_to_the_letter(
     )
     assert code == 0
     assert "set: patrol.options.letter = True" in said
+    assert "set: patrol.options.random_move_for = all" in said
     folder = tmp_path / "runs" / "paper-letter-1m"
     assert json.loads((folder / "table_4.json").read_text())["set"]["patrol.options.letter"] is True
     assert "Set in addition: `patrol.options.letter: true`." in (folder / "paper.md").read_text()
@@ -58,7 +59,7 @@ def test_a_table_is_made_shown_and_written(tmp_path: Path, capsys: pytest.Captur
     part = ("--rows", "f3", "--columns", "g3,g4", "--seeds", "2", "--sensor-range", "11")
     code, said, _ = run(capsys, "table", "2", "3", *part, *QUICK, "--out", str(tmp_path))
     assert code == 0
-    assert "points of 1 m, sensor range 11 m (calibrated for points of" in said
+    assert "points of 1 m (the paper's: 0.1 m), sensor range 11 m (calibrated for points of" in said
     assert "8 runs to make; 1 at a time, " in said
     assert "Table 2: open field, 3 holonomic robots, vector sum; 2 seeds" in said
     assert "assumed: no dilatation" in said

@@ -90,6 +90,10 @@ def test_a_file_that_states_a_part_of_the_settings_has_the_defaults_of_this_vers
     assert options.unpredictability == 0.0
 
 
+def test_random_steps_of_a_file_of_0_2_that_rounds_leave_out_are_no_mistake() -> None:
+    assert read(commitment="target", random_move=0.3) == read()
+
+
 def test_so_does_one_that_followed_the_paper() -> None:
     scenario = read(**{**RESOLVED_0_2, "commitment": "none", "dilatation": 2.0, "avoidance": "fuzzy", "tolerance": 0})
     options = scenario.patrol.options
@@ -141,7 +145,7 @@ def test_overrides_of_0_2_go_where_the_fields_are() -> None:
 
 
 def test_another_policy_does_not_take_over_the_settings_of_the_one_that_it_replaces() -> None:
-    stated = {**YARDS, "patrol": {"options": {"random_move": 0.5}}}
+    stated = {**YARDS, "patrol": {"options": {"random_move": 0.5, "unpredictability": 0.5}}}
     replaced = load_scenario(stated, {"patrol.policy": "potential-field"})
     assert replaced == load_scenario({**YARDS, "patrol": {"policy": "potential-field"}})
     same = load_scenario(stated, {"patrol.policy": "committed"})

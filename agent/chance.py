@@ -1,0 +1,86 @@
+"""The chance of a fleet: all draws of its minds, from the fleet's key, or from the scenario's seed where there is none.
+
+Every copy of the scenario holds the seed, and so tells in advance what is drawn from it. A draw from the key is a keyed
+hash of the question: the robots, which hold the key, agree on it without a word, and for all others it is chance.
+
+    fleet = Chance(seed=31, key=b"k" * 32)
+    fleet.draw(Purpose.PERIOD, 4)            0.41, in every robot of the fleet
+    own = fleet.of_robot(2, incarnation=1)
+    own(Purpose.POLICY, 10, 0)               0.94, which r2 draws in tick 10 for its question 0
+
+All minds of a process draw from one `Chance`. A new `key` in it replaces all their draws from then on.
+"""
+
+from __future__ import annotations
+
+import struct
+from functools import partial
+from hashlib import blake2b
+from typing import TYPE_CHECKING, Protocol
+
+from patrol.random import draw
+
+if TYPE_CHECKING:
+    from patrol.random import Purpose
+
+_DRAWS = b"fogwatch draws"
+"""Keeps draws apart from the tags of positions, which are hashes with the same key."""
+
+_MASK = (1 << 64) - 1
+
+
+class Draw(Protocol):
+    """A source of random numbers in [0, 1); the same question always has the same answer."""
+
+    def __call__(self, purpose: Purpose, *question: int) -> float:
+        """Draw.
+
+        Args:
+            purpose: What the draw is for.
+            question: Integers, such as a tick.
+        """
+        ...
+
+
+class Chance:
+    """The source of all draws of a fleet's minds.
+
+    Attributes:
+        seed: The scenario's.
+        key: The fleet's key, or another secret of 1 to 64 bytes; None to draw from the seed alone.
+    """
+
+    __slots__ = ("key", "seed")
+
+    def __init__(self, seed: int, key: bytes | None = None) -> None:
+        self.seed = seed
+        self.key = key
+
+    def draw(self, purpose: Purpose, *question: int) -> float:
+        """Draw a number that is the same for all robots of the fleet.
+
+        Args:
+            purpose: What the draw is for.
+            question: Integers, taken modulo 2^64.
+
+        Returns:
+            Uniform over the multiples of 2^-53 in [0, 1).
+        """
+        if self.key is None:
+            return draw(self.seed, purpose, *question)
+        values = [value & _MASK for value in (self.seed, purpose, *question)]
+        asked = struct.pack(f"<{len(values)}Q", *values)
+        digest = blake2b(asked, digest_size=8, key=self.key, person=_DRAWS).digest()
+        return (int.from_bytes(digest, "little") >> 11) * 2.0**-53
+
+    def of_robot(self, number: int, incarnation: int) -> Draw:
+        """Return one robot's own draws.
+
+        Args:
+            number: The robot's.
+            incarnation: Its process's.
+        """
+        return partial(self._own, number, incarnation)
+
+    def _own(self, number: int, incarnation: int, purpose: Purpose, *question: int) -> float:
+        return self.draw(purpose, number, incarnation, *question)
