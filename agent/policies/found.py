@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from agent.ports import Policy, PolicySetup
 from patrol.classes.named_class import ClassSort, NamedClass, find, options_of
-from patrol.scenario.policies import COMMITTED, LEARNED, PAPER
+from patrol.scenario.policies import COMMITTED, LEARNED, PAPER, STOCHASTIC
 from patrol.values.section import Section
 
 if TYPE_CHECKING:
@@ -27,6 +27,7 @@ POLICIES = ClassSort(
     built_in=MappingProxyType(
         {
             COMMITTED: "agent.policies.committed.policy:Committed",
+            STOCHASTIC: "agent.policies.stochastic.policy:Stochastic",
             PAPER: "agent.policies.potential_field.policy:PotentialField",
             LEARNED: "agent.policies.learned.policy:Learned",
             "random": "agent.policies.rivals.conscientious:RandomWalk",

@@ -21,6 +21,7 @@ from patrol.scenario.policies import (
     PatrolOptions,
     PatrolSpec,
     PotentialFieldOptions,
+    StochasticOptions,
 )
 from patrol.scenario.radio_spec import RadioSpec
 from patrol.scenario.robots import RobotSpec
@@ -54,6 +55,7 @@ __all__ = [
     "RobotSpec",
     "Scenario",
     "SensorSpec",
+    "StochasticOptions",
     "TerrainSpec",
     "ZoneSpec",
     "as_mapping",

@@ -47,13 +47,16 @@ LearnedInput = Literal["fog", "pose", "heard", "sectors"]
 LEARNED_INPUTS: tuple[LearnedInput, ...] = ("fog", "pose", "heard", "sectors")
 """What a learned policy can see (`agent.policies.learned.observation`)."""
 
+STOCHASTIC: Final = "stochastic"
+"""The policy that draws the next station from good plans."""
+
 COMMITTED: Final = "committed"
-"""The default policy."""
+"""The policy that follows a tour; the default."""
 
 PAPER: Final = "potential-field"
 """The policy of the paper."""
 
-BUILT_IN = (COMMITTED, PAPER)
+BUILT_IN = (COMMITTED, STOCHASTIC, PAPER)
 """Policies that come with fogwatch."""
 
 LEARNED: Final = "learned"
@@ -132,6 +135,21 @@ class CommittedOptions(PatrolOptions):
             return ()
         remedy = "for free choices, which have them, raise patrol.options.unpredictability"
         return (f"patrol.options.random_move = {self.random_move:g}: robots on rounds make no random steps; {remedy}",)
+
+    @model_validator(mode="after")
+    def _has_no_forces(self) -> Self:
+        if "repulsion" in self.separations:
+            raise wrong("separation", f"repulsion changes sums of forces, which only {PAPER} has; choose another")
+        return self
+
+
+class StochasticOptions(PatrolOptions):
+    """Settings of `stochastic`: the next station is drawn from good plans for the whole fleet."""
+
+    unpredictability: NotNegative = Field(
+        1.0, description="how far a drawn plan may be behind the best one; 0: always the best, about 2: nearly free"
+    )
+    separation: Separation = Field("claims", description="none | claims | artificial-obstacles | semaphores, or a list")
 
     @model_validator(mode="after")
     def _has_no_forces(self) -> Self:
@@ -321,6 +339,8 @@ class PatrolSpec(Section):
     @property
     def needs_rounds(self) -> bool:
         """True if the policy follows tours, at least at times."""
+        if isinstance(self.options, StochasticOptions):
+            return True
         return isinstance(self.options, CommittedOptions) and self.options.unpredictability < 1.0
 
     @property
@@ -349,6 +369,13 @@ class CommittedPatrol(PatrolSpec):
 
     policy: Literal["committed"] = Field(COMMITTED, description=POLICY)
     options: CommittedOptions = Field(default_factory=CommittedOptions, description="settings of committed")
+
+
+class StochasticPatrol(PatrolSpec):
+    """The section with the policy that draws from plans."""
+
+    policy: Literal["stochastic"] = Field(description=POLICY)
+    options: StochasticOptions = Field(default_factory=StochasticOptions, description="settings of stochastic")
 
 
 class PaperPatrol(PatrolSpec):
@@ -454,11 +481,12 @@ class OwnPatrol(PatrolSpec):
 
 def _tag(section: Any) -> str:
     policy = section.get("policy", COMMITTED) if isinstance(section, dict) else getattr(section, "policy", COMMITTED)
-    return f"={policy}" if policy in (COMMITTED, PAPER, LEARNED) else "=own"
+    return f"={policy}" if policy in (*BUILT_IN, LEARNED) else "=own"
 
 
 Patrol = Annotated[
     Annotated[CommittedPatrol, Tag("=committed")]
+    | Annotated[StochasticPatrol, Tag("=stochastic")]
     | Annotated[PaperPatrol, Tag("=potential-field")]
     | Annotated[LearnedPatrol, Tag("=learned")]
     | Annotated[OwnPatrol, Tag("=own")],

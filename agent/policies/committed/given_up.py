@@ -80,6 +80,23 @@ class GivenUp:
         rows = [(row, col, self._around) for row, col, until, _ in self.places if tick < until]
         return np.array(rows, dtype=np.int64).reshape(-1, 3) if rows else NONE
 
+    def covers(self, tick: int, stands: NDArray[np.int64], width: int) -> NDArray[np.bool_]:
+        """Return which points lie within what is left out at a tick.
+
+        Args:
+            tick: Now.
+            stands: int64, flat indices of points.
+            width: Of the terrain, points.
+
+        Returns:
+            bool, like stands.
+        """
+        rows, cols = stands // width, stands % width
+        out = np.zeros(stands.shape, dtype=np.bool_)
+        for row, col, squared in self.now(tick).tolist():
+            out |= (rows - row) ** 2 + (cols - col) ** 2 <= squared
+        return out
+
     def _is_beside(self, place: tuple[int, int, int, int], point: Point) -> bool:
         """Return True if a point belongs to the surroundings of one that was given up."""
         return (place[0] - point[0]) ** 2 + (place[1] - point[1]) ** 2 <= self._around

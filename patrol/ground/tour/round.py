@@ -12,7 +12,7 @@ also from a little before and after, or to the nearest stop that sees it at all.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from patrol.ground.fields import load_grid
 from patrol.ground.tour.cover import Looks
+from patrol.ground.tour.stations import Stations, stations_of
 
 if TYPE_CHECKING:
     from patrol.ground.footprint import Footprint
@@ -34,6 +35,7 @@ SLACK = 0.075
 """How far before and after a place a point has to be seen as well, as a share of the sensor's range."""
 
 ARRAYS = ("places", "along", "points", "place_of", "stands")
+STATIONS = "stations"
 
 Flat = NDArray[np.int64]
 
@@ -50,6 +52,7 @@ class Round:
         place_of: int64 (p,), the place of each of them, ascending.
         stands: int64 (p,), flat index of the point to stand on to see each of them: its place, or the point's own post
             where no place sees it.
+        stations: Of a round over the whole ground; None where a patrol cannot plan with any.
     """
 
     length_m: float
@@ -58,6 +61,7 @@ class Round:
     points: Flat
     place_of: Flat
     stands: Flat
+    stations: Stations | None = None
 
     def save(self, folder: Path) -> None:
         """Write the arrays as .npy files.
@@ -69,6 +73,8 @@ class Round:
         np.save(folder / "length_m.npy", np.float64(self.length_m))
         for name in ARRAYS:
             np.save(folder / f"{name}.npy", getattr(self, name))
+        if self.stations is not None:
+            self.stations.save(folder / STATIONS)
 
     @staticmethod
     def load(folder: Path) -> Round:
@@ -78,7 +84,7 @@ class Round:
             folder: The folder that `save` wrote into.
         """
         arrays = {name: load_grid(folder / f"{name}.npy") for name in ARRAYS}
-        return Round(float(load_grid(folder / "length_m.npy")), **arrays)
+        return Round(float(load_grid(folder / "length_m.npy")), **arrays, stations=Stations.load(folder / STATIONS))
 
 
 def lay_out(
@@ -105,7 +111,8 @@ def lay_out(
         flat_owner[point] = np.argmin((places // width - row) ** 2 + (places % width - col) ** 2)
     points = np.flatnonzero(ground.reshape(-1) & (stands >= 0))
     points = points[np.argsort(flat_owner[points], kind="stable")]
-    return Round(length_m, places, along, points, flat_owner[points], stands[points])
+    laid_out = Round(length_m, places, along, points, flat_owner[points], stands[points])
+    return replace(laid_out, stations=stations_of(laid_out, terrain, reach, footprint.range_m))
 
 
 def _stops(

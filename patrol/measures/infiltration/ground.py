@@ -94,7 +94,8 @@ def _clear(free: BoolGrid, rows: Points, cols: Points, to_rows: Points, to_cols:
 
 def _edge(number: NDArray[np.int32]) -> Flags:
     """Return the squares on the terrain's edge; where there are none, because a wall surrounds it, those that are the
-    first or the last with a point in their row or column."""
+    first or the last with a point in their row or column.
+    """
     there = number >= 0
     edge = there.copy()
     edge[1:-1, 1:-1] = False

@@ -15,9 +15,13 @@ if TYPE_CHECKING:
 
 def _follows_forces(scenario: Scenario) -> bool:
     """Return True if robots sum forces, or may: a policy of another kind can build on anything."""
-    from patrol.scenario.policies import COMMITTED, LEARNED  # here, as processes that compile need no scenario
+    from patrol.scenario.policies import (  # here, as processes that compile need no scenario
+        COMMITTED,
+        LEARNED,
+        STOCHASTIC,
+    )
 
-    return scenario.patrol.policy not in (COMMITTED, LEARNED)
+    return scenario.patrol.policy not in (COMMITTED, STOCHASTIC, LEARNED)
 
 
 def _dilates(scenario: Scenario) -> bool:

@@ -17,7 +17,15 @@ from patrol.scenario.faults.kinds import KINDS, Fault, Forgery, Jitter, Jump, Sl
 from patrol.scenario.faults.nemesis_spec import NemesisSpec
 from patrol.scenario.faults.targets import Some
 from patrol.scenario.model import Scenario
-from patrol.scenario.policies import COMMITTED, PAPER, CommittedOptions, PatrolSpec, PotentialFieldOptions
+from patrol.scenario.policies import (
+    COMMITTED,
+    PAPER,
+    STOCHASTIC,
+    CommittedOptions,
+    PatrolSpec,
+    PotentialFieldOptions,
+    StochasticOptions,
+)
 from patrol.scenario.radio_spec import MODEL_OPTIONS, AdaptiveSpec, BudgetSpec, RadioSpec
 from patrol.scenario.sections import (
     DockSpec,
@@ -49,6 +57,7 @@ _SECTIONS: dict[str, type[Section]] = {
 }
 _OPTIONS: dict[str, type[Section]] = {
     f"={COMMITTED}": CommittedOptions,
+    f"={STOCHASTIC}": StochasticOptions,
     f"={PAPER}": PotentialFieldOptions,
     **{f"={model}": options for model, options in MODEL_OPTIONS.items()},
 }

@@ -1,0 +1,201 @@
+"""Commitment: a robot goes to one place, and goes on when what it went to see has been seen.
+
+The paper's robot chooses its direction anew at each tick, from sums over directions that may hardly differ. Between two
+rooms with equally stale points it turns round again and again, and sees neither. A committed robot goes to one point,
+its target:
+
+- *Commitment*: it keeps the target until half of its age or more has gone, because a robot has seen it.
+- *Giving up*: a target that comes no nearer for a while is left out for some time, with what lies around it.
+- *Free choice*: the point with the greatest age squared per way (`agent.policies.committed.choice`). A point to which
+  another robot has the shorter way counts a tenth.
+
+Policies say what the next target is: on the tour (`agent.policies.committed.policy`), or drawn from a plan
+(`agent.policies.stochastic.policy`). Where they know of none the choice is free.
+
+For example, for a free choice a point not seen for 60 s at the end of a way of 9 m counts 60^2 / (9 + 3) = 300; one not
+seen for 90 s, 27 m away, 270. The first one is the target.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from agent.policies.committed.choice import TargetChoice
+from agent.policies.committed.given_up import GivenUp
+from agent.policies.random_steps import RandomSteps
+from agent.policies.separation import Separation
+from agent.ports import Bearing, Intent, Place, State, Stay
+
+if TYPE_CHECKING:
+    from agent.policies.committed.choice import Point
+    from agent.ports import PolicySetup
+    from agent.routes.routes import Element, Way
+    from agent.view import View
+
+NO_NEARER_S = 15.0
+"""A robot that has come no nearer to its target for so long gives it up, s."""
+
+AT_HAND_S = 3.0
+"""The same for a robot that is less than a stride away from where it wanted to be, s; at least `AT_HAND_STEPS`."""
+
+AT_HAND_STEPS = 3
+
+TRIES = 3
+"""Number of targets that are tried in one tick, where no way leads to the first ones."""
+
+NEARER = 0.1
+"""Least share of a stride by which a way must get shorter to count as progress."""
+
+STILL_STALE = 0.5
+"""A target counts as seen once its age is below this share of what it was when it was chosen."""
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A place that a robot goes to see.
+
+    Attributes:
+        point: Row and column of the point to be seen.
+        stand: Row and column of the point to go to: the point itself, or its post where no body fits.
+        age: Of the point when it was chosen, ticks.
+    """
+
+    point: Point
+    stand: Point
+    age: int
+
+
+class Commitment:
+    """Chooses a target and keeps to it; the base of policies that say which one.
+
+    Attributes:
+        target: Where it is going; None for nowhere.
+        given_up: The places that it leaves out for a while.
+    """
+
+    def __init__(self, setup: PolicySetup) -> None:
+        """Start without a target."""
+        spec, terrain = setup.spec, setup.terrain
+        self._setup = setup
+        self._step = setup.step
+        self._point = terrain.point
+        self._separation = Separation(setup)
+        self._random_steps = RandomSteps(setup)
+        self._choice = TargetChoice(setup)
+        self.given_up = GivenUp(spec.radius, terrain.point, setup.step)
+        self._nearer = NEARER * spec.speed * setup.step
+        self._at_hand_s = max(AT_HAND_S, AT_HAND_STEPS * setup.step)
+        self._sees_all_round = setup.sight.all_round and not setup.sight.leaves_age
+        self.target: Target | None = None
+        self._expected = 0
+        self._shortest = math.inf
+        self._least_age = 0
+        self._progress_at = 0
+        self._was_at: tuple[float, float] | None = None
+        self._may_be_away = bool(setup.docks)
+        self._decided_at = 0
+
+    def decide(self, view: View) -> Intent:
+        """Return the way to the target, or to a new one; now and then a random step."""
+        goes_on = view.tick <= self._decided_at + 1
+        if self._may_be_away and not goes_on:
+            self._forget()
+        self._decided_at = view.tick
+        self._separation.keep_apart(view)
+        makes_random_steps = self._take_note(view, goes_on)
+        start, wander = view.start, self._random_steps.draw(view) if makes_random_steps else None
+        if start is None:
+            # The body has to find its way back to the reachable ground first.
+            return Bearing((), wander=wander)
+        if self._waits(view):
+            self._progress_at, self._was_at = view.tick, None
+            return Stay(state=State.PATROLLING, figures={"way_m": 0.0, "age_s": 0.0})
+        way = self._kept(view, start) or self._chosen(view, start)
+        target = self.target
+        if way is None or target is None:
+            return Stay()
+        figures = {"way_m": way.length, "age_s": self._age(view, target.point) * self._step}
+        if way.length == 0.0 and not self._sees_all_round:
+            # It stands where it should, so it only has to turn.
+            across, up = (there - here for there, here in zip(view.place_of(target.point), way.place, strict=True))
+            if across != 0.0 or up != 0.0:
+                return Bearing((math.atan2(up, across),), wander=wander, figures=figures)
+        return Place(*way.place, bend=way.bend, wander=wander, exact=target.age > 0, gives_room=True, figures=figures)
+
+    def _take_note(self, view: View, goes_on: bool) -> bool:
+        """Take note of what has changed; return True if the robot makes random steps now.
+
+        Args:
+            view: Of this tick.
+            goes_on: Whether the robot decided in the last tick as well.
+        """
+        del view, goes_on
+        return True
+
+    def _waits(self, view: View) -> bool:
+        """Return True if the robot should stand still for now."""
+        del view
+        return False
+
+    def _chosen(self, view: View, start: Element) -> Way | None:
+        """Commit to the next target, and return the way there; None where there is none that a way leads to."""
+        return self._free_choice(view, start)
+
+    def _forget(self) -> None:
+        """Begin anew, as after a restart: the robot was away to charge."""
+        self.target = None
+
+    def _kept(self, view: View, start: Element) -> Way | None:
+        """Return the way to the present target; None without a target, or if it is time for another."""
+        target = self.target
+        if target is None:
+            return None
+        age = self._age(view, target.point)
+        if target.age == 0 or age < STILL_STALE * target.age:
+            self.given_up.forgive(target.stand)
+            return None
+        way = self._way_to(view, start, target.stand)
+        if way is None:
+            return None
+        if way.length < self._shortest - self._nearer or age < self._least_age:
+            # A look that leaves some of a point's age is progress as well.
+            self._shortest, self._progress_at = min(self._shortest, way.length), view.tick
+        self._least_age = age
+        stood_s = (view.tick - self._progress_at) * self._step
+        if stood_s > (self._at_hand_s if way.length <= view.stride else NO_NEARER_S):
+            self.given_up.add(view.tick, target.stand)
+            return None
+        return way
+
+    def _free_choice(self, view: View, start: Element) -> Way | None:
+        """Commit to the best point of all, and return the way there."""
+        rivals = self._separation.rivals(view)
+        for _ in range(TRIES):
+            best = self._choice.best(view, start, rivals, self.given_up)
+            if best is None:
+                return None
+            self._expected = best.length
+            way = self._way_to(view, start, best.stand)
+            if way is not None:
+                self._commit(view, Target(best.point, best.stand, self._age(view, best.point)))
+                return way
+            self.given_up.add(view.tick, best.stand)
+        return None
+
+    def _commit(self, view: View, target: Target) -> None:
+        self.target = target
+        self._shortest, self._least_age, self._progress_at = math.inf, target.age, view.tick
+
+    def _way_to(self, view: View, start: Element, stand: Point) -> Way | None:
+        """Return the shortest way to a point of the terrain; None if no way leads there now."""
+        way = view.routes.way(start, (stand[0] + 1, stand[1] + 1), self._expected)
+        if way.place != view.place_of(stand):
+            return None
+        self._expected = round(100.0 * (way.length + 2.0 * view.stride) / self._point)
+        return way
+
+    @staticmethod
+    def _age(view: View, point: Point) -> int:
+        return view.tick - max(view.fog.last_seen.item(point), 0)

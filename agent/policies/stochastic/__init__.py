@@ -1,0 +1,1 @@
+"""The default policy: draw the next station from good plans for the whole fleet."""
