@@ -143,6 +143,13 @@ class JointPlan:
             ages = ages * self._zoned(view.weighing).weights.reshape(-1)[points]
         return np.where(counts, ages, 0.0)
 
+    def _weights(self, view: View) -> NDArray[np.float64]:
+        """float64 (stations,), by how much the weighted age of each grows in a second."""
+        if self._zoned is None:
+            return np.ones(len(self._spots))
+        weights = self._zoned(view.weighing).weights.reshape(-1)[self._round.points]
+        return np.maximum.reduceat(weights, self._stations.begins[:-1]).astype(np.float64)
+
     def _stands(self, view: View, given_up: GivenUp, part: slice) -> NDArray[np.int64]:
         """int64, where to see some of the round's points from: the round's place, or else the point itself."""
         own = self._own_stands[part] if view.fog.stands is None else view.fog.stands[self._round.points[part]]
@@ -176,15 +183,15 @@ class JointPlan:
         paces = np.full(len(robots), self._pace)
         interval_s = self._round.length_m * self._pace / len(robots)
         routes, counts = self._begun(robots, leads, ages, STALE * interval_s)
-        weights = np.ones(size)
+        weights = self._weights(view)
         seed = int(view.draw(0, Purpose.PLAN) * 2.0**53)
         known = (leads, self._apart, ages, weights, paces, self._near)
-        improve(routes, counts, *known, MOVES, seed)
         stale = np.flatnonzero(ages >= STALE * min(interval_s, view.mfow * self._step))
         if self.station is not None:
             stale = stale[stale != self.station]
-        if not stale.size:
+        if size == 1 or not stale.size:
             return int(ages.argmax())
+        improve(routes, counts, *known, MOVES, seed)
         choices = np.union1d(stale[np.argsort(leads[0, stale], kind="stable")[:CHOICES]], routes[0, : counts[0]][:1])
         plans = np.zeros((len(choices), *routes.shape), dtype=np.int64)
         plan_counts, costs = np.zeros((len(choices), len(robots)), dtype=np.int64), np.zeros(len(choices))

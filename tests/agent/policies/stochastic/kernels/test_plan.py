@@ -1,0 +1,103 @@
+"""Joint plans: every station stays in one route, no move makes a plan worse, and the chosen station comes first."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from agent.policies.stochastic.kernels.plan import compare, improve
+
+Whole = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Fleet:
+    """Robots and stations at random places of a square of 50 m, with random ages."""
+
+    leads: NDArray[np.float64]
+    apart: NDArray[np.float64]
+    ages: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    paces: NDArray[np.float64]
+    near: Whole
+
+    @property
+    def facts(self) -> tuple[NDArray[np.generic], ...]:
+        return self.leads, self.apart, self.ages, self.weights, self.paces, self.near
+
+    def cost(self, routes: Whole, counts: Whole) -> float:
+        """The cost of a plan, in plain Python."""
+        total = 0.0
+        for robot, count in enumerate(counts):
+            at_s = 0.0
+            for i, station in enumerate(routes[robot, :count]):
+                before = routes[robot, i - 1]
+                at_s = self.leads[robot, station] if i == 0 else at_s + self.apart[before, station] * self.paces[robot]
+                total += float(self.ages[station] + self.weights[station] * at_s) ** 8
+        return total
+
+
+def fleet_of(dice: np.random.Generator, robots: int, stations: int) -> Fleet:
+    spots, places = dice.random((stations, 2)) * 50.0, dice.random((robots, 2)) * 50.0
+    apart = np.sqrt(((spots[:, None] - spots[None]) ** 2).sum(axis=2))
+    paces = 1.0 / dice.uniform(0.5, 2.0, robots)
+    leads = np.sqrt(((places[:, None] - spots[None]) ** 2).sum(axis=2)) * paces[:, None]
+    near = np.ascontiguousarray(np.argsort(apart, axis=1)[:, 1:9])
+    return Fleet(leads, apart, dice.uniform(0, 60, stations), dice.uniform(0.5, 3, stations), paces, near)
+
+
+def plan_of(dice: np.random.Generator, robots: int, stations: int) -> tuple[Whole, Whole]:
+    routes = np.zeros((robots, stations), dtype=np.int64)
+    parts = np.array_split(dice.permutation(stations), robots)
+    for robot, part in enumerate(parts):
+        routes[robot, : len(part)] = part
+    return routes, np.array([len(part) for part in parts])
+
+
+def stations_in(routes: Whole, counts: Whole) -> list[int]:
+    return sorted(int(station) for row, count in zip(routes, counts, strict=True) for station in row[:count])
+
+
+@given(seed=st.integers(0, 2**32 - 1), robots=st.integers(1, 4), stations=st.integers(5, 14))
+def test_moves_keep_every_station_and_never_cost_more(seed: int, robots: int, stations: int) -> None:
+    dice = np.random.default_rng(seed)
+    fleet = fleet_of(dice, robots, stations)
+    routes, counts = plan_of(dice, robots, stations)
+    before = fleet.cost(routes, counts)
+    improve(routes, counts, *fleet.facts, 300, seed)
+    assert stations_in(routes, counts) == list(range(stations))
+    assert counts.min() >= 1
+    assert fleet.cost(routes, counts) <= before * (1.0 + 1e-9)
+
+
+@given(seed=st.integers(0, 2**32 - 1), robots=st.integers(1, 4), stations=st.integers(5, 14))
+def test_each_choice_comes_first_in_its_own_plan(seed: int, robots: int, stations: int) -> None:
+    dice = np.random.default_rng(seed)
+    fleet = fleet_of(dice, robots, stations)
+    routes, counts = plan_of(dice, robots, stations)
+    choices = np.sort(dice.permutation(stations)[:3])
+    plans, plan_counts = np.zeros((3, robots, stations), dtype=np.int64), np.zeros((3, robots), dtype=np.int64)
+    costs = np.zeros(3)
+    compare(routes, counts, 0, choices, *fleet.facts, 200, seed, plans, plan_counts, costs)
+    for choice, plan, plan_count, cost in zip(choices, plans, plan_counts, costs, strict=True):
+        assert plan[0, 0] == choice
+        assert stations_in(plan, plan_count) == list(range(stations))
+        assert cost == pytest.approx(fleet.cost(plan, plan_count) ** (1 / 8))
+
+
+def test_a_small_plan_is_nearly_the_best_of_all() -> None:
+    """One robot and six stations: few of the 720 orders are better than what the moves find."""
+    dice = np.random.default_rng(3)
+    for _ in range(10):
+        fleet = fleet_of(dice, 1, 6)
+        routes, counts = plan_of(dice, 1, 6)
+        improve(routes, counts, *fleet.facts, 2000, 1)
+        orders = (np.array([order]) for order in itertools.permutations(range(6)))
+        best = min(fleet.cost(order, counts) for order in orders)
+        assert fleet.cost(routes, counts) ** (1 / 8) <= 1.05 * best ** (1 / 8)

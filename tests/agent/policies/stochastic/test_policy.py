@@ -1,0 +1,102 @@
+"""The patrol that draws: it sees everything, again and again, and somebody without its draws cannot tell where next."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from agent.policies.stochastic.policy import Stochastic
+from agent.policies.surround.surround import Surround
+from patrol.ground.terrain import Terrain
+from patrol.pose import MODELS, Pose
+from patrol.prepare import Prepared
+from tests.agent.plans import Robots, plan, prepared_in
+
+BASE = {"radius": 0.3, "speed": 1.0}
+STARTS = [Pose(2.0, 2.0, 0.0), Pose(20.0, 6.0, 3.0)]
+
+
+def rooms() -> Terrain:
+    """Four rooms of 8 x 8 m along a corridor."""
+    left = [(0.0, y, 8.0, y + 8.0) for y in (0.0, 12.0)]
+    right = [(14.0, y, 22.0, y + 8.0) for y in (0.0, 12.0)]
+    return plan((22.0, 20.0), *left, *right, (8.0, 3.0, 14.0, 5.0), (8.0, 15.0, 14.0, 17.0), (10.0, 3.0, 12.0, 17.0))
+
+
+def patrol(
+    starts: list[Pose] = STARTS,
+    model: str = "holonomic",
+    options: Mapping[str, Any] | None = None,
+    seed: int = 1,
+    **sections: Any,
+) -> Prepared:
+    robots = {**BASE, "model": model, **({"turning_radius": 0.6} if model == "car" else {})}
+    section = {"policy": "stochastic", "options": dict(options or {})}
+    prepared = prepared_in(rooms(), starts, robots, patrol=section, **{"sensor": {"range": 4.0}, **sections})
+    return replace(prepared, scenario=prepared.scenario.model_copy(update={"seed": seed}))
+
+
+def policy_of(robots: Robots, robot: int = 0) -> Stochastic:
+    surround = robots.minds[robot].policy
+    assert isinstance(surround, Surround)
+    policy = surround.otherwise
+    assert isinstance(policy, Stochastic)
+    return policy
+
+
+def stations(robots: Robots, ticks: int) -> list[int | None]:
+    """The first robot's stations in order."""
+    visited: list[int | None] = []
+    for _ in range(ticks):
+        robots.tick()
+        plan_ = policy_of(robots).plan
+        assert plan_ is not None
+        if not visited or visited[-1] != plan_.station:
+            visited.append(plan_.station)
+    return visited
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_all_of_the_ground_is_seen_again_and_again(model: str) -> None:
+    robots = Robots(patrol(model=model))
+    fog = robots.minds[0].belief.fog
+    robots.until(lambda: fog.seen == fog.points, 600)
+    begun = robots.k
+    patrolled = fog.last_seen >= 0
+    robots.until(lambda: int(fog.last_seen[patrolled].min()) >= begun, 600)
+
+
+def test_other_draws_give_another_order_and_the_same_ones_the_same() -> None:
+    orders = [stations(Robots(patrol(seed=seed)), 300) for seed in (1, 1, 2)]
+    assert orders[0] == orders[1]
+    assert orders[0] != orders[2]
+
+
+def test_without_a_spread_the_best_plan_is_kept_to() -> None:
+    """With equal draws of moves, the draw of the station decides nothing."""
+    robots = Robots(patrol(options={"unpredictability": 0.0}))
+    fog = robots.minds[0].belief.fog
+    robots.until(lambda: fog.seen == fog.points, 600)
+
+
+def test_robots_share_the_stations_out() -> None:
+    one, two = Robots(patrol(STARTS[:1])), Robots(patrol())
+    ages = []
+    for robots in (one, two):
+        fog, stalest = robots.minds[0].belief.fog, []
+        for _ in range(800):
+            robots.tick()
+            stalest.append(fog.mfow(robots.k))
+        ages.append(np.mean(stalest[400:]))
+    assert ages[1] < 0.75 * ages[0]
+
+
+def test_where_there_is_no_tour_each_choice_is_free() -> None:
+    robots = Robots(patrol(sensor={"range": 4.0, "kind": "sector", "angle": 90.0}))
+    assert policy_of(robots).plan is None
+    fog = robots.minds[0].belief.fog
+    robots.until(lambda: fog.seen > 0.9 * fog.points, 900)
