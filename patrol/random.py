@@ -45,6 +45,7 @@ class Purpose(IntEnum):
     MOTION = 17
     CLOSURE = 18
     TIES = 19
+    INFILTRATION = 20
 
 
 def mix(*values: SupportsIndex) -> int:

@@ -10,8 +10,10 @@ from monitor.replay.robot_distances import nearness_and_approach
 from monitor.replay.run import Run
 from patrol.ground.fog import Fog
 from patrol.ground.footprint import View
-from patrol.measures.intruders import Sightings, Successes, intruder_games
+from patrol.measures.intruders import Successes, intruder_games
 from patrol.measures.learned_intruder import Advance, Learned, Trials, Watched, learned_games
+from patrol.measures.sightings import Sightings
+from patrol.prepare import sensor_footprint
 
 MOST_LEARNED = 100
 """Of the points, those on which the learned intruder plays: its networks grow with the square of their number."""
@@ -41,17 +43,15 @@ class Games:
 
 
 class _Looks:
-    """Writes down which points are in view in each tick, while a run is replayed."""
+    """Writes down what is in view in each tick, while a run is replayed."""
 
-    def __init__(self, sightings: Sightings) -> None:
+    def __init__(self, run: Run, sightings: Sightings) -> None:
+        self._run = run
         self._to = sightings
 
     def before(self, k: int, fog: Fog, views: Sequence[View]) -> None:  # noqa: ARG002 - a Watcher gets it
         """See `Watcher`."""
-        for view in views:
-            rows, cols = self._to.rows - view.row0, self._to.cols - view.col0
-            near = (rows >= 0) & (cols >= 0) & (rows < view.mask.shape[0]) & (cols < view.mask.shape[1])
-            self._to.seen[k, near] |= view.mask[rows[near], cols[near]] != 0
+        self._to.look(k, self._run.alive(k))
 
     def after(self, k: int, fog: Fog) -> None:
         """See `Watcher`."""
@@ -74,10 +74,9 @@ def games_of(
     if trials is not None:
         trials.check(run.ticks, run.step)
     graph = run.prepared.graph
-    sightings = Sightings(run.prepared, graph, run.ticks)
-    play(run, [_Looks(sightings)])
-    for k in range(run.ticks):
-        sightings.visit(k, ((number, (pose.x, pose.y)) for number, pose in run.alive(k)))
+    footprint = sensor_footprint(run.prepared.scenario, run.prepared.terrain)
+    sightings = Sightings(run.prepared, footprint, graph, run.ticks)
+    play(run, [_Looks(run, sightings)], footprint)
     points = list(zip(sightings.rows.tolist(), sightings.cols.tolist(), strict=True))
     learned_ground: list[Learned] = []
     learned_nodes: list[Learned] = []

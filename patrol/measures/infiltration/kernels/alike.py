@@ -22,10 +22,14 @@ def differences(words, now, first, last, out):
     """
     low, pairs, nibbles = np.uint64(0x5555555555555555), np.uint64(0x3333333333333333), np.uint64(0x0F0F0F0F0F0F0F0F)
     ones, one, two, four, top = (
-        np.uint64(0x0101010101010101), np.uint64(1), np.uint64(2), np.uint64(4), np.uint64(56),
+        np.uint64(0x0101010101010101),
+        np.uint64(1),
+        np.uint64(2),
+        np.uint64(4),
+        np.uint64(56),
     )
     for row in range(first, last):
-        count = 0
+        count = np.int64(0)
         for w in range(words.shape[1]):
             x = words[row, w] ^ words[now, w]
             x -= (x >> one) & low

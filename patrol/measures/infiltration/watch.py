@@ -1,0 +1,160 @@
+"""A patrol as it can be watched: which points each robot sees in each tick, and where it is.
+
+Points are those of the intruder's ground. What is in view is written as bits, so that many moments can be compared, and
+footprints that occur again are kept once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.ground.footprint import View
+from patrol.measures.infiltration.ground import IntruderGround
+
+Place = tuple[float, float]
+"""x and y, m."""
+
+WORD = 64
+"""Bits of a word."""
+
+
+@dataclass(frozen=True, eq=False)
+class Watch:
+    """All that can be seen of a run.
+
+    Attributes:
+        ground: The points.
+        step: Length of a tick, s.
+        words: uint64 (ticks, words), a bit for each point, set where some robot sees it.
+        places: float32 (ticks, robots, 2), x and y in m; infinite where a robot takes no part.
+        looks: int32 (ticks, robots), the number of each robot's footprint; 0 where it sees nothing.
+        first: int64 (footprints + 1,), place of the first of each footprint's points.
+        points: int32 (n,), the points of all footprints.
+    """
+
+    ground: IntruderGround
+    step: float
+    words: NDArray[np.uint64]
+    places: NDArray[np.float32]
+    looks: NDArray[np.int32]
+    first: NDArray[np.int64]
+    points: NDArray[np.int32]
+
+    @property
+    def ticks(self) -> int:
+        """How many there are."""
+        return len(self.words)
+
+    @property
+    def size(self) -> int:
+        """How many points there are."""
+        return len(self.ground.rows)
+
+    def seen(self, first: int, last: int) -> NDArray[np.uint8]:
+        """Return which points are seen in some ticks.
+
+        Args:
+            first: The first tick.
+            last: The tick after the last.
+
+        Returns:
+            uint8 (last - first, points), 1 where a point is seen.
+        """
+        return np.unpackbits(self.words[first:last].view(np.uint8), axis=1, count=self.size, bitorder="little")
+
+    def ticks_of(self, seconds: float) -> int:
+        """Return the whole ticks nearest to a time, at least one.
+
+        Args:
+            seconds: The time, s.
+        """
+        return max(round(seconds / self.step), 1)
+
+
+class PointNumbers:
+    """The numbers of some points of a terrain, to find those in view."""
+
+    def __init__(self, shape: tuple[int, int], rows: NDArray[np.int64], cols: NDArray[np.int64]) -> None:
+        """Number the points in their order.
+
+        Args:
+            shape: Rows and columns of the terrain.
+            rows: int64 (points,).
+            cols: int64 (points,).
+        """
+        self._shape = shape
+        self._number = np.full(shape, -1, dtype=np.int32)
+        self._number[rows, cols] = np.arange(len(rows))
+
+    def in_view(self, view: View) -> NDArray[np.int32]:
+        """Return the numbers of the points in a view.
+
+        Args:
+            view: The view.
+        """
+        box = view.box(self._shape)
+        if box is None:
+            return np.zeros(0, dtype=np.int32)
+        top, bottom, left, right = box
+        rows, cols = slice(top - view.row0, bottom + 1 - view.row0), slice(left - view.col0, right + 1 - view.col0)
+        points: NDArray[np.int32] = self._number[top : bottom + 1, left : right + 1][view.mask[rows, cols] != 0]
+        return np.asarray(points[points >= 0])
+
+
+class WatchLog:
+    """Writes down what can be seen of a run, tick by tick."""
+
+    def __init__(self, ground: IntruderGround, shape: tuple[int, int], step: float, ticks: int, robots: int) -> None:
+        """Begin with nothing seen.
+
+        Args:
+            ground: The points to write down.
+            shape: Rows and columns of the terrain.
+            step: Length of a tick, s.
+            ticks: How many there are at most.
+            robots: How many there are, with those that join later.
+        """
+        self._ground = ground
+        self._step = step
+        self._numbers = PointNumbers(shape, ground.rows, ground.cols)
+        self._words = np.zeros((ticks, -(-len(ground.rows) // WORD)), dtype=np.uint64)
+        self._places = np.full((ticks, robots, 2), np.inf, dtype=np.float32)
+        self._looks = np.zeros((ticks, robots), dtype=np.int32)
+        self._known: dict[bytes, int] = {b"": 0}
+        self._bits = np.zeros(self._words.shape[1] * WORD, dtype=np.bool_)
+        self._ticks = 0
+
+    def look(self, k: int, robots: Iterable[tuple[int, Place, View]]) -> None:
+        """Write down a tick.
+
+        Args:
+            k: The tick.
+            robots: Of each robot that takes part its place in the roster, from 0, where it is, and what it sees.
+        """
+        self._ticks = k + 1
+        self._bits[:] = False
+        for robot, place, view in robots:
+            points = self._numbers.in_view(view)
+            self._places[k, robot] = place
+            self._looks[k, robot] = self._known.setdefault(points.tobytes(), len(self._known))
+            self._bits[points] = True
+        self._words[k] = np.packbits(self._bits, bitorder="little").view(np.uint64)
+
+    def watch(self) -> Watch:
+        """Return what was written down."""
+        footprints = [np.frombuffer(points, dtype=np.int32) for points in self._known]
+        first = np.cumsum([0, *map(len, footprints)], dtype=np.int64)
+        kept = slice(self._ticks)
+        return Watch(
+            self._ground,
+            self._step,
+            self._words[kept],
+            self._places[kept],
+            self._looks[kept],
+            first,
+            np.concatenate(footprints),
+        )
