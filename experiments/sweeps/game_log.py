@@ -6,8 +6,9 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from patrol.errors import BadInput
 from patrol.journal.records import Status
-from patrol.measures.infiltration.game import Game, Infiltrator, infiltration, why_none
+from patrol.measures.infiltration.game import Infiltrator, infiltration
 from patrol.measures.infiltration.predictors import PREDICTORS
 from patrol.measures.intruders import ATTACKS_S, intruder_games
 from patrol.measures.sightings import Sightings
@@ -49,8 +50,6 @@ class GameLog:
     """Writes down which places are seen while a run is made, and plays intruder games on it afterwards."""
 
     def __init__(self) -> None:
-        """Begin with nothing seen."""
-        self._infiltrator = Infiltrator()
         self._sightings: Sightings | None = None
         self._ticks = 0
         self._step = math.nan
@@ -69,7 +68,7 @@ class GameLog:
         if footprint.leaves_age:
             return lambda _: None
         graph = None if world.scenario.terrain.graph is None else world.prepared.graph  # as `nodes` in the summary
-        sightings = Sightings(world.prepared, footprint, graph, world.ticks, self._infiltrator)
+        sightings = Sightings(world.prepared, footprint, graph, world.ticks, Infiltrator())
         self._sightings = sightings
         self._step = world.scenario.step
 
@@ -96,9 +95,10 @@ class GameLog:
             for intruder in INTRUDERS
             for share in [getattr(successes, intruder)]
         }
-        watch = self._sightings.watch()
-        if watch is None or why_none(watch, self._infiltrator):
+        try:
+            game = self._sightings.game()
+        except BadInput:
             return shares
-        played = infiltration(Game(watch, self._infiltrator))
+        played = infiltration(game)
         moving = {name: played.once[name].percent for name in PREDICTORS} | {GAIN: played.gain.watching.percent}
         return shares | {moving_metric(name): percent for name, percent in moving.items()}

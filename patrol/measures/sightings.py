@@ -11,9 +11,9 @@ from patrol.errors import BadInput, did_you_mean
 from patrol.ground.footprint import Footprint
 from patrol.ground.shapes import cover
 from patrol.ground.zones import points_of
-from patrol.measures.infiltration.game import Infiltrator
+from patrol.measures.infiltration.game import Game, Infiltrator
 from patrol.measures.infiltration.ground import IntruderGround, ground_of
-from patrol.measures.infiltration.watch import PointNumbers, Watch, WatchLog
+from patrol.measures.infiltration.watch import PointNumbers, WatchLog
 from patrol.pose import Pose
 from patrol.radio.message import as_received
 from patrol.scenario.sections import VERTICES
@@ -35,7 +35,6 @@ class Sightings:
         cols: Columns of the points.
         seen: bool (ticks, points).
         visited: bool (ticks, vertices).
-        why_none: Why nothing is written down for the moving intruder; empty where it is.
     """
 
     def __init__(
@@ -53,17 +52,18 @@ class Sightings:
             footprint: Its sensor, on the ground as it is in each tick.
             graph: The graph on whose vertices to play, if any.
             ticks: How many there are.
-            infiltrator: The moving intruder; None without it.
+            infiltrator: The moving intruder for which to write down more; None without it.
 
         Raises:
-            BadInput: It has a target, or entries, that are not on this ground.
+            BadInput: The scenario has no zone of the name that this intruder's has.
         """
         patrolled, scenario = prepared.patrolled, prepared.scenario
         every = np.flatnonzero(patrolled)
         self.rows, self.cols = np.divmod(every[:: -(-len(every) // MOST_POINTS)], patrolled.shape[1])
         self.seen = np.zeros((ticks, len(self.rows)), dtype=np.bool_)
         self.visited = np.zeros((ticks, 0 if graph is None else graph.size), dtype=np.bool_)
-        self.why_none = "it was not asked for" if infiltrator is None else objection(prepared, footprint)
+        self._infiltrator = infiltrator
+        self._objection = _objection(prepared, footprint)
         self._footprint = footprint
         self._numbers = PointNumbers(prepared.terrain.shape, self.rows, self.cols)
         self._graph = graph
@@ -72,8 +72,8 @@ class Sightings:
             self._reach = {spec.number: graph.visit_reach(spec.speed, scenario.step) for spec in scenario.roster}
         self._before: dict[int, tuple[float, float]] = {}
         self._log = None
-        if infiltrator is not None and not self.why_none:
-            ground = infiltrator_ground(prepared, infiltrator)
+        if infiltrator is not None and not self._objection:
+            ground = _ground(prepared, infiltrator)
             self._log = WatchLog(ground, prepared.terrain.shape, scenario.step, ticks, len(scenario.roster))
 
     def look(self, k: int, robots: Iterable[tuple[int, Pose]]) -> None:
@@ -95,44 +95,37 @@ class Sightings:
                 self.visited[k, near] = True
             self._before = here
 
-    def watch(self) -> Watch | None:
-        """Return what was written down for the moving intruder; None where `why_none` says why not."""
-        return None if self._log is None else self._log.watch()
+    def game(self) -> Game:
+        """Return the moving intruder's game on what was written down.
+
+        Raises:
+            BadInput: It cannot be played on this run; one line says why.
+        """
+        if self._log is None or self._infiltrator is None:
+            raise BadInput(f"a moving intruder cannot be played: {self._objection or 'it was not asked for'}")
+        return Game(self._log.watch(), self._infiltrator)
 
 
-def objection(prepared: Prepared, footprint: Footprint) -> str:
-    """Return why a moving intruder cannot be played on a scenario, with a remedy; empty where it can.
-
-    Args:
-        prepared: The scenario.
-        footprint: Its sensor.
-    """
+def _objection(prepared: Prepared, footprint: Footprint) -> str:
+    """Return why a moving intruder cannot be played on any run of a scenario; empty where it can."""
     if footprint.leaves_age:
         return (
-            "a look of its sensor leaves some of a point's age, so it is open whether an intruder in view is seen; use "
-            "a sensor of quality 1"
+            "a look of this sensor leaves some of a point's age, so it is open whether an intruder in view is seen; "
+            "use a sensor of quality 1"
         )
     if prepared.scenario.terrain.patrolled == VERTICES:
-        return "only the vertices of a graph are patrolled, so there is no ground to cross; patrol the ground"
+        return "only the vertices of a graph are patrolled, and no ground to cross; patrol the ground"
     return ""
 
 
-def infiltrator_ground(prepared: Prepared, infiltrator: Infiltrator) -> IntruderGround:
-    """Return the ground of a moving intruder.
-
-    Args:
-        prepared: The run's scenario.
-        infiltrator: The intruder.
-
-    Raises:
-        BadInput: It has a target, or entries, that are not on this ground.
-    """
+def _ground(prepared: Prepared, infiltrator: Infiltrator) -> IntruderGround:
+    """Return the ground of a moving intruder. Raises BadInput where the scenario has no such zone."""
     terrain, zones = prepared.terrain, {zone.name: zone for zone in prepared.scenario.zones}
     wants = None
     if infiltrator.zone is not None:
         if infiltrator.zone not in zones:
-            remedy = did_you_mean(infiltrator.zone, list(zones)) if zones else "the scenario has no zones"
-            raise BadInput(f"target = {infiltrator.zone}: no such zone; {remedy}")
+            remedy = did_you_mean(infiltrator.zone, list(zones)) if zones else "this scenario has none"
+            raise BadInput(f"zone {infiltrator.zone}: there is no such zone; {remedy}")
         wants = points_of(zones[infiltrator.zone], terrain)
     return ground_of(prepared.patrolled, terrain.point, _enters(prepared, infiltrator), wants)
 

@@ -24,6 +24,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from patrol.errors import BadInput
 from patrol.ground.shapes import Polygon
 from patrol.measures.infiltration.planner import DONE, OUTSIDE, Planner, Way
 from patrol.measures.infiltration.predictors import BEGIN_S, PAST_S, PREDICTORS, WATCHING, Past, Predictor
@@ -37,6 +38,15 @@ AGAIN_S = 1.0
 """Time after which an intruder plans again, s."""
 
 BLIND = "blind"
+
+LIMITS = {
+    "speed": (0.1, 20.0),
+    "stay_s": (0.0, 600.0),
+    "within_s": (1.0, 600.0),
+    "depth_m": (0.0, 1e6),
+    "attempts": (1, 100_000),
+}
+"""Least and greatest value of settings of `Infiltrator`, so that a game ends and fits into memory."""
 
 Flags = NDArray[np.bool_]
 
@@ -65,6 +75,19 @@ class Infiltrator:
     seed: int = 1
     entries: Literal["edge", "doors"] | Polygon = "edge"
     zone: str | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what no intruder can do.
+
+        Raises:
+            BadInput: A number is out of its limits, or the stay does not fit into the time.
+        """
+        for name, (least, most) in LIMITS.items():
+            value = getattr(self, name)
+            if not least <= value <= most:
+                raise BadInput(f"{name} = {value:g}: expected a number from {least:g} to {most:g}")
+        if self.stay_s >= self.within_s:
+            raise BadInput(f"stay_s = {self.stay_s:g}: does not fit into {self.within_s:g} s; choose a shorter stay")
 
     @property
     def least_s(self) -> float:
@@ -166,13 +189,28 @@ class Game:
         """Draw the attempts.
 
         Args:
-            watch: The run, which `why_none` has no objection to.
+            watch: The run.
             infiltrator: The intruder.
+
+        Raises:
+            BadInput: The run is too short, or there is no entry or no target.
         """
+        seconds, depths_m = watch.ticks * watch.step, watch.ground.depths_m
+        if seconds < infiltrator.least_s:
+            needs = f"which watches and then plans over {infiltrator.within_s:g} s, needs {infiltrator.least_s:g} s"
+            raise BadInput(f"the run has {seconds:g} s, and a moving intruder, {needs}; make a longer run")
+        if not watch.ground.entries.any():
+            raise BadInput("a moving intruder finds no entry on the patrolled ground; choose other entries")
         self.watch = watch
         self.infiltrator = infiltrator
-        self.depth_m = least_depth_m(watch, infiltrator)
-        self.targets = targets_of(watch, infiltrator)
+        self.depth_m = min(infiltrator.depth_m, 0.5 * float(depths_m[np.isfinite(depths_m)].max()))
+        wanted = depths_m >= self.depth_m if watch.ground.wanted is None else watch.ground.wanted
+        self.targets = np.flatnonzero(wanted & np.isfinite(depths_m) & watch.ever_seen())
+        if not self.targets.size:
+            raise BadInput(
+                "a moving intruder finds no target that it can reach from an entry and that is seen now and then; "
+                "choose another zone or other entries"
+            )
         self.planner = Planner(watch.ground, watch.step, infiltrator.speed, infiltrator.stay_s)
         self._within = watch.ticks_of(infiltrator.within_s)
         past = Past(watch, self._within)
@@ -239,53 +277,6 @@ class Game:
             return False
         word, bit = divmod(point, 64)
         return bool(int(self.watch.words[tick, word]) >> bit & 1)
-
-
-def why_none(watch: Watch, infiltrator: Infiltrator) -> str:
-    """Return why the game cannot be played on a run, with a remedy; empty where it can.
-
-    Args:
-        watch: The run.
-        infiltrator: The intruder.
-    """
-    seconds = watch.ticks * watch.step
-    if seconds < infiltrator.least_s:
-        return (
-            f"the run has {seconds:g} s, and an intruder that watches and then plans over {infiltrator.within_s:g} s "
-            f"needs {infiltrator.least_s:g} s; make a longer run or give it less time"
-        )
-    if not watch.ground.entries.any():
-        return "no point of the patrolled ground is an entry; choose other entries"
-    if not targets_of(watch, infiltrator).size:
-        return "no target can be reached from an entry and is seen now and then; choose other targets or entries"
-    return ""
-
-
-def least_depth_m(watch: Watch, infiltrator: Infiltrator) -> float:
-    """Return the least length of the way from an entry to a target, m.
-
-    Args:
-        watch: The run.
-        infiltrator: The intruder.
-    """
-    depths_m = watch.ground.depths_m
-    return min(infiltrator.depth_m, 0.5 * float(depths_m[np.isfinite(depths_m)].max(initial=0.0)))
-
-
-def targets_of(watch: Watch, infiltrator: Infiltrator) -> NDArray[np.int64]:
-    """Return the points that are targets: those that the intruder gets to and that are ever seen, int64 (targets,).
-
-    Args:
-        watch: The run.
-        infiltrator: The intruder.
-    """
-    seen = np.bitwise_or.reduce(watch.words, axis=0).view(np.uint8)
-    targets = np.unpackbits(seen, count=watch.size, bitorder="little").view(np.bool_)
-    depths_m = watch.ground.depths_m
-    targets &= np.isfinite(depths_m)
-    wanted = watch.ground.wanted
-    targets &= depths_m >= least_depth_m(watch, infiltrator) if wanted is None else wanted
-    return np.flatnonzero(targets)
 
 
 def infiltration(

@@ -112,12 +112,23 @@ def _points(free: BoolGrid, side: int) -> tuple[NDArray[np.int32], Points, Point
 
 
 def _clear(free: BoolGrid, rows: Points, cols: Points, to_rows: Points, to_cols: Points) -> Flags:
-    """Return where the straight line between two points is open."""
-    steps = 2 * int(max(np.abs(to_rows - rows).max(initial=0), np.abs(to_cols - cols).max(initial=0), 1))
+    """Return where the straight line between two points is open.
+
+    Where it runs between two points of the terrain, one of them must be: it may pass the corner of a wall, but not
+    between two corners that touch.
+    """
+    down, right = to_rows - rows, to_cols - cols
+    steps = 2 * int(max(np.abs(down).max(initial=0), np.abs(right).max(initial=0), 1))
     clear = np.ones(len(rows), dtype=np.bool_)
     for share in np.arange(steps + 1) / steps:
-        on = np.rint(rows + share * (to_rows - rows)).astype(int), np.rint(cols + share * (to_cols - cols)).astype(int)
-        clear &= free[on]
+        sides = (
+            free[
+                np.rint(rows + share * down + aside * right).astype(int),
+                np.rint(cols + share * right - aside * down).astype(int),
+            ]
+            for aside in (-1e-6, 1e-6)
+        )
+        clear &= np.logical_or(*sides)
     return clear
 
 

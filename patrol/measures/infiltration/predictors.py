@@ -46,8 +46,8 @@ BEGIN_S = 100.0
 ROBOTS_S = 60.0
 """For how long a robot is followed from a moment of its past, s."""
 
-PAST_S = 100.0
-"""Time from which moments are taken at least, s."""
+PAST_S = 80.0
+"""Time from which moments are taken at least, s: enough for all of them with one robot."""
 
 RATE_EVERY_S = 300.0
 """Time after which the base rate is computed anew, s."""

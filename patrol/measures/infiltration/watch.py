@@ -66,6 +66,11 @@ class Watch:
         """
         return np.unpackbits(self.words[first:last].view(np.uint8), axis=1, count=self.size, bitorder="little")
 
+    def ever_seen(self) -> NDArray[np.bool_]:
+        """Return which points are seen in some tick, bool (points,)."""
+        words = np.bitwise_or.reduce(self.words, axis=0)
+        return np.unpackbits(words.view(np.uint8), count=self.size, bitorder="little").view(np.bool_)
+
     def ticks_of(self, seconds: float) -> int:
         """Return the whole ticks nearest to a time, at least one.
 
