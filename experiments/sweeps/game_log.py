@@ -33,15 +33,15 @@ def game_metric(intruder: str, attack_s: float, on: str = "ground") -> str:
     return f"{'nodes_' if on == 'nodes' else ''}intruder_{intruder}_{attack_s:g}s_percent"
 
 
-GAIN = "gain"
-"""In place of a predictor: what watching gains."""
+GAINED = "intruder_moving_gain_points"
+"""Name of the metric of what watching gains, in percentage points."""
 
 
 def moving_metric(predictor: str) -> str:
-    """Return the name of the metric of the moving intruder, such as ``intruder_moving_similar_percent``.
+    """Return the name of the metric of the moving intruder's successes, such as ``intruder_moving_similar_percent``.
 
     Args:
-        predictor: One of `patrol.measures.infiltration.predictors.PREDICTORS`, or `GAIN`.
+        predictor: One of `patrol.measures.infiltration.predictors.PREDICTORS`.
     """
     return f"intruder_moving_{predictor}_percent"
 
@@ -80,7 +80,7 @@ class GameLog:
         return on_tick
 
     def metrics(self) -> dict[str, float | None]:
-        """Return the shares of attacks that succeed, in percent, by the names of `game_metric` and `moving_metric`.
+        """Return the shares of attacks that succeed, in percent, by the names of `game_metric` and `moving_metric`, and `GAINED`.
 
         The moving intruder has none in runs that are too short for it, and where only vertices are patrolled.
         """
@@ -100,5 +100,5 @@ class GameLog:
         except BadInput:
             return shares
         played = infiltration(game)
-        moving = {name: played.once[name].percent for name in PREDICTORS} | {GAIN: played.gain.watching.percent}
-        return shares | {moving_metric(name): percent for name, percent in moving.items()}
+        moving = {moving_metric(name): played.once[name].percent for name in PREDICTORS}
+        return {**shares, **moving, GAINED: played.gain.watching.percent}
