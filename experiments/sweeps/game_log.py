@@ -80,7 +80,7 @@ class GameLog:
         return on_tick
 
     def metrics(self) -> dict[str, float | None]:
-        """Return the shares of attacks that succeed, in percent, by the names of `game_metric` and `moving_metric`, and `GAINED`.
+        """Return the shares of attacks that succeed, by the names of `game_metric`, `moving_metric` and `GAINED`.
 
         The moving intruder has none in runs that are too short for it, and where only vertices are patrolled.
         """
