@@ -13,20 +13,11 @@ from monitor.report.map_charts import PANEL_WIDTH, ground_panels
 from monitor.report.style import ALERT, INK, colour
 from patrol.journal.records import Status
 from patrol.measures.infiltration.game import Attempt, Game, Infiltration, Percent, infiltration
-from patrol.measures.infiltration.predictors import WATCHING
+from patrol.measures.infiltration.predictors import KNOWLEDGE, WATCHING
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-KNOWLEDGE = {
-    "future": "knows what will be seen: it has the scenario and the seed or key",
-    "similar": "watches, and expects what followed the most similar moments",
-    "each": "watches, and expects of each robot what robots did next at its place",
-    "picture": "knows what is seen now",
-    "blind": "knows nothing, and takes the shortest way",
-}
-"""The predictors in words."""
 
 
 class MovingIntruder:

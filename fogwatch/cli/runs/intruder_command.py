@@ -37,14 +37,6 @@ HORIZONS = "300"
 TRIALS = 50
 MOVING = Infiltrator()
 PANEL = "Moving intruder"
-SEEN = {
-    "future": "knows what will be seen (has the seed or key)",
-    "similar": "watches: the most similar moments of the past",
-    "each": "watches: what robots did next at each one's place",
-    "picture": "knows what is seen now",
-    "blind": "knows nothing, takes the shortest way",
-}
-"""The predictors of the moving intruder, in words."""
 
 
 def intruder(
@@ -225,15 +217,17 @@ def _print_moving(outcome: Infiltration, infiltrator: Infiltrator) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from patrol.measures.infiltration.predictors import KNOWLEDGE
+
     title = f"a moving intruder gets in, {outcome.attempts} attempts (%, 95 % interval)"
     table = Table(title=title, title_justify="left")
-    table.add_column("its knowledge")
+    table.add_column("an intruder that")
     plans = [("plans once", outcome.once, outcome.gain)]
     if outcome.again_gain is not None:
         plans.append(("again every second", outcome.again, outcome.again_gain))
     for heading, _, _ in plans:
         table.add_column(heading, justify="right")
-    for name, words in SEEN.items():
+    for name, words in KNOWLEDGE.items():
         table.add_row(words, *(_percent(shares.get(name)) for _, shares, _ in plans), end_section=name == "blind")
     table.add_row("gain of watching, percentage points", *(_percent(gain.watching) for _, _, gain in plans))
     Console(highlight=False).print(table)

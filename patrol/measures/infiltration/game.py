@@ -40,7 +40,7 @@ AGAIN_S = 1.0
 BLIND = "blind"
 
 LIMITS = {
-    "speed": (0.1, 20.0),
+    "speed": (0.1, 10.0),
     "stay_s": (0.0, 600.0),
     "within_s": (1.0, 600.0),
     "depth_m": (0.0, 1e6),

@@ -24,8 +24,17 @@ HASTE = 1e-4
 LEVELS = 1 << 16
 """Chances that are told apart."""
 
+MOST_PARTS = 4
+"""Instants of a tick at most, so far as they are for a speed that is nearer to the one asked for."""
+
 LONGEST = 1.5
-"""Points that the intruder passes in an instant at most."""
+"""Points that the intruder could pass in an instant at most."""
+
+OFF = 0.1
+"""Share by which a move's speed may be off, if that saves instants."""
+
+ROUNDING = 1e-6
+"""Rounding error of a number of instants."""
 
 Way = NDArray[np.int32]
 """int32 (ticks,), the point at each tick's end, or `OUTSIDE` or `DONE`."""
@@ -35,7 +44,7 @@ class Planner:
     """Plans ways over a ground. It keeps its working memory, so it is not for several threads.
 
     Attributes:
-        straight_m_s: Speed of a straight move, which takes whole instants, m/s.
+        straight_m_s: Speed of a straight move, which takes whole instants, so that it may differ a little, m/s.
     """
 
     def __init__(self, ground: IntruderGround, step: float, speed: float, stay_s: float) -> None:
@@ -44,16 +53,12 @@ class Planner:
         Args:
             ground: Where the intruder moves.
             step: Length of a tick, s.
-            speed: Its greatest speed, m/s.
+            speed: Its speed, m/s.
             stay_s: How long it must stay at its goal, s.
         """
         self._ground = ground
-        self._parts = max(math.ceil(speed * step / ground.point_m / LONGEST - 1e-6), 1)
-        passed_m = speed * step / self._parts
-        self._straight, self._diagonal = (
-            max(math.ceil(length * ground.point_m / passed_m - 1e-6), 1) for length in (1.0, math.sqrt(2.0))
-        )
-        self.straight_m_s = ground.point_m / (self._straight * step / self._parts)
+        self._parts, self._straight, self._diagonal = _instants(ground.point_m / (speed * step))
+        self.straight_m_s = ground.point_m * self._parts / (self._straight * step)
         self.stay = max(round(stay_s / step), 1)
         count = math.prod(ground.shape)
         self._bars = np.full((8, count), np.inf, dtype=np.float32)
@@ -99,6 +104,21 @@ class Planner:
             way,
         )
         return np.where(way >= 0, self._point[way], way) if math.isfinite(cost) else None
+
+
+def _instants(ticks: float) -> tuple[int, int, int]:
+    """Return the instants of a tick, of a straight move and of a diagonal one.
+
+    Args:
+        ticks: Of a straight move.
+    """
+    least = max(math.ceil(1.0 / (ticks * LONGEST) - ROUNDING), 1)
+    choices = []
+    for parts in range(least, max(least, MOST_PARTS) + 1):
+        straight, diagonal = (max(math.ceil(length * ticks * parts - OFF), 1) for length in (1.0, math.sqrt(2.0)))
+        off = abs(straight / (ticks * parts) - 1.0)
+        choices.append((max(off, OFF), parts, straight, diagonal))
+    return min(choices)[1:]
 
 
 @cache

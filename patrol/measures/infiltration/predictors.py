@@ -256,5 +256,14 @@ PREDICTORS: Mapping[str, Callable[[Past], Predictor]] = {
 }
 """The predictors by the names of results."""
 
+KNOWLEDGE = {
+    "future": "knows what will be seen: it has the seed or key",
+    "similar": "watches: expects what followed similar moments",
+    "each": "watches: expects each robot's usual next turns",
+    "picture": "knows what is seen now",
+    "blind": "knows nothing, and takes the shortest way",
+}
+"""What an intruder with each predictor knows, in words."""
+
 WATCHING = ("similar", "each")
 """Those that only watch: nothing else is needed to play them against a real patrol."""
