@@ -8,14 +8,12 @@ from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
 from patrol.journal.records import Status
-from patrol.measures.infiltration.game import Infiltrator, infiltration
-from patrol.measures.infiltration.predictors import PREDICTORS
 from patrol.measures.intruders import ATTACKS_S, intruder_games
-from patrol.measures.sightings import Sightings
 from patrol.pose import Pose
 
 if TYPE_CHECKING:
     from patrol.journal import TickRecord
+    from patrol.measures.sightings import Sightings
     from worldsim.world import World
 
 INTRUDERS = ("random", "waiting", "statistical", "worst")
@@ -41,7 +39,7 @@ def moving_metric(predictor: str) -> str:
     """Return the name of the metric of the moving intruder's successes, such as ``intruder_moving_similar_percent``.
 
     Args:
-        predictor: One of `patrol.measures.infiltration.predictors.PREDICTORS`.
+        predictor: One of `patrol.measures.infiltration.infiltrator.KNOWLEDGE`.
     """
     return f"intruder_moving_{predictor}_percent"
 
@@ -64,6 +62,9 @@ class GameLog:
             Takes each tick's record. It does nothing with a sensor that leaves some of a point's age: it is open then
             what such a sensor has seen.
         """
+        from patrol.measures.infiltration.infiltrator import Infiltrator
+        from patrol.measures.sightings import Sightings  # here: it loads kernels, and pages need names of metrics only
+
         footprint = world.truth.footprint
         if footprint.leaves_age:
             return lambda _: None
@@ -84,6 +85,8 @@ class GameLog:
 
         The moving intruder has none in runs that are too short for it, and where only vertices are patrolled.
         """
+        from patrol.measures.infiltration.game import infiltration  # here, likewise
+
         if self._sightings is None:
             return {}
         places = {"ground": self._sightings.seen, "nodes": self._sightings.visited}
@@ -100,5 +103,5 @@ class GameLog:
         except BadInput:
             return shares
         played = infiltration(game)
-        moving = {moving_metric(name): played.once[name].percent for name in PREDICTORS}
+        moving = {moving_metric(name): share.percent for name, share in played.once.items()}
         return {**shares, **moving, GAINED: played.gain.watching.percent}

@@ -190,7 +190,8 @@ class Run:
             BadInput: There is no such setting, or the game cannot be played on this run.
         """
         from monitor.replay.intruder_games import moving_game
-        from patrol.measures.infiltration.game import Infiltrator, infiltration
+        from patrol.measures.infiltration.game import infiltration
+        from patrol.measures.infiltration.infiltrator import Infiltrator
 
         known = [each.name for each in fields(Infiltrator)]
         for name in settings:

@@ -12,7 +12,8 @@ from patrol.errors import BadInput
 from patrol.graph.graph import Graph
 from patrol.ground.fog import Fog
 from patrol.ground.footprint import Footprint, View
-from patrol.measures.infiltration.game import Game, Infiltration, Infiltrator, infiltration
+from patrol.measures.infiltration.game import Game, Infiltration, infiltration
+from patrol.measures.infiltration.infiltrator import Infiltrator
 from patrol.measures.intruders import Successes, intruder_games
 from patrol.measures.learned_intruder import Advance, Learned, Trials, Watched, learned_games
 from patrol.measures.sightings import Sightings

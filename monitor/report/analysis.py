@@ -18,7 +18,7 @@ from monitor.replay.visits import VisitCounter, Visits
 from monitor.report.moving_intruder import MovingIntruder
 from patrol.errors import BadInput, quoted
 from patrol.measures.best_tour import NO_BOUND, best_tour
-from patrol.measures.infiltration.game import Infiltrator
+from patrol.measures.infiltration.infiltrator import Infiltrator
 from patrol.prepare import sensor_footprint
 from patrol.summary.metric import Metric, metrics_of
 from patrol.summary.model import RobotFigures, Summary, ground_text, unsettled

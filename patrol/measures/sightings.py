@@ -11,8 +11,9 @@ from patrol.errors import BadInput, did_you_mean
 from patrol.ground.footprint import Footprint
 from patrol.ground.shapes import cover
 from patrol.ground.zones import points_of
-from patrol.measures.infiltration.game import Game, Infiltrator
+from patrol.measures.infiltration.game import Game
 from patrol.measures.infiltration.ground import IntruderGround, ground_of
+from patrol.measures.infiltration.infiltrator import Infiltrator
 from patrol.measures.infiltration.watch import PointNumbers, WatchLog
 from patrol.pose import Pose
 from patrol.radio.message import as_received

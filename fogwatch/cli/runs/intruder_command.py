@@ -12,7 +12,7 @@ import typer
 
 from fogwatch.cli.runs.open_run import RUN, open_folder, print_state
 from patrol.errors import BadInput
-from patrol.measures.infiltration.game import Infiltrator
+from patrol.measures.infiltration.infiltrator import KNOWLEDGE, Infiltrator
 from patrol.measures.intruders import ATTACKS_S
 from patrol.printable import printable
 
@@ -216,8 +216,6 @@ def _print(where: str, shares: Sequence[Successes], learned: Sequence[Learned]) 
 def _print_moving(outcome: Infiltration, infiltrator: Infiltrator) -> None:
     from rich.console import Console
     from rich.table import Table
-
-    from patrol.measures.infiltration.predictors import KNOWLEDGE
 
     title = f"a moving intruder gets in, {outcome.attempts} attempts (%, 95 % interval)"
     table = Table(title=title, title_justify="left")

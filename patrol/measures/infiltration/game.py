@@ -19,15 +19,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from patrol.errors import BadInput
-from patrol.ground.shapes import Polygon
+from patrol.measures.infiltration.infiltrator import Infiltrator
 from patrol.measures.infiltration.planner import DONE, OUTSIDE, Planner, Way
-from patrol.measures.infiltration.predictors import BEGIN_S, PAST_S, PREDICTORS, WATCHING, Past, Predictor
+from patrol.measures.infiltration.predictors import PREDICTORS, WATCHING, Past, Predictor
 from patrol.measures.infiltration.watch import Watch
 from patrol.random import Purpose, draw
 
@@ -39,60 +38,7 @@ AGAIN_S = 1.0
 
 BLIND = "blind"
 
-LIMITS = {
-    "speed": (0.1, 10.0),
-    "stay_s": (0.0, 600.0),
-    "within_s": (1.0, 600.0),
-    "depth_m": (0.0, 1e6),
-    "attempts": (1, 100_000),
-}
-"""Least and greatest value of settings of `Infiltrator`, so that a game ends and fits into memory."""
-
 Flags = NDArray[np.bool_]
-
-
-@dataclass(frozen=True, slots=True)
-class Infiltrator:
-    """The moving intruder.
-
-    Attributes:
-        speed: Its greatest speed, m/s.
-        stay_s: How long it must stay at its target, s.
-        within_s: From the moment at which it plans first, the time until its stay must be over, s.
-        depth_m: Least length of the way from an entry to a target, m; at most half the greatest there is.
-        attempts: How many there are.
-        seed: Of their moments and targets.
-        entries: Where it may enter: at the edge of the ground (the terrain's, or where walls surround it the outermost
-            points of rows and columns), at doors between rooms, or in a polygon, m.
-        zone: Name of the zone in which its targets are, however deep; None for all ground.
-    """
-
-    speed: float = 2.0
-    stay_s: float = 10.0
-    within_s: float = 120.0
-    depth_m: float = 20.0
-    attempts: int = 150
-    seed: int = 1
-    entries: Literal["edge", "doors"] | Polygon = "edge"
-    zone: str | None = None
-
-    def __post_init__(self) -> None:
-        """Refuse what no intruder can do.
-
-        Raises:
-            BadInput: A number is out of its limits, or the stay does not fit into the time.
-        """
-        for name, (least, most) in LIMITS.items():
-            value = getattr(self, name)
-            if not least <= value <= most:
-                raise BadInput(f"{name} = {value:g}: expected a number from {least:g} to {most:g}")
-        if self.stay_s >= self.within_s:
-            raise BadInput(f"stay_s = {self.stay_s:g}: does not fit into {self.within_s:g} s; choose a shorter stay")
-
-    @property
-    def least_s(self) -> float:
-        """The shortest run that it can be played on, s."""
-        return 2.0 * (BEGIN_S + PAST_S + self.within_s)
 
 
 @dataclass(frozen=True, slots=True)

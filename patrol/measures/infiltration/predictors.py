@@ -24,6 +24,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from patrol.measures.infiltration.infiltrator import BEGIN_S
 from patrol.measures.infiltration.kernels.alike import differences
 from patrol.measures.infiltration.kernels.footprints import seen_by_none
 from patrol.measures.infiltration.watch import Watch
@@ -40,14 +41,8 @@ LAG_S = 3.0
 APART_S = 5.0
 """Time between two moments that are taken at least, s."""
 
-BEGIN_S = 100.0
-"""The beginning of a run, which is like no later moment, s."""
-
 ROBOTS_S = 60.0
 """For how long a robot is followed from a moment of its past, s."""
-
-PAST_S = 80.0
-"""Time from which moments are taken at least, s: enough for all of them with one robot."""
 
 RATE_EVERY_S = 300.0
 """Time after which the base rate is computed anew, s."""
@@ -255,15 +250,6 @@ PREDICTORS: Mapping[str, Callable[[Past], Predictor]] = {
     "blind": Blind,
 }
 """The predictors by the names of results."""
-
-KNOWLEDGE = {
-    "future": "knows what will be seen: it has the seed or key",
-    "similar": "watches: expects what followed similar moments",
-    "each": "watches: expects each robot's usual next turns",
-    "picture": "knows what is seen now",
-    "blind": "knows nothing, and takes the shortest way",
-}
-"""What an intruder with each predictor knows, in words."""
 
 WATCHING = ("similar", "each")
 """Those that only watch: nothing else is needed to play them against a real patrol."""

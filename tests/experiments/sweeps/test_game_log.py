@@ -11,7 +11,7 @@ from experiments.sweeps.game_log import GAINED, INTRUDERS, game_metric, moving_m
 from experiments.sweeps.worker import run_scenario
 from monitor.replay.intruder_games import Moving, games_of
 from monitor.replay.run import open_run
-from patrol.measures.infiltration.game import Infiltrator
+from patrol.measures.infiltration.infiltrator import Infiltrator
 from patrol.measures.intruders import ATTACKS_S
 from patrol.scenario import load_scenario
 
@@ -38,8 +38,8 @@ def test_the_shares_are_those_of_the_journal(tmp_path: Path) -> None:
                 found = metrics[game_metric(intruder, share.attack_s, on)]
                 assert found == (None if expected is None else pytest.approx(100.0 * expected))
     assert games.moving is not None
-    for predictor, share in games.moving.once.items():
-        assert metrics[moving_metric(predictor)] == pytest.approx(share.percent)
+    for predictor, success in games.moving.once.items():
+        assert metrics[moving_metric(predictor)] == pytest.approx(success.percent)
     assert metrics[GAINED] == pytest.approx(games.moving.gain.watching.percent)
     assert 0.0 < (metrics["intruder_random_25s_percent"] or 0.0) < 100.0
     assert 0.0 < (metrics["nodes_intruder_random_25s_percent"] or 0.0) < 100.0

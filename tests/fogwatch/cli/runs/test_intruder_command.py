@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from monitor.replay.replay import Replay
 from monitor.replay.run import open_run
 from monitor.report.moving_intruder import MovingIntruder
 from patrol.errors import BadInput
-from patrol.measures.infiltration.game import Infiltrator
+from patrol.measures.infiltration.infiltrator import Infiltrator
 
 SCENARIO = {
     "name": "watched",
@@ -113,7 +114,7 @@ def test_the_moving_intruder_gets_a_table_of_its_own(
     assert all(0.0 <= share["low"] <= share["percent"] <= share["high"] <= 100.0 for share in shares)
     better = max(moving["once"][name]["percent"] for name in ("similar", "each"))
     assert moving["gain"]["watching"]["percent"] == pytest.approx(better - moving["once"]["blind"]["percent"])
-    settings = {"within_s": 20.0, "stay_s": 5.0, "speed": 4.0, "attempts": 20, "zone": "vault"}
+    settings: dict[str, Any] = {"within_s": 20.0, "stay_s": 5.0, "speed": 4.0, "attempts": 20, "zone": "vault"}
     played = fogwatch.load(watched).infiltration(**settings, entries=[(0, 0), (99, 0), (99, 9)])
     assert asdict(played)["once"] == moving["once"]
     with pytest.raises(BadInput, match="depth: the moving intruder has no such setting; did you mean depth_m"):

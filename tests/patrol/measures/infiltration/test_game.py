@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from patrol.errors import BadInput
-from patrol.measures.infiltration.game import Game, Infiltrator, gain_of, infiltration, share_of
+from patrol.measures.infiltration.game import Game, gain_of, infiltration, share_of
+from patrol.measures.infiltration.infiltrator import Infiltrator
 from tests.patrol.measures.infiltration.made_up import ring, watched
 
 INTRUDER = Infiltrator(within_s=60.0, attempts=30)
