@@ -66,7 +66,7 @@ class Sightings:
         self._infiltrator = infiltrator
         self._objection = _objection(prepared, footprint)
         self._footprint = footprint
-        self._numbers = PointNumbers(prepared.terrain.shape, self.rows, self.cols)
+        self._numbers = PointNumbers(prepared.terrain.height, self.rows, self.cols)
         self._graph = graph
         self._reach: dict[int, float] = {}
         if graph is not None:
@@ -75,7 +75,7 @@ class Sightings:
         self._log = None
         if infiltrator is not None and not self._objection:
             ground = _ground(prepared, infiltrator)
-            self._log = WatchLog(ground, prepared.terrain.shape, scenario.step, ticks, len(scenario.roster))
+            self._log = WatchLog(ground, prepared.terrain.height, scenario.step, ticks, len(scenario.roster))
 
     def look(self, k: int, robots: Iterable[tuple[int, Pose]]) -> None:
         """Write down the next tick.

@@ -31,7 +31,7 @@ LONGEST = 1.5
 """Points that the intruder could pass in an instant at most."""
 
 OFF = 0.1
-"""Share by which a move's speed may be off, if that saves instants."""
+"""Share by which a move may be too fast, and its speed be off where that saves instants."""
 
 ROUNDING = 1e-6
 """Rounding error of a number of instants."""
@@ -115,7 +115,9 @@ def _instants(ticks: float) -> tuple[int, int, int]:
     least = max(math.ceil(1.0 / (ticks * LONGEST) - ROUNDING), 1)
     choices = []
     for parts in range(least, max(least, MOST_PARTS) + 1):
-        straight, diagonal = (max(math.ceil(length * ticks * parts - OFF), 1) for length in (1.0, math.sqrt(2.0)))
+        straight, diagonal = (
+            max(math.ceil((1.0 - OFF) * length * ticks * parts - ROUNDING), 1) for length in (1.0, math.sqrt(2.0))
+        )
         off = abs(straight / (ticks * parts) - 1.0)
         choices.append((max(off, OFF), parts, straight, diagonal))
     return min(choices)[1:]

@@ -83,17 +83,17 @@ class Watch:
 class PointNumbers:
     """The numbers of some points of a terrain, to find those in view."""
 
-    def __init__(self, shape: tuple[int, int], rows: NDArray[np.int64], cols: NDArray[np.int64]) -> None:
+    def __init__(self, height: int, rows: NDArray[np.int64], cols: NDArray[np.int64]) -> None:
         """Number the points in their order.
 
         Args:
-            shape: Rows and columns of the terrain.
+            height: Rows of the terrain.
             rows: int64 (points,).
             cols: int64 (points,).
         """
-        self._shape = shape
-        self._number = np.full(shape, -1, dtype=np.int32)
-        self._number[rows, cols] = np.arange(len(rows))
+        self._numbers = np.argsort(rows, kind="stable").astype(np.int32)
+        self._rows, self._cols = rows[self._numbers], cols[self._numbers]
+        self._first = np.searchsorted(self._rows, np.arange(height + 1)).tolist()
 
     def in_view(self, view: View) -> NDArray[np.int32]:
         """Return the numbers of the points in a view.
@@ -101,31 +101,31 @@ class PointNumbers:
         Args:
             view: The view.
         """
-        box = view.box(self._shape)
-        if box is None:
-            return np.zeros(0, dtype=np.int32)
-        top, bottom, left, right = box
-        rows, cols = slice(top - view.row0, bottom + 1 - view.row0), slice(left - view.col0, right + 1 - view.col0)
-        points: NDArray[np.int32] = self._number[top : bottom + 1, left : right + 1][view.mask[rows, cols] != 0]
-        return np.asarray(points[points >= 0])
+        tall, wide = view.mask.shape
+        last = len(self._first) - 1
+        band = slice(self._first[min(max(view.row0, 0), last)], self._first[min(max(view.row0 + tall, 0), last)])
+        cols = self._cols[band] - view.col0
+        near = np.flatnonzero((cols >= 0) & (cols < wide))
+        seen = view.mask[self._rows[band][near] - view.row0, cols[near]] != 0
+        return self._numbers[band][near[seen]]
 
 
 class WatchLog:
     """Writes down what can be seen of a run, tick by tick."""
 
-    def __init__(self, ground: IntruderGround, shape: tuple[int, int], step: float, ticks: int, robots: int) -> None:
+    def __init__(self, ground: IntruderGround, height: int, step: float, ticks: int, robots: int) -> None:
         """Begin with nothing seen.
 
         Args:
             ground: The points to write down.
-            shape: Rows and columns of the terrain.
+            height: Rows of the terrain.
             step: Length of a tick, s.
             ticks: How many there are at most.
             robots: How many there are, with those that join later.
         """
         self._ground = ground
         self._step = step
-        self._numbers = PointNumbers(shape, ground.rows, ground.cols)
+        self._numbers = PointNumbers(height, ground.rows, ground.cols)
         self._words = np.zeros((ticks, -(-len(ground.rows) // WORD)), dtype=np.uint64)
         self._places = np.full((ticks, robots, 2), np.inf, dtype=np.float32)
         self._looks = np.zeros((ticks, robots), dtype=np.int32)

@@ -23,7 +23,7 @@ def watched(places: np.ndarray, side: int, range_m: float = 4.0, step: float = 0
     reach = math.floor(range_m)
     across = np.arange(-reach, reach + 1)
     mask = (np.hypot(across[:, None], across) <= range_m).astype(np.uint8)
-    log = WatchLog(ground_of(np.ones((side, side), dtype=np.bool_), 1.0), (side, side), step, *places.shape[:2])
+    log = WatchLog(ground_of(np.ones((side, side), dtype=np.bool_), 1.0), side, step, *places.shape[:2])
     for k, here in enumerate(places):
         there = [(robot, x, y) for robot, (x, y) in enumerate(here.tolist()) if not math.isnan(x)]
         log.look(k, [(r, (x, y), View(int(y) - reach, int(x) - reach, mask)) for r, x, y in there])
