@@ -13,8 +13,7 @@ from monitor.report.map_charts import PANEL_WIDTH, ground_panels
 from monitor.report.style import ALERT, INK, colour
 from patrol.journal.records import Status
 from patrol.measures.infiltration.game import Attempt, Game, Infiltration, Percent, infiltration
-from patrol.measures.infiltration.infiltrator import KNOWLEDGE
-from patrol.measures.infiltration.predictors import WATCHING
+from patrol.measures.infiltration.infiltrator import KNOWLEDGE, WATCHING
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

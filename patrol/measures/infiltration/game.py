@@ -24,9 +24,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.errors import BadInput
-from patrol.measures.infiltration.infiltrator import Infiltrator
+from patrol.measures.infiltration.infiltrator import WATCHING, Infiltrator
 from patrol.measures.infiltration.planner import DONE, OUTSIDE, Planner, Way
-from patrol.measures.infiltration.predictors import PREDICTORS, WATCHING, Past, Predictor
+from patrol.measures.infiltration.predictors import Past, Predictor, predictors_of
 from patrol.measures.infiltration.watch import Watch
 from patrol.random import Purpose, draw
 
@@ -128,6 +128,7 @@ class Game:
         depth_m: Least length of the way from an entry to a target, m.
         targets: int64 (targets,), the points.
         trials: Tick and target of each attempt.
+        predictors: By name; more can be added.
         planner: Plans the ways.
     """
 
@@ -159,8 +160,7 @@ class Game:
             )
         self.planner = Planner(watch.ground, watch.step, infiltrator.speed, infiltrator.stay_s)
         self._within = watch.ticks_of(infiltrator.within_s)
-        past = Past(watch, self._within)
-        self.predictors: dict[str, Predictor] = {name: make(past) for name, make in PREDICTORS.items()}
+        self.predictors = predictors_of(Past(watch, self._within))
         begin, end = watch.ticks // 2, watch.ticks - self._within
         self.trials = []
         for number in range(infiltrator.attempts):
@@ -177,7 +177,7 @@ class Game:
             now: The tick that it sees last.
             target: Where it wants to stay.
         """
-        way = self.planner.plan(predictor.chances(now, self._within), OUTSIDE, target)
+        way = self.planner.plan(predictor(now, self._within), OUTSIDE, target)
         return self._tried(now, target, np.zeros(0, dtype=np.int32) if way is None else way)
 
     def again(self, predictor: Predictor, now: int, target: int) -> Attempt:
@@ -198,7 +198,7 @@ class Game:
                 went += [target] * min(self.planner.stay - stayed, self._within - len(went)) + [DONE]
                 break
             left = self._within - len(went)
-            way = self.planner.plan(predictor.chances(now + len(went), left), at, target)
+            way = self.planner.plan(predictor(now + len(went), left), at, target)
             if way is None:
                 break
             went += way[:every].tolist()

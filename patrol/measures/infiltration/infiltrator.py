@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from patrol.errors import BadInput
+from patrol.errors import BadInput, quoted
 from patrol.ground.shapes import Polygon
 
 BEGIN_S = 100.0
@@ -23,6 +23,9 @@ KNOWLEDGE = {
 }
 """What an intruder with each predictor knows, in words."""
 
+WATCHING = ("similar", "each")
+"""The predictors that only watch: nothing else is needed to play them against a real patrol."""
+
 LIMITS = {
     "speed": (0.1, 10.0),
     "stay_s": (0.0, 600.0),
@@ -38,7 +41,7 @@ class Infiltrator:
     """The moving intruder.
 
     Attributes:
-        speed: Its greatest speed, m/s.
+        speed: Its speed, m/s.
         stay_s: How long it must stay at its target, s.
         within_s: From the moment at which it plans first, the time until its stay must be over, s.
         depth_m: Least length of the way from an entry to a target, m; at most half the greatest there is.
@@ -62,12 +65,17 @@ class Infiltrator:
         """Refuse what no intruder can do.
 
         Raises:
-            BadInput: A number is out of its limits, or the stay does not fit into the time.
+            BadInput: A setting is out of its limits, or the stay does not fit into the time.
         """
         for name, (least, most) in LIMITS.items():
             value = getattr(self, name)
-            if not least <= value <= most:
-                raise BadInput(f"{name} = {value:g}: expected a number from {least:g} to {most:g}")
+            if not (isinstance(value, int | float) and least <= value <= most):
+                raise BadInput(f"{name} = {quoted(value)}: expected a number from {least:g} to {most:g}")
+        for name in ("attempts", "seed"):
+            if not isinstance(getattr(self, name), int):
+                raise BadInput(f"{name} = {quoted(getattr(self, name))}: expected a whole number")
+        if isinstance(self.entries, str) and self.entries not in ("edge", "doors"):
+            raise BadInput(f"entries = {quoted(self.entries)}: expected edge, doors, or the corners of a polygon")
         if self.stay_s >= self.within_s:
             raise BadInput(f"stay_s = {self.stay_s:g}: does not fit into {self.within_s:g} s; choose a shorter stay")
 

@@ -17,9 +17,8 @@ every second wanders between them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from functools import cached_property
-from typing import Protocol
+from collections.abc import Callable
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,10 +29,10 @@ from patrol.measures.infiltration.kernels.footprints import seen_by_none
 from patrol.measures.infiltration.watch import Watch
 
 SIMILAR = 5
-"""Moments of `Similar`."""
+"""Moments of *similar*."""
 
 EACH = 10
-"""Moments of `EachRobot`."""
+"""Moments of *each*."""
 
 LAG_S = 3.0
 """Time before a moment at which it must be alike too, s."""
@@ -48,22 +47,10 @@ RATE_EVERY_S = 300.0
 """Time after which the base rate is computed anew, s."""
 
 Chances = NDArray[np.float32]
+"""float32 (ahead, points), the chance that each point is seen in each of the ticks to come."""
 
-
-class Predictor(Protocol):
-    """Predicts a patrol from its past."""
-
-    def chances(self, now: int, ahead: int) -> Chances:
-        """Return the chance that each point is seen in the ticks to come.
-
-        Args:
-            now: The tick that was seen last.
-            ahead: For how many ticks to predict.
-
-        Returns:
-            float32 (ahead, points), for the ticks from now + 1 on.
-        """
-        ...
+Predictor = Callable[[int, int], Chances]
+"""Takes the tick that was seen last, and for how many ticks to predict; the first one is the next."""
 
 
 class Past:
@@ -120,136 +107,68 @@ class Past:
         chances += self.base_rate(now) * np.float32(1.0 / (moments + 1))
         return chances
 
-
-class Future:
-    """Knows what will be seen."""
-
-    def __init__(self, past: Past) -> None:
-        """Take the run, its future included.
-
-        Args:
-            past: The run.
-        """
-        self._watch = past.watch
-
-    def chances(self, now: int, ahead: int) -> Chances:
-        """See `Predictor`."""
-        return self._watch.seen(now + 1, now + 1 + ahead).astype(np.float32)
-
-
-class Similar:
-    """Likens the whole fleet to its past."""
-
-    def __init__(self, past: Past) -> None:
-        """Begin.
-
-        Args:
-            past: The run.
-        """
-        self._past = past
-
-    def chances(self, now: int, ahead: int) -> Chances:
-        """See `Predictor`."""
-        watch, past = self._past.watch, self._past
-        first, last = past.first, now - past.within
-        differ = np.zeros(last - first, dtype=np.int32)
-        differences(watch.words, now, first, last, differ)
-        differences(watch.words, now - past.lag, first - past.lag, last - past.lag, differ)
-        seen = np.zeros((ahead, watch.size), dtype=np.uint8)
-        for _ in range(SIMILAR):
-            moment = int(differ.argmin())
-            differ[max(moment - past.apart, 0) : moment + past.apart + 1] = np.iinfo(np.int32).max
-            seen += watch.seen(first + moment + 1, first + moment + 1 + ahead)
-        return past.mixed(seen * np.float32(1.0 / SIMILAR), SIMILAR, now)
-
-
-class EachRobot:
-    """Likens each robot to what any robot did at the same place."""
-
-    def __init__(self, past: Past) -> None:
-        """Begin.
-
-        Args:
-            past: The run.
-        """
-        self._past = past
-        self._ahead = past.watch.ticks_of(ROBOTS_S)
-
-    def chances(self, now: int, ahead: int) -> Chances:
-        """See `Predictor`."""
-        watch, past = self._past.watch, self._past
-        ticks, robots = self._moments(now)
-        chances = np.ones((ahead, watch.size), dtype=np.float32)
-        near = chances[: min(ahead, self._ahead)]
-        seen_by_none(watch.looks, watch.first, watch.points, ticks, robots, near)
-        np.subtract(np.float32(1.0), near, out=near)
-        past.mixed(near, EACH, now)
-        chances[len(near) :] = past.base_rate(now)
-        return chances
-
     @cached_property
-    def _both(self) -> NDArray[np.float32]:
-        """float32 (4, ticks, robots): x and y of each robot now, and before; infinite where it was absent."""
-        places = np.moveaxis(self._past.watch.places, 2, 0)
-        before = np.full_like(places, np.inf)
-        before[:, self._past.lag :] = places[:, : -self._past.lag]
-        return np.concatenate([places, before])
-
-    def _moments(self, now: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return the moments to which each present robot is likened, and the robots then; (robots, `EACH`) both."""
-        past = self._past
-        known, here = self._both[:, past.first : now - self._ahead], self._both[:, now]
-        present = np.flatnonzero(np.isfinite(here).all(axis=0))
-        ticks, robots = (np.zeros((len(present), EACH), dtype=np.int64) for _ in range(2))
-        for row, robot in enumerate(present):
-            off = np.square(known - here[:, robot, None, None]).sum(axis=0)
-            for sample in range(EACH):
-                moment, other = divmod(int(off.argmin()), off.shape[1])
-                ticks[row, sample], robots[row, sample] = past.first + moment, other
-                off[max(moment - past.apart, 0) : moment + past.apart + 1, other] = np.inf
-        return ticks, robots
+    def places(self) -> NDArray[np.float32]:
+        """float32 (4, ticks, robots): x and y of each robot now, and `LAG_S` before; infinite where it was absent."""
+        here = np.moveaxis(self.watch.places, 2, 0)
+        before = np.full_like(here, np.inf)
+        before[:, self.lag :] = here[:, : -self.lag]
+        return np.concatenate([here, before])
 
 
-class LastPicture:
-    """Expects what is seen now, for ever."""
-
-    def __init__(self, past: Past) -> None:
-        """Begin.
-
-        Args:
-            past: The run.
-        """
-        self._watch = past.watch
-
-    def chances(self, now: int, ahead: int) -> Chances:
-        """See `Predictor`."""
-        return np.repeat(self._watch.seen(now, now + 1).astype(np.float32), ahead, axis=0)
+def _future(past: Past, now: int, ahead: int) -> Chances:
+    return past.watch.seen(now + 1, now + 1 + ahead).astype(np.float32)
 
 
-class Blind:
-    """Expects nothing."""
-
-    def __init__(self, past: Past) -> None:
-        """Begin.
-
-        Args:
-            past: The run.
-        """
-        self._size = past.watch.size
-
-    def chances(self, now: int, ahead: int) -> Chances:  # noqa: ARG002 - a Predictor gets it
-        """See `Predictor`."""
-        return np.zeros((ahead, self._size), dtype=np.float32)
+def _similar(past: Past, now: int, ahead: int) -> Chances:
+    watch, first, last = past.watch, past.first, now - past.within
+    differ = np.zeros(last - first, dtype=np.int32)
+    differences(watch.words, now, first, last, differ)
+    differences(watch.words, now - past.lag, first - past.lag, last - past.lag, differ)
+    seen = np.zeros((ahead, watch.size), dtype=np.uint8)
+    for _ in range(SIMILAR):
+        moment = int(differ.argmin())
+        differ[max(moment - past.apart, 0) : moment + past.apart + 1] = np.iinfo(np.int32).max
+        seen += watch.seen(first + moment + 1, first + moment + 1 + ahead)
+    return past.mixed(seen * np.float32(1.0 / SIMILAR), SIMILAR, now)
 
 
-PREDICTORS: Mapping[str, Callable[[Past], Predictor]] = {
-    "future": Future,
-    "similar": Similar,
-    "each": EachRobot,
-    "picture": LastPicture,
-    "blind": Blind,
-}
-"""The predictors by the names of results."""
+def _each(past: Past, now: int, ahead: int) -> Chances:
+    watch, robots_ahead = past.watch, past.watch.ticks_of(ROBOTS_S)
+    known, here = past.places[:, past.first : now - robots_ahead], past.places[:, now]
+    present = np.flatnonzero(np.isfinite(here).all(axis=0))
+    ticks, robots = (np.zeros((len(present), EACH), dtype=np.int64) for _ in range(2))
+    for row, robot in enumerate(present):
+        off = np.square(known - here[:, robot, None, None]).sum(axis=0)
+        for sample in range(EACH):
+            moment, other = divmod(int(off.argmin()), off.shape[1])
+            ticks[row, sample], robots[row, sample] = past.first + moment, other
+            off[max(moment - past.apart, 0) : moment + past.apart + 1, other] = np.inf
+    chances = np.empty((ahead, watch.size), dtype=np.float32)
+    near = chances[:robots_ahead]
+    seen_by_none(watch.looks, watch.first, watch.points, ticks, robots, near)
+    np.subtract(np.float32(1.0), near, out=near)
+    past.mixed(near, EACH, now)
+    chances[robots_ahead:] = past.base_rate(now)
+    return chances
 
-WATCHING = ("similar", "each")
-"""Those that only watch: nothing else is needed to play them against a real patrol."""
+
+def _picture(past: Past, now: int, ahead: int) -> Chances:
+    return np.repeat(past.watch.seen(now, now + 1).astype(np.float32), ahead, axis=0)
+
+
+def _blind(past: Past, now: int, ahead: int) -> Chances:
+    del now
+    return np.zeros((ahead, past.watch.size), dtype=np.float32)
+
+
+_PREDICTORS = {"future": _future, "similar": _similar, "each": _each, "picture": _picture, "blind": _blind}
+
+
+def predictors_of(past: Past) -> dict[str, Predictor]:
+    """Return the predictors of a run, by the names of results.
+
+    Args:
+        past: The run.
+    """
+    return {name: partial(predict, past) for name, predict in _PREDICTORS.items()}

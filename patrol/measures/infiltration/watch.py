@@ -107,7 +107,7 @@ class PointNumbers:
         cols = self._cols[band] - view.col0
         near = np.flatnonzero((cols >= 0) & (cols < wide))
         seen = view.mask[self._rows[band][near] - view.row0, cols[near]] != 0
-        return self._numbers[band][near[seen]]
+        return np.asarray(self._numbers[band][near[seen]])
 
 
 class WatchLog:

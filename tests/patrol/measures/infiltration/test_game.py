@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -78,8 +80,10 @@ def test_intervals() -> None:
         ({"stay_s": 60.0, "within_s": 60.0}, "stay_s = 60: does not fit into 60 s"),
         ({"speed": 0.0}, "speed = 0: expected a number from 0.1 to 10"),
         ({"attempts": 0}, "attempts = 0: expected a number from 1"),
+        ({"attempts": 2.5}, "attempts = 2.5: expected a whole number"),
+        ({"entries": "roof"}, "entries = .?roof.?: expected edge, doors, or the corners of a polygon"),
     ],
 )
-def test_games_that_cannot_be_are_one_line(settings: dict[str, float], message: str) -> None:
+def test_games_that_cannot_be_are_one_line(settings: dict[str, Any], message: str) -> None:
     with pytest.raises(BadInput, match=message):
-        Game(watched(ring(500.0), 40), Infiltrator(**settings))  # type: ignore[arg-type]
+        Game(watched(ring(500.0), 40), Infiltrator(**settings))
