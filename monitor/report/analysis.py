@@ -15,10 +15,9 @@ from monitor.replay.replay import Watcher, play
 from monitor.replay.run import Run
 from monitor.replay.run_files import SUMMARY
 from monitor.replay.visits import VisitCounter, Visits
-from monitor.report.moving_intruder import MovingIntruder
+from monitor.report.moving_intruder import REPORTED, MovingIntruder
 from patrol.errors import BadInput, quoted
 from patrol.measures.best_tour import NO_BOUND, best_tour
-from patrol.measures.infiltration.infiltrator import Infiltrator
 from patrol.prepare import sensor_footprint
 from patrol.summary.metric import Metric, metrics_of
 from patrol.summary.model import RobotFigures, Summary, ground_text, unsettled
@@ -71,7 +70,7 @@ def analyse(run: Run, watchers: Sequence[Watcher] = ()) -> Analysis:
     if not run.direct and not exact_by_construction(run):
         untested = run.keyless
         beliefs = BeliefWatcher(run, footprint, run.key)
-    looks = Looks(run, None, Infiltrator(), footprint)
+    looks = Looks(run, None, REPORTED, footprint)
     along: list[Watcher] = [visits, looks, *([beliefs] if beliefs else []), *watchers]
     wrong = play(run, along, footprint)
     end_s = run.ticks * run.step

@@ -13,11 +13,15 @@ from monitor.report.map_charts import PANEL_WIDTH, ground_panels
 from monitor.report.style import ALERT, INK, colour
 from patrol.journal.records import Status
 from patrol.measures.infiltration.game import Attempt, Game, Infiltration, Percent, infiltration
-from patrol.measures.infiltration.infiltrator import KNOWLEDGE, WATCHING
+from patrol.measures.infiltration.infiltrator import KNOWLEDGE, WATCHING, Infiltrator
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+
+REPORTED = Infiltrator(attempts=50)
+"""The intruder of reports: fewer attempts, as a report is written at the end of every run."""
 
 
 class MovingIntruder:
@@ -67,7 +71,7 @@ class MovingIntruder:
         note = (
             f"{outcome.attempts} attempts in the second half of the run, planned once: at {outcome.speed:.3g} m/s from "
             f"the edge to a random place at least {outcome.depth_m:.0f} m inside, and {infiltrator.stay_s:g} s there, "
-            f"within {infiltrator.within_s:g} s. fogwatch intruder plays others."
+            f"within {infiltrator.within_s:g} s. `fogwatch intruder` makes more attempts, and plays other intruders."
         )
         return html.table(heads, rows, numbers=(1, 2)) + html.text(note, "note")
 

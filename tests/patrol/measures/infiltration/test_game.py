@@ -78,7 +78,7 @@ def test_intervals() -> None:
             "the run has 500 s, and a moving intruder, which watches and then plans over 120 s, needs 600",
         ),
         ({"stay_s": 60.0, "within_s": 60.0}, "stay_s = 60: does not fit into 60 s"),
-        ({"speed": 0.0}, "speed = 0: expected a number from 0.1 to 10"),
+        ({"speed": 0.0}, "speed = 0.0: expected a number from 0.1 to 10"),
         ({"attempts": 0}, "attempts = 0: expected a number from 1"),
         ({"attempts": 2.5}, "attempts = 2.5: expected a whole number"),
         ({"entries": "roof"}, "entries = .?roof.?: expected edge, doors, or the corners of a polygon"),
