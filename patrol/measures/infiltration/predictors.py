@@ -87,8 +87,8 @@ class Past:
         """
         block = now // self._every
         if block not in self._rates:
-            # The last whole block, so that few are computed.
-            last = block * self._every or now + 1
+            # To the end of the last whole block, so that few are computed.
+            last = block * self._every or self.first
             seen = np.zeros(self.watch.size, dtype=np.int64)
             for begin in range(0, last, self._every):
                 seen += self.watch.seen(begin, min(begin + self._every, last)).sum(axis=0, dtype=np.int64)
