@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
 from patrol.journal.records import Status
+from patrol.measures.infiltration.infiltrator import Infiltrator
 from patrol.measures.intruders import ATTACKS_S, intruder_games
 from patrol.pose import Pose
 
 if TYPE_CHECKING:
     from patrol.journal import TickRecord
+    from patrol.measures.infiltration.game import Game
     from patrol.measures.sightings import Sightings
     from worldsim.world import World
 
@@ -47,7 +49,13 @@ def moving_metric(predictor: str) -> str:
 class GameLog:
     """Writes down which places are seen while a run is made, and plays intruder games on it afterwards."""
 
-    def __init__(self) -> None:
+    def __init__(self, infiltrator: Infiltrator | None = None) -> None:
+        """Begin with nothing seen.
+
+        Args:
+            infiltrator: The moving intruder; None for one with the default settings.
+        """
+        self._infiltrator = infiltrator or Infiltrator()
         self._sightings: Sightings | None = None
         self._ticks = 0
         self._step = math.nan
@@ -62,14 +70,13 @@ class GameLog:
             Takes each tick's record. It does nothing with a sensor that leaves some of a point's age: it is open then
             what such a sensor has seen.
         """
-        from patrol.measures.infiltration.infiltrator import Infiltrator
         from patrol.measures.sightings import Sightings  # here: it loads kernels, and pages need names of metrics only
 
         footprint = world.truth.footprint
         if footprint.leaves_age:
             return lambda _: None
         graph = None if world.scenario.terrain.graph is None else world.prepared.graph  # as `nodes` in the summary
-        sightings = Sightings(world.prepared, footprint, graph, world.ticks, Infiltrator())
+        sightings = Sightings(world.prepared, footprint, graph, world.ticks, self._infiltrator)
         self._sightings = sightings
         self._step = world.scenario.step
 
@@ -79,6 +86,16 @@ class GameLog:
             sightings.look(record.k, ((row.number, Pose(row.x, row.y, row.heading)) for row in alive))
 
         return on_tick
+
+    def game(self) -> Game:
+        """Return the moving intruder's game on the run.
+
+        Raises:
+            BadInput: It cannot be played on this run.
+        """
+        if self._sightings is None:
+            raise BadInput("a moving intruder cannot be played: nothing was written down")
+        return self._sightings.game()
 
     def metrics(self) -> dict[str, float | None]:
         """Return the shares of attacks that succeed, by the names of `game_metric`, `moving_metric` and `GAINED`.
@@ -99,9 +116,8 @@ class GameLog:
             for share in [getattr(successes, intruder)]
         }
         try:
-            game = self._sightings.game()
+            played = infiltration(self.game())
         except BadInput:
             return shares
-        played = infiltration(game)
         moving = {moving_metric(name): share.percent for name, share in played.once.items()}
         return {**shares, **moving, GAINED: played.gain.watching.percent}
