@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 MOST_POINTS = 2000
 """Points of the ground on which intruders wait; of more, every so many are taken, row by row."""
 
+MOST_ROBOTS = 200
+"""Robots of the largest fleet that a moving intruder watches, spare ones included."""
+
 
 class Sightings:
     """Which places are seen in each tick of a run: points of its ground, and the vertices of its graph.
@@ -114,6 +117,8 @@ def _objection(prepared: Prepared, footprint: Footprint) -> str:
             "a look of this sensor leaves some of a point's age, so it is open whether an intruder in view is seen; "
             "use a sensor of quality 1"
         )
+    if len(prepared.scenario.roster) > MOST_ROBOTS:
+        return f"the fleet has {len(prepared.scenario.roster)} robots, and at most {MOST_ROBOTS} can be watched"
     if prepared.scenario.terrain.patrolled == VERTICES:
         return "only the vertices of a graph are patrolled, and no ground to cross; patrol the ground"
     return ""

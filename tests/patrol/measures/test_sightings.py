@@ -52,6 +52,10 @@ def test_its_targets_are_in_a_zone() -> None:
     [
         ({"sensor": {"quality": 0.5}}, "leaves some of a point's age"),
         (
+            {"robots": {"count": 1, "spare": 200, "model": "holonomic", "radius": 0.1}},
+            "has 201 robots, and at most 200 can be watched",
+        ),
+        (
             {
                 "terrain": {
                     "map": str(OFFICE),
