@@ -45,7 +45,8 @@ class Purpose(IntEnum):
     MOTION = 17
     CLOSURE = 18
     TIES = 19
-    PLAN = 20
+    INFILTRATION = 20
+    PLAN = 21
 
 
 def mix(*values: SupportsIndex) -> int:

@@ -8,7 +8,7 @@ from itertools import groupby
 
 from experiments.benchmark.matrix import BenchmarkCell, Matrix, robots_text
 from experiments.sweeps.caserows import CaseRow, case_rows
-from experiments.sweeps.game_log import game_metric
+from experiments.sweeps.game_log import GAINED, game_metric, moving_metric
 from experiments.sweeps.plan import Run
 from experiments.sweeps.results import RunResult
 from experiments.sweeps.runner import SweepOutcome
@@ -56,6 +56,11 @@ MEASURES = (
         ShownMetric(game_metric(intruder, ATTACK_S), f"{intruder} intruder, {ATTACK_S:g} s (%)", 1)
         for intruder in ("random", "waiting", "statistical")
     ),
+    *(
+        ShownMetric(moving_metric(predictor), f"moving intruder, {predictor} (%)", 1)
+        for predictor in ("blind", "similar", "each", "future")
+    ),
+    ShownMetric(GAINED, "gain of watching (points)", 1),
 )
 """The measures, in the order of the tables; those that no cell has are left out there."""
 
@@ -173,7 +178,7 @@ def number_text(found: Estimate | None, digits: int = 0) -> str:
 
 
 def policy_table(results: Sequence[CellResult]) -> tuple[list[str], list[list[str]]]:
-    """Return the table of the policies of a team under a condition: late MFoW by terrain, fog, collisions, attacks.
+    """Return the table of the policies of a team under a condition: late MFoW by terrain, fog, collisions, intruders.
 
     Args:
         results: The cells of one team and condition.
@@ -184,11 +189,13 @@ def policy_table(results: Sequence[CellResult]) -> tuple[list[str], list[list[st
     terrains = list(dict.fromkeys(result.cell.terrain.name for result in results))
     policies = list(dict.fromkeys(result.cell.policy.name for result in results))
     by_place = {(result.cell.policy.name, result.cell.terrain.name): result for result in results}
-    beside = (
+    beside = [
         ("mean fog (s)", "fog_mean_s"),
         ("collisions", "collisions"),
         (f"attacks of {ATTACK_S:g} s (%)", INTRUDED),
-    )
+    ]
+    if any(GAINED in result.row.metrics for result in results):  # none in runs that are too short
+        beside.append(("gain of watching (points)", GAINED))
     order = ", same order" if len(terrains) > 1 else ""
     heads = ["policy", *terrains, *(f"{title}{order}" for title, _ in beside)]
     tours = [_first(by_place[policy, terrain].mean(TOUR) for policy in policies) for terrain in terrains]

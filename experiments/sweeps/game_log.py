@@ -6,11 +6,16 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from patrol.errors import BadInput
 from patrol.journal.records import Status
-from patrol.measures.intruders import ATTACKS_S, Sightings, intruder_games
+from patrol.measures.infiltration.infiltrator import Infiltrator
+from patrol.measures.intruders import ATTACKS_S, intruder_games
+from patrol.pose import Pose
 
 if TYPE_CHECKING:
     from patrol.journal import TickRecord
+    from patrol.measures.infiltration.game import Game
+    from patrol.measures.sightings import Sightings
     from worldsim.world import World
 
 INTRUDERS = ("random", "waiting", "statistical", "worst")
@@ -28,10 +33,29 @@ def game_metric(intruder: str, attack_s: float, on: str = "ground") -> str:
     return f"{'nodes_' if on == 'nodes' else ''}intruder_{intruder}_{attack_s:g}s_percent"
 
 
+GAINED = "intruder_moving_gain_points"
+"""Name of the metric of what watching gains, in percentage points."""
+
+
+def moving_metric(predictor: str) -> str:
+    """Return the name of the metric of the moving intruder's successes, such as ``intruder_moving_similar_percent``.
+
+    Args:
+        predictor: One of `patrol.measures.infiltration.infiltrator.KNOWLEDGE`.
+    """
+    return f"intruder_moving_{predictor}_percent"
+
+
 class GameLog:
     """Writes down which places are seen while a run is made, and plays intruder games on it afterwards."""
 
-    def __init__(self) -> None:
+    def __init__(self, infiltrator: Infiltrator | None = None) -> None:
+        """Begin with nothing seen.
+
+        Args:
+            infiltrator: The moving intruder; None for one with the default settings.
+        """
+        self._infiltrator = infiltrator or Infiltrator()
         self._sightings: Sightings | None = None
         self._ticks = 0
         self._step = math.nan
@@ -43,31 +67,47 @@ class GameLog:
             world: The world.
 
         Returns:
-            Takes each tick's record. It does nothing with a sensor that leaves some of a point's age: the fog does not
-            show then what such a sensor has seen.
+            Takes each tick's record. It does nothing with a sensor that leaves some of a point's age: it is open then
+            what such a sensor has seen.
         """
-        if world.truth.footprint.leaves_age:
+        from patrol.measures.sightings import Sightings  # here: it loads kernels, and pages need names of metrics only
+
+        footprint = world.truth.footprint
+        if footprint.leaves_age:
             return lambda _: None
-        fog = world.truth.fog
         graph = None if world.scenario.terrain.graph is None else world.prepared.graph  # as `nodes` in the summary
-        sightings = Sightings(world.prepared, graph, world.ticks)
+        sightings = Sightings(world.prepared, footprint, graph, world.ticks, self._infiltrator)
         self._sightings = sightings
         self._step = world.scenario.step
 
         def on_tick(record: TickRecord) -> None:
             self._ticks = record.k + 1
-            sightings.seen[record.k] = fog.last_seen[sightings.rows, sightings.cols] == record.k
-            alive = ((row.number, (row.x, row.y)) for row in record.robots if row.status is Status.ALIVE)
-            sightings.visit(record.k, alive)
+            alive = (row for row in record.robots if row.status is Status.ALIVE)
+            sightings.look(record.k, ((row.number, Pose(row.x, row.y, row.heading)) for row in alive))
 
         return on_tick
 
+    def game(self) -> Game:
+        """Return the moving intruder's game on the run.
+
+        Raises:
+            BadInput: It cannot be played on this run.
+        """
+        if self._sightings is None:
+            raise BadInput("a moving intruder cannot be played: nothing was written down")
+        return self._sightings.game()
+
     def metrics(self) -> dict[str, float | None]:
-        """Return the shares of attacks that succeed, in percent, by the names of `game_metric`."""
+        """Return the shares of attacks that succeed, by the names of `game_metric`, `moving_metric` and `GAINED`.
+
+        The moving intruder has none in runs that are too short for it, and where only vertices are patrolled.
+        """
+        from patrol.measures.infiltration.game import infiltration  # here, likewise
+
         if self._sightings is None:
             return {}
         places = {"ground": self._sightings.seen, "nodes": self._sightings.visited}
-        return {
+        shares = {
             game_metric(intruder, successes.attack_s, on): None if share is None else 100.0 * share
             for on, seen in places.items()
             if seen.shape[1]
@@ -75,3 +115,9 @@ class GameLog:
             for intruder in INTRUDERS
             for share in [getattr(successes, intruder)]
         }
+        try:
+            played = infiltration(self.game())
+        except BadInput:
+            return shares
+        moving = {moving_metric(name): share.percent for name, share in played.once.items()}
+        return {**shares, **moving, GAINED: played.gain.watching.percent}

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import fields
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from monitor.replay.replay import Replay
     from monitor.replay.run import Run as ReplayedRun
     from monitor.report.style import Sketch
+    from patrol.measures.infiltration.game import Infiltration
     from patrol.scenario import Scenario
     from worldsim.verdict.judge import Verdict
 
@@ -169,6 +171,33 @@ class Run:
         terrain = self._replayed.prepared.terrain
         west, south = terrain.origin
         return west, west + terrain.width * terrain.point, south, south + terrain.height * terrain.point
+
+    def infiltration(self, *, again: bool = False, **settings: Any) -> Infiltration:
+        """Play a moving intruder that watches the patrol, predicts it, and plans a way in.
+
+        For example ``run.infiltration(speed=3.0).gain.watching.percent``: how many more attempts in a hundred succeed
+        because the intruder watches.
+
+        Args:
+            again: Whether it also plans again every second from what is then seen, which takes minutes.
+            settings: Of the intruder, as `patrol.measures.infiltration.game.Infiltrator` has them: speed, stay_s,
+                within_s, depth_m, attempts, seed, entries, zone.
+
+        Returns:
+            The success of each predictor and the gain of watching, with their intervals.
+
+        Raises:
+            BadInput: There is no such setting, or the game cannot be played on this run.
+        """
+        from monitor.replay.intruder_games import moving_game
+        from patrol.measures.infiltration.game import infiltration
+        from patrol.measures.infiltration.infiltrator import Infiltrator
+
+        known = [each.name for each in fields(Infiltrator)]
+        for name in settings:
+            if name not in known:
+                raise BadInput(f"{name}: the moving intruder has no such setting; {did_you_mean(name, known)}")
+        return infiltration(moving_game(self._replayed, Infiltrator(**settings)), again)
 
     @property
     def figure_names(self) -> list[str]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 from experiments.benchmark.matrix import Matrix, robots_text
@@ -25,7 +26,7 @@ from experiments.benchmark.results import (
     policy_table,
     shared_settings,
 )
-from experiments.sweeps.game_log import game_metric
+from experiments.sweeps.game_log import GAINED, game_metric
 from fogwatch.pictures.estimates import Curve, Dot, draw_curves, draw_dots, look, scale
 from monitor.report import html
 from monitor.report.charts import WIDTH
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+WATCHED = ShownMetric(GAINED, "gain of watching (points)", 1)
 WORST = ShownMetric(INTRUDED, f"attacks of {ATTACK_S:g} s that succeed, best intruder (%)", 1)
 
 
@@ -58,16 +60,14 @@ def drawings(matrix: Matrix, results: BenchmarkResults) -> list[Drawing]:
     over_teams = [r for r in shown if r.cell.condition == condition]
     where = describe(team, condition)
     figures = []
-    if _measured(WORST.metric, first):
-        caption = f"Each policy is a point; the lower left is better. Hollow: some ground was never seen. {where}."
-        figures.append(
-            draw(
-                "plane",
-                "Freshness against intruders",
-                caption,
-                lambda: _facets(first, lambda axes, cells: _plane(axes, cells, matrix)),
-            )
-        )
+    for name, heading, shown_metric in (
+        ("plane", "Freshness against intruders", WORST),
+        ("plane-gain", "Freshness against an intruder that watches", WATCHED),
+    ):
+        if _measured(shown_metric.metric, first):
+            caption = f"Each policy is a point; the lower left is better. Hollow: some ground was never seen. {where}."
+            fill = partial(_plane, matrix=matrix, upward=shown_metric)
+            figures.append(draw(name, heading, caption, partial(_facets, first, fill)))
     if any(_measured(game_metric("worst", attack_s), first) for attack_s in ATTACKS_S):
         figures.append(
             draw(
@@ -193,9 +193,9 @@ def _facets(
     return chart
 
 
-def _plane(axes: Axes, results: list[CellResult], matrix: Matrix) -> None:
+def _plane(axes: Axes, results: list[CellResult], matrix: Matrix, upward: ShownMetric) -> None:
     for result in results:
-        x, y = result.row.metrics.get(LATE), result.row.metrics.get(INTRUDED)
+        x, y = result.row.metrics.get(LATE), result.row.metrics.get(upward.metric)
         if x is None or y is None:
             continue
         tone, marker, _ = look(matrix.policies.index(result.cell.policy))
@@ -217,8 +217,9 @@ def _plane(axes: Axes, results: list[CellResult], matrix: Matrix) -> None:
     _tour(axes, results)
     scale(axes, [result.mean(LATE) for result in results])
     axes.set_xlabel(MEASURES[0].title)
-    axes.set_ylabel(f"attacks of {ATTACK_S:g} s\nthat succeed (%)")
-    axes.set_ylim(bottom=0.0)
+    axes.set_ylabel(upward.title)
+    if upward is WORST:
+        axes.set_ylim(bottom=0.0)
     plain(axes)
 
 

@@ -8,10 +8,16 @@ from dataclasses import dataclass
 from monitor.replay.replay import play
 from monitor.replay.robot_distances import nearness_and_approach
 from monitor.replay.run import Run
+from patrol.errors import BadInput
+from patrol.graph.graph import Graph
 from patrol.ground.fog import Fog
-from patrol.ground.footprint import View
-from patrol.measures.intruders import Sightings, Successes, intruder_games
+from patrol.ground.footprint import Footprint, View
+from patrol.measures.infiltration.game import Game, Infiltration, infiltration
+from patrol.measures.infiltration.infiltrator import Infiltrator
+from patrol.measures.intruders import Successes, intruder_games
 from patrol.measures.learned_intruder import Advance, Learned, Trials, Watched, learned_games
+from patrol.measures.sightings import Sightings
+from patrol.prepare import sensor_footprint
 
 MOST_LEARNED = 100
 """Of the points, those on which the learned intruder plays: its networks grow with the square of their number."""
@@ -29,6 +35,8 @@ class Games:
         vertices: How many vertices the graph has: the scenario's, or the one that is made from the ground.
         nodes: On these; a vertex is visited when a robot comes close (`patrol.graph.graph.Graph.visit_reach`).
         learned_nodes: The outcomes of the learned intruder on these.
+        moving: The outcome of the moving intruder; None without it.
+        no_moving: Why there is none; empty where there is one, or none was asked for.
     """
 
     points: int
@@ -38,27 +46,65 @@ class Games:
     vertices: int
     nodes: list[Successes]
     learned_nodes: list[Learned]
+    moving: Infiltration | None = None
+    no_moving: str = ""
 
 
-class _Looks:
-    """Writes down which points are in view in each tick, while a run is replayed."""
+@dataclass(frozen=True, slots=True)
+class Moving:
+    """The moving intruder to play.
 
-    def __init__(self, sightings: Sightings) -> None:
-        self._to = sightings
+    Attributes:
+        infiltrator: The intruder.
+        again: Whether it also plans again every second.
+        advance: Called with the share of its work that is done.
+    """
+
+    infiltrator: Infiltrator
+    again: bool = False
+    advance: Advance = lambda _share: None
+
+
+class Looks:
+    """Writes down what is in view in each tick, while a run is replayed; a `Watcher`.
+
+    Attributes:
+        footprint: The sensor, for the replay to share.
+        sightings: What was written down.
+    """
+
+    def __init__(
+        self, run: Run, graph: Graph | None, infiltrator: Infiltrator | None, footprint: Footprint | None = None
+    ) -> None:
+        """Begin before the first tick.
+
+        Args:
+            run: The run.
+            graph: The graph on whose vertices to play, if any.
+            infiltrator: The moving intruder; None without it.
+            footprint: The sensor's footprint on the terrain; None to compute it.
+
+        Raises:
+            BadInput: The scenario has no zone of the name that this intruder's has.
+        """
+        self.footprint = footprint or sensor_footprint(run.prepared.scenario, run.prepared.terrain)
+        self.sightings = Sightings(run.prepared, self.footprint, graph, run.ticks, infiltrator)
+        self._run = run
 
     def before(self, k: int, fog: Fog, views: Sequence[View]) -> None:  # noqa: ARG002 - a Watcher gets it
         """See `Watcher`."""
-        for view in views:
-            rows, cols = self._to.rows - view.row0, self._to.cols - view.col0
-            near = (rows >= 0) & (cols >= 0) & (rows < view.mask.shape[0]) & (cols < view.mask.shape[1])
-            self._to.seen[k, near] |= view.mask[rows[near], cols[near]] != 0
+        self.sightings.look(k, self._run.alive(k))
 
     def after(self, k: int, fog: Fog) -> None:
         """See `Watcher`."""
 
 
 def games_of(
-    run: Run, attacks_s: Sequence[float], trials: Trials | None = None, advance: Advance = lambda _share: None
+    run: Run,
+    attacks_s: Sequence[float],
+    trials: Trials | None = None,
+    advance: Advance = lambda _share: None,
+    moving: Moving | None = None,
 ) -> Games:
     """Play the games on a run.
 
@@ -67,17 +113,18 @@ def games_of(
         attacks_s: Durations of attacks, s.
         trials: Of the learned intruder, which takes long; None without it.
         advance: Called with the share of the learned intruder's work that is done.
+        moving: The moving intruder; None without it.
 
     Raises:
-        BadInput: A horizon of the trials is longer than the run, or too short for a prediction.
+        BadInput: A horizon of the trials is longer than the run, or too short for a prediction; or the scenario has no
+            zone of the name that the moving intruder's has.
     """
     if trials is not None:
         trials.check(run.ticks, run.step)
     graph = run.prepared.graph
-    sightings = Sightings(run.prepared, graph, run.ticks)
-    play(run, [_Looks(sightings)])
-    for k in range(run.ticks):
-        sightings.visit(k, ((number, (pose.x, pose.y)) for number, pose in run.alive(k)))
+    looks = Looks(run, graph, None if moving is None else moving.infiltrator)
+    sightings = looks.sightings
+    play(run, [looks], looks.footprint)
     points = list(zip(sightings.rows.tolist(), sightings.cols.tolist(), strict=True))
     learned_ground: list[Learned] = []
     learned_nodes: list[Learned] = []
@@ -90,6 +137,12 @@ def games_of(
         nodes = Watched(sightings.visited, *on_vertices, run.step)
         learned_ground = learned_games(ground, attacks_s, trials, lambda share: advance(0.5 * share))
         learned_nodes = learned_games(nodes, attacks_s, trials, lambda share: advance(0.5 + 0.5 * share))
+    outcome, no_moving = None, ""
+    if moving is not None:
+        try:
+            outcome = infiltration(sightings.game(), moving.again, moving.advance)
+        except BadInput as why:
+            no_moving = str(why)
     return Games(
         len(points),
         intruder_games(sightings.seen, run.step, attacks_s),
@@ -98,4 +151,21 @@ def games_of(
         graph.size,
         intruder_games(sightings.visited, run.step, attacks_s),
         learned_nodes,
+        outcome,
+        no_moving,
     )
+
+
+def moving_game(run: Run, infiltrator: Infiltrator) -> Game:
+    """Return the moving intruder's game on a run.
+
+    Args:
+        run: The run.
+        infiltrator: The intruder.
+
+    Raises:
+        BadInput: It cannot be played on this run.
+    """
+    looks = Looks(run, None, infiltrator)
+    play(run, [looks], looks.footprint)
+    return looks.sightings.game()

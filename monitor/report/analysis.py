@@ -10,11 +10,13 @@ import numpy as np
 
 from monitor.observation.fault_bands import Band, bands_of, intruder_bands
 from monitor.replay.belief_errors import BeliefErrors, BeliefWatcher, exact_by_construction
+from monitor.replay.intruder_games import Looks
 from monitor.replay.replay import Watcher, play
 from monitor.replay.run import Run
 from monitor.replay.run_files import SUMMARY
 from monitor.replay.visits import VisitCounter, Visits
-from patrol.errors import quoted
+from monitor.report.moving_intruder import REPORTED, MovingIntruder
+from patrol.errors import BadInput, quoted
 from patrol.measures.best_tour import NO_BOUND, best_tour
 from patrol.prepare import sensor_footprint
 from patrol.summary.metric import Metric, metrics_of
@@ -37,6 +39,8 @@ class Analysis:
         untested: Whether beliefs accept frames without checking their tags, because the fleet's key is not known.
         wrong_from: The first tick whose replayed fog differs from the one measured; None if all agree. A difference
             means that the scenario, its map or the journal was changed after the run.
+        moving: The moving intruder; None where it cannot be played.
+        no_moving: Why it cannot; empty where it can.
     """
 
     run: Run
@@ -46,6 +50,8 @@ class Analysis:
     beliefs: BeliefErrors | None
     untested: bool
     wrong_from: int | None
+    moving: MovingIntruder | None
+    no_moving: str
 
 
 def analyse(run: Run, watchers: Sequence[Watcher] = ()) -> Analysis:
@@ -64,12 +70,19 @@ def analyse(run: Run, watchers: Sequence[Watcher] = ()) -> Analysis:
     if not run.direct and not exact_by_construction(run):
         untested = run.keyless
         beliefs = BeliefWatcher(run, footprint, run.key)
-    along: list[Watcher] = [visits, *([beliefs] if beliefs else []), *watchers]
+    looks = Looks(run, None, REPORTED, footprint)
+    along: list[Watcher] = [visits, looks, *([beliefs] if beliefs else []), *watchers]
     wrong = play(run, along, footprint)
     end_s = run.ticks * run.step
     bands = bands_of(run.events, run.step, end_s)
     intruders = intruder_bands(run.prepared.scenario, end_s)
-    return Analysis(run, bands, intruders, visits.result(), beliefs.result() if beliefs else None, untested, wrong)
+    moving, no_moving = None, ""
+    try:
+        moving = MovingIntruder(run, looks.sightings.game())
+    except BadInput as why:
+        no_moving = str(why)
+    errors = beliefs.result() if beliefs else None
+    return Analysis(run, bands, intruders, visits.result(), errors, untested, wrong, moving, no_moving)
 
 
 @dataclass(frozen=True, slots=True)

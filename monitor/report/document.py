@@ -116,6 +116,12 @@ def sketches(analysis: Analysis) -> list[Sketch]:
     if errors is not None and len(errors.ticks):
         caption = f"Mean over all points of |believed age - true age|, at {len(errors.ticks)} ticks.{red}"
         figures.append(Sketch("belief", "Belief error", caption, lambda: charts.belief_chart(run, errors, bands)))
+    if analysis.moving is not None:
+        caption = (
+            "An attempt that succeeds and one that does not, of the better predictor that watches. Dashed: the "
+            "intruder's way to its target (star). Lines: robots meanwhile, up to the dots. Red: where it was seen."
+        )
+        figures.append(Sketch("moving", "A moving intruder", caption, analysis.moving.chart))
     if not np.isnan(run.decision_ms).all():
         caption = "Bar: 25th to 75th percentile; line: 1st to 99th percentile; vertical mark: median; cross: maximum."
         figures.append(Sketch("decisions", "Decision times", caption, lambda: charts.decisions_chart(run)))
@@ -170,6 +176,7 @@ def report_html(analysis: Analysis, figures: Sequence[Drawing], going: bool = Fa
         html.section("links", "Radio", html.figure(of.get("links")), html.figure(of.get("radio")), links_section(run)),
         html.section("belief", "Belief error", _belief(analysis), html.figure(of.get("belief"))),
         html.section("decisions", "Decision times", html.figure(of.get("decisions"))),
+        html.section("moving", "A moving intruder", _moving(analysis), html.figure(of.get("moving"))),
         html.section("faults", "Faults", _faults(analysis)),
         html.section("intruders", "Intruders", _intruders(analysis)),
         html.section("events", "Events", _events(run)),
@@ -342,6 +349,12 @@ def _intruders(analysis: Analysis) -> str:
     heads = ("intruder", "place (m)", "from (s)", "to (s)", "first reported at (s)", "reported for (s)")
     more = ("surrounded for (s)", "robots around it at most")
     return html.table((*heads, *more), rows, numbers=range(2, 8)) if rows else ""
+
+
+def _moving(analysis: Analysis) -> str:
+    if analysis.moving is None:
+        return html.text(f"Not played: {analysis.no_moving}.", "note")
+    return analysis.moving.table()
 
 
 def _zones(run: Run) -> str:

@@ -38,6 +38,9 @@ CLOSURE = "#e07b00"
 _LONGEST = 1600
 """Pixels along the longer side of a map; larger maps are thinned."""
 
+PANEL_WIDTH = 4.7
+"""Width of one of two panels, inches."""
+
 MAP_EDGE, PANEL_EDGE = 3, 5
 """Width of a wall's edge in these pixels, on a map and on the smaller panels of paths."""
 
@@ -111,6 +114,27 @@ def paths_chart(run: Run) -> Figure:
         _path(axes, run, place, 0.8)
         axes.set_title(f"{run.names[place]}: {run.robot_figures[place].distance_m:.0f} m", color=INK)
     return chart
+
+
+def ground_panels(terrain: Terrain, count: int, width: float) -> tuple[Figure, list[Axes]]:
+    """Draw the ground several times, side by side.
+
+    Args:
+        terrain: The ground.
+        count: How many times.
+        width: Of one, inches.
+
+    Returns:
+        The figure, and the panels to draw on.
+    """
+    xmin, ymin, xmax, ymax = terrain.bounds
+    chart = figure(width * count, min(width * (ymax - ymin) / (xmax - xmin), 7.0) + 0.3)
+    panels = list(chart.subplots(1, count, squeeze=False).ravel())
+    for axes in panels:
+        _frame(axes, terrain)
+        axes.tick_params(labelbottom=False, labelleft=False, length=0)
+        _ground(axes, terrain)
+    return chart, panels
 
 
 def _outline(axes: Axes, terrain: Terrain, zones: Sequence[ZoneSpec], closures: Sequence[ClosureSpec]) -> None:

@@ -14,22 +14,14 @@ before the run does is none.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from patrol.graph.graph import Graph
-    from patrol.prepare import Prepared
-
 ATTACKS_S = (25.0, 50.0, 75.0, 100.0, 125.0, 150.0)
 """Durations of attacks in the literature, s."""
-
-MOST_POINTS = 2000
-"""Points of the ground that are played on; of more, every so many are taken, row by row."""
 
 SAMPLES = 5
 """Least number of times that a place was unseen by which the statistical intruder judges it; else by those of all.
@@ -69,50 +61,6 @@ class Successes:
         return max(
             (share for share in (self.random, self.waiting, self.statistical) if share is not None), default=None
         )
-
-
-class Sightings:
-    """Which places are seen in each tick of a run: points of its ground, and the vertices of its graph.
-
-    Attributes:
-        rows: Rows of the points.
-        cols: Columns of the points.
-        seen: bool (ticks, points), to be filled in by the caller.
-        visited: bool (ticks, vertices), filled in by `visit`.
-    """
-
-    def __init__(self, prepared: Prepared, graph: Graph | None, ticks: int) -> None:
-        """Begin with nothing seen.
-
-        Args:
-            prepared: The run's scenario.
-            graph: The graph on whose vertices to play, if any.
-            ticks: How many there are.
-        """
-        every = np.flatnonzero(prepared.patrolled)
-        self.rows, self.cols = np.divmod(every[:: -(-len(every) // MOST_POINTS)], prepared.patrolled.shape[1])
-        self.seen = np.zeros((ticks, len(self.rows)), dtype=np.bool_)
-        self.visited = np.zeros((ticks, 0 if graph is None else graph.size), dtype=np.bool_)
-        self._graph = graph
-        self._reach: dict[int, float] = {}
-        if graph is not None:
-            step = prepared.scenario.step
-            self._reach = {spec.number: graph.visit_reach(spec.speed, step) for spec in prepared.scenario.roster}
-        self._before: dict[int, tuple[float, float]] = {}
-
-    def visit(self, k: int, places: Iterable[tuple[int, tuple[float, float]]]) -> None:
-        """Note which vertices are visited in the next tick.
-
-        Args:
-            k: The tick.
-            places: Number, and x and y in m, of each robot that takes part.
-        """
-        if self._graph is None:
-            return
-        here = dict(places)
-        for number, place in here.items():
-            self.visited[k, self._graph.within(self._before.get(number, place), place, self._reach[number])] = True
-        self._before = here
 
 
 def intruder_games(seen: Seen, step: float, attacks_s: Sequence[float]) -> list[Successes]:

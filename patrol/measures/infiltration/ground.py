@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from heapq import heappop, heappush
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse.csgraph import dijkstra
 
 if TYPE_CHECKING:
     from patrol.ground.terrain import BoolGrid
@@ -17,8 +16,11 @@ if TYPE_CHECKING:
 POINT_M = 1.0
 """Distance of the points at least, m."""
 
+MOST_POINTS = 10_000
+"""Points of the ground at most, about: of larger ground the distance is larger."""
+
 MOVES = ((-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (-1, 1), (1, -1), (1, 1))
-"""Rows and columns from a cell to its neighbours, the straight moves first."""
+"""Rows and columns from a square to its neighbours, the straight moves first."""
 
 Points = NDArray[np.int64]
 Flags = NDArray[np.bool_]
@@ -26,35 +28,50 @@ Flags = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class IntruderGround:
-    """Points on which the intruder moves.
+    """Points on which the intruder moves, one in each square of a grid that has open ground.
 
     Attributes:
         rows: int64 (points,), of the terrain.
         cols: int64 (points,), likewise.
         neighbours: int32 (points, 8), the points that a move in each direction of `MOVES` leads to; -1 for none.
+        squares: int64 (points,), flat index of each point's square, in the grid with one more square on each side.
+        shape: Rows and columns of that grid.
         point_m: Length of a straight move, m.
         entries: bool (points,), where the intruder may enter.
         depths_m: float64 (points,), length of the shortest way from an entry; infinite where no way leads.
+        wanted: bool (points,), where it wants to stay, however deep; None where the depth decides.
     """
 
     rows: Points
     cols: Points
     neighbours: NDArray[np.int32]
+    squares: Points
+    shape: tuple[int, int]
     point_m: float
     entries: Flags
     depths_m: NDArray[np.float64]
+    wanted: Flags | None = None
 
 
-def ground_of(free: BoolGrid, point_m: float, apart_m: float = POINT_M) -> IntruderGround:
-    """Lay points over the open ground, one in each square of `apart_m`, the nearest to its centre.
+def ground_of(
+    free: BoolGrid,
+    point_m: float,
+    enters: BoolGrid | None = None,
+    wants: BoolGrid | None = None,
+    apart_m: float = POINT_M,
+) -> IntruderGround:
+    """Lay points over the open ground, one in each square, the nearest to its centre.
 
     Args:
         free: bool (h, w), the ground that is patrolled.
         point_m: Side of its points, m.
+        enters: bool (h, w), where the intruder may enter; None for the edge of the ground.
+        wants: bool (h, w), where it wants to stay; None where the depth decides.
         apart_m: Side of the squares at least, m.
     """
-    side = max(math.ceil(apart_m / point_m - 1e-6), 1)
-    number, rows, cols = _cells(free, side)
+    least = math.ceil(math.sqrt(np.count_nonzero(free) / MOST_POINTS))
+    side = max(math.ceil(apart_m / point_m - 1e-6), least, 1)
+    number, rows, cols = _points(free, side)
     neighbours = np.full((len(rows), len(MOVES)), -1, dtype=np.int32)
     padded = np.pad(number, 1, constant_values=-1)
     for k, (down, right) in enumerate(MOVES):
@@ -63,19 +80,31 @@ def ground_of(free: BoolGrid, point_m: float, apart_m: float = POINT_M) -> Intru
         linked[linked] = _clear(free, rows[linked], cols[linked], rows[other[linked]], cols[other[linked]])
         neighbours[linked, k] = other[linked]
     apart_m = side * point_m
-    entries = _edge(number)[rows // side, cols // side]
-    return IntruderGround(rows, cols, neighbours, apart_m, entries, _depths(neighbours, apart_m, entries))
+    squares_in = rows // side, cols // side
+    entries = (_edge(number) if enters is None else _holding(enters & free, side))[squares_in]
+    squares = (rows // side + 1) * padded.shape[1] + cols // side + 1
+    depths_m = _depths(neighbours, apart_m, entries)
+    wanted = None if wants is None else _holding(wants & free, side)[squares_in]
+    return IntruderGround(rows, cols, neighbours, squares, padded.shape, apart_m, entries, depths_m, wanted)
 
 
-def _cells(free: BoolGrid, side: int) -> tuple[NDArray[np.int32], Points, Points]:
+def _holding(marks: BoolGrid, side: int) -> Flags:
+    """Return the squares that hold a mark."""
+    squares = np.zeros((-(-marks.shape[0] // side), -(-marks.shape[1] // side)), dtype=np.bool_)
+    rows, cols = np.nonzero(marks)
+    squares[rows // side, cols // side] = True
+    return squares
+
+
+def _points(free: BoolGrid, side: int) -> tuple[NDArray[np.int32], Points, Points]:
     """Return the number of the point in each square, -1 for none, and the points' rows and columns."""
     rows, cols = np.nonzero(free)
     middle = (side - 1) / 2.0
     off = (rows % side - middle) ** 2 + (cols % side - middle) ** 2
     height, width = -(-free.shape[0] // side), -(-free.shape[1] // side)
-    cell = rows // side * width + cols // side
-    order = np.lexsort((off, cell))
-    first = np.append(True, np.diff(cell[order]) > 0)
+    square = rows // side * width + cols // side
+    order = np.lexsort((off, square))
+    first = np.diff(square[order], prepend=-1) > 0
     rows, cols = rows[order][first], cols[order][first]
     number = np.full((height, width), -1, dtype=np.int32)
     number[rows // side, cols // side] = np.arange(len(rows))
@@ -83,18 +112,31 @@ def _cells(free: BoolGrid, side: int) -> tuple[NDArray[np.int32], Points, Points
 
 
 def _clear(free: BoolGrid, rows: Points, cols: Points, to_rows: Points, to_cols: Points) -> Flags:
-    """Return where the straight line between two points is open."""
-    steps = 2 * int(max(np.abs(to_rows - rows).max(initial=0), np.abs(to_cols - cols).max(initial=0), 1))
+    """Return where the straight line between two points is open.
+
+    Where it runs between two points of the terrain, one of them must be: it may pass the corner of a wall, but not
+    between two corners that touch.
+    """
+    down, right = to_rows - rows, to_cols - cols
+    steps = 2 * int(max(np.abs(down).max(initial=0), np.abs(right).max(initial=0), 1))
     clear = np.ones(len(rows), dtype=np.bool_)
     for share in np.arange(steps + 1) / steps:
-        at = np.rint(rows + share * (to_rows - rows)).astype(int), np.rint(cols + share * (to_cols - cols)).astype(int)
-        clear &= free[at]
+        sides = (
+            free[
+                np.rint(rows + share * down + aside * right).astype(int),
+                np.rint(cols + share * right - aside * down).astype(int),
+            ]
+            for aside in (-1e-6, 1e-6)
+        )
+        clear &= np.logical_or(*sides)
     return clear
 
 
 def _edge(number: NDArray[np.int32]) -> Flags:
-    """Return the squares on the terrain's edge; where there are none, because a wall surrounds it, those that are the
-    first or the last with a point in their row or column.
+    """Return the squares on the terrain's edge.
+
+    Where there are none, because a wall surrounds it, return the first and the last with a point in each row and
+    column.
     """
     there = number >= 0
     edge = there.copy()
@@ -109,10 +151,19 @@ def _edge(number: NDArray[np.int32]) -> Flags:
 
 
 def _depths(neighbours: NDArray[np.int32], apart_m: float, entries: Flags) -> NDArray[np.float64]:
-    linked = neighbours >= 0
-    here, move = np.nonzero(linked)
-    lengths = np.where(move < 4, apart_m, math.sqrt(2.0) * apart_m)
-    graph = sparse.csr_array((lengths, (here, neighbours[linked])), shape=(len(entries), len(entries)))
-    if not entries.any():
-        return np.full(len(entries), np.inf)
-    return np.asarray(dijkstra(graph, indices=np.flatnonzero(entries), min_only=True))
+    """Return the length of the shortest way from an entry to each point, m."""
+    depths = [math.inf] * len(entries)
+    lengths = [apart_m] * 4 + [math.sqrt(2.0) * apart_m] * 4
+    moves = neighbours.tolist()
+    queue = [(0.0, point) for point in np.flatnonzero(entries).tolist()]
+    for _, point in queue:
+        depths[point] = 0.0
+    while queue:
+        depth, point = heappop(queue)
+        if depth > depths[point]:
+            continue
+        for other, length in zip(moves[point], lengths, strict=True):
+            if other >= 0 and depth + length < depths[other]:
+                depths[other] = depth + length
+                heappush(queue, (depth + length, other))
+    return np.array(depths, dtype=np.float64)

@@ -25,7 +25,19 @@ from patrol.measures.best_tour import best_tour
 from patrol.summary.model import Summary
 from tests.monitor.conftest import run_of
 
-SECTIONS = ("verdict", "fog", "visits", "robots", "paths", "links", "belief", "decisions", "scenario", "files")
+SECTIONS = (
+    "verdict",
+    "fog",
+    "visits",
+    "robots",
+    "paths",
+    "links",
+    "belief",
+    "decisions",
+    "moving",
+    "scenario",
+    "files",
+)
 
 
 def sections(page: str) -> list[str]:

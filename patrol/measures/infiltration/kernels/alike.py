@@ -29,7 +29,7 @@ def differences(words, now, first, last, out):
         np.uint64(56),
     )
     for row in range(first, last):
-        count = 0
+        count = np.int64(0)
         for w in range(words.shape[1]):
             x = words[row, w] ^ words[now, w]
             x -= (x >> one) & low

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import fogwatch
-from monitor.replay.intruder_games import games_of
+from monitor.replay.intruder_games import games_of, moving_game
 from monitor.replay.replay import Replay
 from monitor.replay.run import open_run
+from monitor.report.moving_intruder import MovingIntruder
+from patrol.errors import BadInput
+from patrol.measures.infiltration.infiltrator import Infiltrator
 
 SCENARIO = {
     "name": "watched",
@@ -77,6 +82,68 @@ def test_the_learned_intruder_plays_where_it_is_asked_to(
         for each in (outcomes[0], *outcomes[2:]):
             assert 0.0 <= each["success"] <= each["attacked"] <= 1.0
     assert games["learned_points"] <= 100
+
+
+@pytest.fixture(scope="module")
+def watched(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run that is long enough for a moving intruder that plans over 20 s."""
+    zone = {"name": "vault", "polygon": [[40, 40], [50, 40], [50, 50]], "weight": 2}
+    scenario = {**SCENARIO, "point": 2.0, "duration": 400, "zones": [zone], "patrol": {}}
+    folder = tmp_path_factory.mktemp("run") / "long"
+    return fogwatch.run(scenario, out=folder, picture=False, report=False, recording=False).folder
+
+
+MOVING = ("--within", "20", "--stay", "5", "--speed", "4", "--attempts", "20")
+
+
+def test_the_moving_intruder_gets_a_table_of_its_own(
+    watched: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert command("intruder", watched, *MOVING, "--depth", "15") == 0
+    shown = capsys.readouterr().out
+    assert "a moving intruder gets in, 20 attempts" in shown
+    assert "gain of watching" in shown
+    assert "targets at least 15 m inside, points of 2 m" in shown
+    assert (
+        command("intruder", watched, *MOVING, "--again", "--entries", "0,0 99,0 99,9", "--zone", "vault", "--json") == 0
+    )
+    moving = json.loads(capsys.readouterr().out)["moving"]
+    assert set(moving["once"]) == {"future", "similar", "each", "picture", "blind"}
+    assert set(moving["again"]) == {"similar", "each"}
+    shares = [*moving["once"].values(), *moving["again"].values()]
+    assert all(0.0 <= share["low"] <= share["percent"] <= share["high"] <= 100.0 for share in shares)
+    better = max(moving["once"][name]["percent"] for name in ("similar", "each"))
+    assert moving["gain"]["watching"]["percent"] == pytest.approx(better - moving["once"]["blind"]["percent"])
+    settings: dict[str, Any] = {"within_s": 20.0, "stay_s": 5.0, "speed": 4.0, "attempts": 20, "zone": "vault"}
+    played = fogwatch.load(watched).infiltration(**settings, entries=[(0, 0), (99, 0), (99, 9)])
+    assert asdict(played)["once"] == moving["once"]
+    with pytest.raises(BadInput, match="depth: the moving intruder has no such setting; did you mean depth_m"):
+        fogwatch.load(watched).infiltration(depth=3.0)
+
+
+def test_a_report_shows_an_attempt_that_succeeds_and_one_that_does_not(watched: Path) -> None:
+    run = open_run(watched)
+    moving = MovingIntruder(run, moving_game(run, Infiltrator(speed=4.0, within_s=20.0, stay_s=5.0, attempts=40)))
+    assert [attempt.succeeded for attempt in moving.examples] == [True, False]
+    titles = [axes.get_title(loc="left") or axes.get_title() for axes in moving.chart().axes]
+    assert [title.split(":")[0] for title in titles] == ["gets in", "fails"]
+    assert "<td>gain of watching" in moving.table()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ([], "the run has 60 s, and a moving intruder, which watches and then plans over 120 s, needs 600 s"),
+        (["--within", "5"], "stay_s = 10: does not fit into 5 s"),
+        (["--entries", "0,0 9,9"], "--entries 0,0 9,9: expected edge, doors, or three corners or more"),
+        (["--zone", "hall"], "zone hall: there is no such zone; this scenario has none"),
+    ],
+)
+def test_moving_intruders_that_cannot_be_are_one_line(
+    ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], options: list[str], message: str
+) -> None:
+    assert command("intruder", ran, *options) == (2 if options else 0)
+    assert message in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

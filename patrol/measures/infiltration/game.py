@@ -1,0 +1,298 @@
+"""The infiltration game: how often a moving intruder that watches a patrol gets in unseen, and what watching gains it.
+
+The paper's threat: "When the agents move over regular paths, it is very easy for an intruder to predict their movement
+and plan the infiltration into the guarded object." In an *attempt* the intruder is outside at a random moment of the
+second half of the run. It wants to get to a random target, unseen, and to stay there. It knows all that was seen since
+the run began, predicts what will be seen (`patrol.measures.infiltration.predictors`), and takes the way, and the time
+to enter, on which it expects to be detected least. Then the way is tried against the run. The attempt succeeds if no
+robot sees the intruder from when it enters until its stay is over.
+
+It plans *once*, or *again* every second from what is then seen: the stronger adversary. The latter may still enter
+later; once its stay has begun, it stays.
+
+The *gain of watching* is the success of the better of the two predictors that watch, less that of the blind intruder.
+All predictors play the same attempts, so that the gain has an interval from pairs.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.errors import BadInput
+from patrol.measures.infiltration.infiltrator import WATCHING, Infiltrator
+from patrol.measures.infiltration.planner import DONE, OUTSIDE, Planner, Way
+from patrol.measures.infiltration.predictors import Past, Predictor, predictors_of
+from patrol.measures.infiltration.watch import Watch
+from patrol.random import Purpose, draw
+
+WIDTH = 1.959964
+"""Half the width of a 95 % interval, in standard deviations."""
+
+AGAIN_S = 1.0
+"""Time after which an intruder plans again, s."""
+
+BLIND = "blind"
+
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Percent:
+    """A share or a difference of shares with its 95 % interval, all in percent.
+
+    Attributes:
+        percent: The value.
+        low: Lower end of the interval.
+        high: Upper end of the interval.
+    """
+
+    percent: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class Gains:
+    """What watching gains, in percentage points over the blind intruder.
+
+    Attributes:
+        watching: Of the better of the predictors that watch.
+        similar: Of the predictor `similar`.
+        each: Of the predictor `each`.
+    """
+
+    watching: Percent
+    similar: Percent
+    each: Percent
+
+
+@dataclass(frozen=True, slots=True)
+class Infiltration:
+    """The outcome of the game.
+
+    Attributes:
+        attempts: How many attempts there were.
+        points: How many points the intruder moves on.
+        point_m: Their distance, m.
+        speed: Speed of a straight move, m/s.
+        depth_m: Least length of the way from an entry to a target, m.
+        targets: How many points were targets.
+        once: Success of each predictor where the intruder plans once, in percent.
+        gain: Of watching, where the intruder plans once.
+        again: Success of those that watch, where the intruder plans again every second; empty where that was not asked.
+        again_gain: Of watching, likewise; None where that was not asked.
+    """
+
+    attempts: int
+    points: int
+    point_m: float
+    speed: float
+    depth_m: float
+    targets: int
+    once: dict[str, Percent]
+    gain: Gains
+    again: dict[str, Percent]
+    again_gain: Gains | None
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """One attempt.
+
+    Attributes:
+        now: The tick that was seen last when the intruder planned first.
+        target: The point where it wants to stay.
+        way: Where it is at the end of each tick from now + 1 on; to where it was seen, if it was.
+        seen: The tick in which it was seen; None where it was not.
+        succeeded: Whether its stay was over in time, unseen.
+    """
+
+    now: int
+    target: int
+    way: Way
+    seen: int | None
+    succeeded: bool
+
+
+class Game:
+    """The game on one run.
+
+    Attributes:
+        watch: The run.
+        infiltrator: The intruder.
+        depth_m: Least length of the way from an entry to a target, m.
+        targets: int64 (targets,), the points.
+        trials: Tick and target of each attempt.
+        predictors: By name; more can be added.
+        planner: Plans the ways.
+    """
+
+    def __init__(self, watch: Watch, infiltrator: Infiltrator) -> None:
+        """Draw the attempts.
+
+        Args:
+            watch: The run.
+            infiltrator: The intruder.
+
+        Raises:
+            BadInput: The run is too short, or there is no entry or no target.
+        """
+        seconds, depths_m = watch.ticks * watch.step, watch.ground.depths_m
+        if seconds < infiltrator.least_s:
+            needs = f"which watches and then plans over {infiltrator.within_s:g} s, needs {infiltrator.least_s:g} s"
+            raise BadInput(f"the run has {seconds:g} s, and a moving intruder, {needs}; make a longer run")
+        if not watch.ground.entries.any():
+            raise BadInput("a moving intruder finds no entry on the patrolled ground; choose other entries")
+        self.watch = watch
+        self.infiltrator = infiltrator
+        self.depth_m = min(infiltrator.depth_m, 0.5 * float(depths_m[np.isfinite(depths_m)].max()))
+        wanted = depths_m >= self.depth_m if watch.ground.wanted is None else watch.ground.wanted
+        self.targets = np.flatnonzero(wanted & np.isfinite(depths_m) & watch.ever_seen())
+        if not self.targets.size:
+            raise BadInput(
+                "a moving intruder finds no target that it can reach from an entry and that is seen now and then; "
+                "choose another zone or other entries"
+            )
+        self.planner = Planner(watch.ground, watch.step, infiltrator.speed, infiltrator.stay_s)
+        self._within = watch.ticks_of(infiltrator.within_s)
+        self.predictors = predictors_of(Past(watch, self._within))
+        begin, end = watch.ticks // 2, watch.ticks - self._within
+        self.trials = []
+        for number in range(infiltrator.attempts):
+            moment, target = (draw(infiltrator.seed, Purpose.INFILTRATION, number, part) for part in range(2))
+            self.trials.append(
+                (begin + int(moment * (end - begin)), int(self.targets[int(target * len(self.targets))]))
+            )
+
+    def once(self, predictor: Predictor, now: int, target: int) -> Attempt:
+        """Make an attempt that is planned once.
+
+        Args:
+            predictor: What the intruder expects.
+            now: The tick that it sees last.
+            target: Where it wants to stay.
+        """
+        way = self.planner.plan(predictor(now, self._within), OUTSIDE, target)
+        return self._tried(now, target, np.zeros(0, dtype=np.int32) if way is None else way)
+
+    def again(self, predictor: Predictor, now: int, target: int) -> Attempt:
+        """Make an attempt that is planned again every second.
+
+        Args:
+            predictor: What the intruder expects.
+            now: The tick that it sees last when it plans first.
+            target: Where it wants to stay.
+        """
+        every = self.watch.ticks_of(AGAIN_S)
+        went: list[int] = []
+        at = OUTSIDE
+        while len(went) < self._within and not (went and self._seen(now + len(went), at)):
+            if at == target:
+                # It stays; a way that only passes its target would not have ended a second there.
+                stayed = next((n for n, point in enumerate(reversed(went)) if point != target), len(went))
+                went += [target] * min(self.planner.stay - stayed, self._within - len(went)) + [DONE]
+                break
+            left = self._within - len(went)
+            way = self.planner.plan(predictor(now + len(went), left), at, target)
+            if way is None:
+                break
+            went += way[:every].tolist()
+            at = went[-1]
+            if at == DONE:
+                break
+        return self._tried(now, target, np.array(went, dtype=np.int32))
+
+    def _tried(self, now: int, target: int, way: Way) -> Attempt:
+        """Try a way against the run."""
+        stayed = 0
+        for tick, point in enumerate(way.tolist(), start=now + 1):
+            if point == DONE:
+                break
+            if self._seen(tick, point):
+                return Attempt(now, target, way[: tick - now], tick, succeeded=False)
+            stayed = stayed + 1 if point == target else 0
+        return Attempt(now, target, way[way != DONE], None, stayed >= self.planner.stay)
+
+    def _seen(self, tick: int, point: int) -> bool:
+        if point < 0:
+            return False
+        word, bit = divmod(point, 64)
+        return bool(int(self.watch.words[tick, word]) >> bit & 1)
+
+
+def infiltration(
+    game: Game, again: bool = False, advance: Callable[[float], None] = lambda _share: None
+) -> Infiltration:
+    """Play all attempts with all predictors.
+
+    Args:
+        game: The game.
+        again: Whether those that watch also plan again every second, which takes minutes.
+        advance: Called with the share of the work that is done.
+    """
+    plans = [(name, game.once) for name in game.predictors]
+    plans += [(name, game.again) for name in WATCHING] if again else []
+    # A plan that is made again every second takes some forty times as long.
+    work = [40.0 if play == game.again else 1.0 for _, play in plans]
+    done, total = 0.0, sum(work) * len(game.trials)
+    won: list[Flags] = []
+    for (name, play), weight in zip(plans, work, strict=True):
+        outcomes = []
+        for now, target in game.trials:
+            outcomes.append(play(game.predictors[name], now, target).succeeded)
+            done += weight
+            advance(done / total)
+        won.append(np.array(outcomes))
+    count = len(game.predictors)
+    once = dict(zip(game.predictors, won[:count], strict=True))
+    later = dict(zip(WATCHING, won[count:], strict=True)) if again else {}
+    return Infiltration(
+        len(game.trials),
+        game.watch.size,
+        game.watch.ground.point_m,
+        game.planner.straight_m_s,
+        game.depth_m,
+        len(game.targets),
+        {name: share_of(outcomes) for name, outcomes in once.items()},
+        _gains(once, once[BLIND]),
+        {name: share_of(outcomes) for name, outcomes in later.items()},
+        _gains(later, once[BLIND]) if later else None,
+    )
+
+
+def share_of(won: Flags | Sequence[bool]) -> Percent:
+    """Return the share of attempts that succeeded, with Wilson's interval.
+
+    Args:
+        won: Whether each attempt did, at least one.
+    """
+    n = len(won)
+    share = float(np.mean(won))
+    middle = (share + WIDTH**2 / (2 * n)) / (1.0 + WIDTH**2 / n)
+    half = WIDTH / (1.0 + WIDTH**2 / n) * math.sqrt(share * (1.0 - share) / n + WIDTH**2 / (4 * n * n))
+    return Percent(100.0 * share, 100.0 * max(middle - half, 0.0), 100.0 * min(middle + half, 1.0))
+
+
+def gain_of(won: Flags, without: Flags) -> Percent:
+    """Return how many more attempts succeed than without, with an interval from pairs (Agresti and Min 2005).
+
+    Args:
+        won: Whether each attempt succeeded.
+        without: Whether the same attempt did without watching.
+    """
+    n = len(won)
+    better, worse = int((won & ~without).sum()), int((without & ~won).sum())
+    # Half a pair of each of the four kinds is added, so that few attempts that all agree do not look certain.
+    middle = (better - worse) / (n + 2)
+    half = WIDTH * math.sqrt(better + worse + 1.0 - (better - worse) ** 2 / (n + 2)) / (n + 2)
+    return Percent(100.0 * (better - worse) / n, 100.0 * max(middle - half, -1.0), 100.0 * min(middle + half, 1.0))
+
+
+def _gains(won: dict[str, Flags], without: Flags) -> Gains:
+    similar, each = (gain_of(won[name], without) for name in WATCHING)
+    return Gains(max(similar, each, key=lambda gain: gain.percent), similar, each)
