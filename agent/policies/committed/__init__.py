@@ -1,1 +1,1 @@
-"""The default policy: go to one place until a robot has seen it."""
+"""The tour: all robots follow one short round, evenly spaced."""

@@ -3,7 +3,7 @@
 - *On the round*: the first stale point ahead on a short closed tour that shows all of the ground
   (`agent.policies.committed.rounds`). All robots follow the same tour, evenly spaced
   (`agent.policies.committed.spacing`).
-- *Free choice*, commitment and giving up: `agent.policies.committed.commitment`.
+- *Free choice*, commitment and giving up: `agent.policies.commitment.commitment`.
 - *Blocked*: while no way leads on along the round, choices are free; after a while the robot goes on from there.
 
 The option `unpredictability` and the experience with the round decide how much of the time choices are free
@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from agent.policies.committed.commitment import NO_NEARER_S, TRIES, Commitment, Target
+from agent.policies.commitment.commitment import NO_NEARER_S, TRIES, Commitment, Target
 from agent.policies.committed.division import Division
 from agent.policies.committed.periods import INTERVALS, Periods
 from agent.policies.committed.rounds import RoundAhead

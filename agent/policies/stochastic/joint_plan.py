@@ -27,8 +27,8 @@ from patrol.kernels.elementary import exp
 from patrol.random import Purpose
 
 if TYPE_CHECKING:
-    from agent.policies.committed.choice import Point
-    from agent.policies.committed.given_up import GivenUp
+    from agent.policies.commitment.choice import Point
+    from agent.policies.commitment.given_up import GivenUp
     from agent.ports import PolicySetup
     from agent.view import View
     from patrol.ground.tour.round import Round
@@ -231,12 +231,12 @@ class JointPlan:
                 left.discard(best)
                 rows[row].append(best)
                 until[row] += ways[best]
-        for row in rows:
-            if not row and max(len(other) for other in rows) > 1:
-                row.append(max(rows, key=len).pop())
+        for stations in rows:
+            if not stations and max(len(other) for other in rows) > 1:
+                stations.append(max(rows, key=len).pop())
         routes, counts = np.zeros((len(robots), size), dtype=np.int64), np.array([len(row) for row in rows])
-        for row, stations in enumerate(rows):
-            routes[row, : len(stations)] = stations
+        for number, stations in enumerate(rows):
+            routes[number, : len(stations)] = stations
         return routes, counts
 
     def _gone_on(self, route: list[int], ages: NDArray[np.float64], least_s: float) -> list[int]:

@@ -2,7 +2,7 @@
 
 A patrol that follows a tour is the freshest, and whoever watches it knows where it will be. This one draws each next
 station from good plans for the whole fleet (`agent.policies.stochastic.joint_plan`), and keeps to it until it has been
-seen (`agent.policies.committed.commitment`). With a fleet key the draws come from the key, so nobody else can compute
+seen (`agent.policies.commitment.commitment`). With a fleet key the draws come from the key, so nobody else can compute
 them (`agent.chance`).
 
 Where there is no tour, because the ground is too large for one or the sensor does not look all around, each choice is
@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from agent.policies.committed.commitment import TRIES, Commitment, Target
+from agent.policies.commitment.commitment import TRIES, Commitment, Target
 from agent.policies.stochastic.joint_plan import JointPlan
 from patrol.scenario import StochasticOptions
 

@@ -12,13 +12,9 @@ import numpy as np
 import pytest
 
 from agent.build import build_mind
-from agent.policies.committed.given_up import LEFT_OUT_S, GivenUp
-from agent.policies.committed.policy import (
-    AT_HAND_S,
-    NO_NEARER_S,
-    Committed,
-    Target,
-)
+from agent.policies.commitment.commitment import AT_HAND_S, NO_NEARER_S, Target
+from agent.policies.commitment.given_up import LEFT_OUT_S, GivenUp
+from agent.policies.committed.policy import Committed
 from agent.policies.surround.surround import Surround
 from patrol.ground.terrain import Terrain
 from patrol.pose import MODELS, Pose

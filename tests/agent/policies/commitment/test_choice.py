@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from agent.policies.committed.choice import NEAR_M, OTHERS, Best, TargetChoice
-from agent.policies.committed.given_up import GivenUp
-from agent.policies.committed.kernels.best import best_of, farthest_of_own, oldest_that_may_win
+from agent.policies.commitment.choice import NEAR_M, OTHERS, Best, TargetChoice
+from agent.policies.commitment.given_up import GivenUp
+from agent.policies.commitment.kernels.best import best_of, farthest_of_own, oldest_that_may_win
 from agent.routes.path_window import FAR
 from agent.routes.wave import LONGEST, NO_BENDS, BoxPaths, Wave
 from patrol.pose import Pose

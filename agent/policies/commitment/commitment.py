@@ -6,7 +6,7 @@ its target:
 
 - *Commitment*: it keeps the target until half of its age or more has gone, because a robot has seen it.
 - *Giving up*: a target that comes no nearer for a while is left out for some time, with what lies around it.
-- *Free choice*: the point with the greatest age squared per way (`agent.policies.committed.choice`). A point to which
+- *Free choice*: the point with the greatest age squared per way (`agent.policies.commitment.choice`). A point to which
   another robot has the shorter way counts a tenth.
 
 Policies say what the next target is: on the tour (`agent.policies.committed.policy`), or drawn from a plan
@@ -22,14 +22,14 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from agent.policies.committed.choice import TargetChoice
-from agent.policies.committed.given_up import GivenUp
+from agent.policies.commitment.choice import TargetChoice
+from agent.policies.commitment.given_up import GivenUp
 from agent.policies.random_steps import RandomSteps
 from agent.policies.separation import Separation
 from agent.ports import Bearing, Intent, Place, State, Stay
 
 if TYPE_CHECKING:
-    from agent.policies.committed.choice import Point
+    from agent.policies.commitment.choice import Point
     from agent.ports import PolicySetup
     from agent.routes.routes import Element, Way
     from agent.view import View

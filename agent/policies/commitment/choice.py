@@ -22,11 +22,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.policies.committed.kernels.best import any_nearer, best_of, farthest_of_own, oldest_that_may_win
+from agent.policies.commitment.kernels.best import any_nearer, best_of, farthest_of_own, oldest_that_may_win
 from agent.routes.wave import LONGEST, NO_PATHS, Box, BoxPaths, box_around, paths_in
 
 if TYPE_CHECKING:
-    from agent.policies.committed.given_up import GivenUp
+    from agent.policies.commitment.given_up import GivenUp
     from agent.ports import PolicySetup
     from agent.routes.routes import Element
     from agent.view import View

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from agent.policies.committed.given_up import LEFT_OUT_S, LONGEST_S, MOST_PLACES, GivenUp
+from agent.policies.commitment.given_up import LEFT_OUT_S, LONGEST_S, MOST_PLACES, GivenUp
 
 STEP = 0.5
 

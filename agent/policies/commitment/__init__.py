@@ -1,0 +1,1 @@
+"""Going to one place until a robot has seen it."""
