@@ -157,7 +157,7 @@ class PolicySetup:
         followers: Gives the numbers of all robots on rounds in the same part of the terrain, this one among them.
         zoned: Gives the ground by the zones in force and their weights (`View.weighing`), likewise; None where all
             points always count the same.
-        fleet_chance: A random number in [0, 1) for a question 0, 1, ..., the same for all robots of the fleet. It comes
+        fleet_chance: A random number in [0, 1) for a question of integers, the same for all robots. It comes
             from the fleet's key, so that only the fleet can compute it; without a key from the scenario's seed, which
             every copy of the scenario holds (`agent.chance`).
         weighing: The zones that are in force at tick 0, as `View.weighing`.
@@ -183,7 +183,7 @@ class PolicySetup:
     round: Callable[[], Round | None]
     followers: Callable[[], frozenset[int]]
     zoned: Callable[[Weighing], ZonedGround] | None
-    fleet_chance: Callable[[int], float]
+    fleet_chance: Callable[..., float]
     weighing: Weighing = frozenset()
     docks: tuple[DockSpec, ...] = ()
     charged: frozenset[int] = frozenset()

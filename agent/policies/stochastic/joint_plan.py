@@ -1,14 +1,16 @@
-"""A plan for the whole fleet that one robot makes for itself, and its next station by draw.
+"""A plan for the whole fleet that every robot works out for itself, and in which each next station is drawn.
 
-No robot says where it is going. All believe nearly the same fog and hear where the others are, so each can work out
-good routes for *all*, and take its own part:
+No robot says where it is going. All believe nearly the same fog, hear where the others are, and draw the same numbers,
+so each can work out what *all* will do, and take its own part:
 
 - *Stations* (`patrol.ground.tour.stations`) are to be visited, each by one robot.
 - A *plan* is a route for each robot; together they visit every station. It costs the sum of the eighth powers of the
   stations' ages when they are visited. So old stations weigh most, and no station is put off for ever.
-- Small moves that cost nothing improve the plan (`agent.policies.stochastic.kernels.plan`).
-- *The draw*: the robot compares the plans in which it goes to each of the near stations first. It draws one of them;
-  the less a plan is behind the best one, the likelier.
+- *The draw*: once a robot has seen its station, the plans are compared in which it goes to each of the near ones next.
+  Each is improved by small moves (`agent.policies.stochastic.kernels.plan`). One is drawn; the less it is behind the
+  best, the likelier.
+- *Beginning anew*: at the begin of a period, and whenever other robots are heard, all plan from where the robots are.
+  So robots that have believed different things agree again.
 
 For example, the best plan costs 40.0 s (the root of its cost) and begins with the first of three stations; with the
 second one first it would cost 0.2 s more, with the third one 2 s. With a spread of 0.4 s they are drawn with 62, 38 and
@@ -17,6 +19,9 @@ second one first it would cost 0.2 s more, with the third one 2 s. With a spread
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+from hashlib import blake2b
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -24,9 +29,10 @@ from numpy.typing import NDArray
 
 from agent.policies.stochastic.kernels.plan import compare, improve
 from patrol.kernels.elementary import exp
-from patrol.random import Purpose
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from agent.policies.commitment.choice import Point
     from agent.policies.commitment.given_up import GivenUp
     from agent.ports import PolicySetup
@@ -34,7 +40,7 @@ if TYPE_CHECKING:
     from patrol.ground.tour.round import Round
     from patrol.ground.tour.stations import Stations
 
-SPREAD = 0.012
+SPREAD = 0.01
 """Cost by which a plan may be behind the best one, as a share of the time between two robots on the tour, to be drawn
 1/e times as often; times `unpredictability`."""
 
@@ -42,12 +48,16 @@ CHOICES = 8
 """Number of the nearest stations that are compared."""
 
 STALE = 0.35
-"""Share of the time between two robots on the tour from which on a station is worth a visit."""
+"""Share of the time between two robots on the tour, or of the stalest point's age, from which on a station is worth a
+visit."""
 
-MOVES = 1200
-"""Moves by which a plan is improved before stations are compared."""
+STILL_STALE = 0.5
+"""A station counts as seen once its age is below this share of what it was when it was drawn."""
 
-MOVES_EACH = 600
+MOVES_FIRST = 400
+"""Moves by which a new plan is improved, times the number of stations."""
+
+MOVES = 600
 """Moves by which each of the compared plans is improved."""
 
 NEAR = 8
@@ -55,6 +65,18 @@ NEAR = 8
 
 NO_WAY_M = 1e6
 """Length that stands for no way at all, m."""
+
+PERIOD_S = 300.0
+"""Time after which all robots begin anew, s."""
+
+LATE, LATE_S = 3.0, 15.0
+"""A station that is not seen after so many times the way there, and so many seconds, is taken as given up."""
+
+MOST_KNOWN = 64
+"""Draws that a process remembers: its robots often work out the same ones."""
+
+Routes = NDArray[np.int64]
+Ages = NDArray[np.float64]
 
 
 class Visit(NamedTuple):
@@ -71,11 +93,26 @@ class Visit(NamedTuple):
     age: int
 
 
-class JointPlan:
-    """The stations of one robot's ground, and its plan for all robots that share them.
+@dataclass(slots=True)
+class Part:
+    """The part of one robot in the plan.
 
     Attributes:
-        station: Number of the station that it visits; None before the first one.
+        route: Its stations in order; it is on the way to the first.
+        age_s: Weighted age of that one when it was drawn, s.
+        until: Tick from which on the station is taken as given up.
+    """
+
+    route: list[int]
+    age_s: float = 0.0
+    until: int = 0
+
+
+class JointPlan:
+    """The plan of one robot for all robots that share its ground.
+
+    Attributes:
+        parts: By robot number; empty before the first tick.
     """
 
     def __init__(self, setup: PolicySetup, laid_out: Round, stations: Stations) -> None:
@@ -86,62 +123,94 @@ class JointPlan:
             laid_out: The round to which the stations belong.
             stations: The stations.
         """
-        self.station: int | None = None
+        self.parts: dict[int, Part] = {}
         self._round, self._stations = laid_out, stations
         self._number, self._step, self._width = setup.spec.number, setup.step, setup.terrain.width
         self._pace = 1.0 / setup.spec.speed
-        self._followers, self._zoned = setup.followers(), setup.zoned
+        self._followers, self._zoned, self._chance = setup.followers(), setup.zoned, setup.fleet_chance
         self._spread = SPREAD * setup.options.unpredictability
-        apart = np.minimum(stations.apart_m, NO_WAY_M)
-        self._apart = np.ascontiguousarray(apart)
-        self._near = np.ascontiguousarray(np.argsort(apart, axis=1, kind="stable")[:, 1 : NEAR + 1])
+        self._apart = np.ascontiguousarray(np.minimum(stations.apart_m, NO_WAY_M))
+        self._near = np.ascontiguousarray(np.argsort(self._apart, axis=1, kind="stable")[:, 1 : NEAR + 1])
         self._spots = np.array([setup.terrain.centre(*divmod(spot, self._width)) for spot in stations.spots.tolist()])
         points = laid_out.points
         reach = setup.fields.reach.reshape(-1)
         self._own_stands = np.where(reach[points], points, setup.fields.proxy.reshape(-1)[points])
-        self._routes: dict[int, list[int]] = {}
+        self._period = -1
+        self._interval_s = math.inf
 
-    def next(self, view: View, given_up: GivenUp) -> Visit | None:
-        """Return the next point to be seen: another one of the same station, or the oldest one of the next station.
+    @property
+    def station(self) -> int | None:
+        """Number of the robot's own next station; None before the first tick."""
+        own = self.parts.get(self._number)
+        return own.route[0] if own is not None and own.route else None
+
+    def update(self, view: View) -> None:
+        """Go on with the plan: draw the next station of each robot that has seen its own.
+
+        Args:
+            view: Of this tick.
+        """
+        robots = sorted({self._number, *(number for number in view.peers if number in self._followers)})
+        period = int(view.tick * self._step / PERIOD_S)
+        self._interval_s = self._round.length_m * self._pace / len(robots)
+        if robots != sorted(self.parts) or period != self._period:
+            self._period = period
+            self._begin(view, robots)
+            return
+        done = [number for number in robots if self._is_done(view, self.parts[number])]
+        if done:
+            self._draw(view, done, self._oldest_s(view))
+
+    def visit(self, view: View, given_up: GivenUp) -> Visit | None:
+        """Return the oldest point of the robot's station that it has not given up; None where there is none.
 
         Args:
             view: Of this tick.
             given_up: What is left out.
-
-        Returns:
-            None where nothing is to be seen.
         """
-        if self.station is not None:
-            visit = self._oldest(view, given_up, self._part(self.station), self._least_s(view))
-            if visit is not None:
-                return visit
-        robots = [self._number, *sorted(number for number in view.peers if number in self._followers)]
-        ages = self._ages(view, given_up, slice(None))
-        oldest = np.maximum.reduceat(ages, self._stations.begins[:-1])
-        self.station = self._draw(view, robots, oldest)
-        return self._oldest(view, given_up, self._part(self.station), 0.0)
+        assert self.station is not None
+        part = self._points_of(self.station)
+        ages, stands = self._ages_s(view, part), self._stands(view, given_up, part)
+        ages[given_up.covers(view.tick, stands, self._width)] = -1.0
+        oldest = int(ages.argmax())
+        if ages[oldest] < 0.0:
+            return None
+        point, stand = int(self._round.points[part][oldest]), int(stands[oldest])
+        age = view.tick - max(int(view.fog.last_seen.flat[point]), 0)
+        return Visit(divmod(point, self._width), divmod(stand, self._width), max(age, 1))
 
-    def _part(self, station: int) -> slice:
+    def give_up(self, view: View, given_up: GivenUp) -> None:
+        """Draw another station than the robot's own, to which no way leads now.
+
+        The others learn nothing of it, and take the station as given up when it is late.
+
+        Args:
+            view: Of this tick.
+            given_up: What is left out.
+        """
+        everything = slice(None)
+        ages = self._ages_s(view, everything)
+        ages[given_up.covers(view.tick, self._stands(view, given_up, everything), self._width)] = 0.0
+        self._draw(view, [self._number], np.maximum.reduceat(ages, self._stations.begins[:-1]))
+
+    def _points_of(self, station: int) -> slice:
         """Return where the points of a station are among those of the round."""
         return slice(*self._stations.begins[station : station + 2].tolist())
 
-    def _least_s(self, view: View) -> float:
-        """Return the age from which on a point is worth a visit, s."""
-        interval_s = self._round.length_m * self._pace / (1 + len(view.peers))
-        return STALE * min(interval_s, view.mfow * self._step)
-
-    def _ages(self, view: View, given_up: GivenUp, part: slice) -> NDArray[np.float64]:
-        """float64, the weighted ages of some of the round's points, s; 0 for what is in view or left out."""
+    def _ages_s(self, view: View, part: slice) -> Ages:
+        """float64, the weighted ages of some of the round's points, s; 0 for what is in view or out of reach now."""
         points = self._round.points[part]
         ages = (view.tick - np.maximum(view.fog.last_seen.reshape(-1)[points], 0)) * self._step
-        counts = view.fog.looked.reshape(-1)[points] != view.tick
+        ages[view.fog.looked.reshape(-1)[points] == view.tick] = 0.0
         if view.fog.left_out is not None:
-            counts &= ~view.fog.left_out.reshape(-1)[points]
-        if given_up.places:
-            counts &= ~given_up.covers(view.tick, self._stands(view, given_up, part), self._width)
+            ages[view.fog.left_out.reshape(-1)[points]] = 0.0
         if self._zoned is not None:
-            ages = ages * self._zoned(view.weighing).weights.reshape(-1)[points]
-        return np.where(counts, ages, 0.0)
+            ages *= self._zoned(view.weighing).weights.reshape(-1)[points]
+        return ages
+
+    def _oldest_s(self, view: View) -> Ages:
+        """float64 (stations,), the weighted age of the oldest point of each station, s."""
+        return np.maximum.reduceat(self._ages_s(view, slice(None)), self._stations.begins[:-1])
 
     def _weights(self, view: View) -> NDArray[np.float64]:
         """float64 (stations,), by how much the weighted age of each grows in a second."""
@@ -150,7 +219,7 @@ class JointPlan:
         weights = self._zoned(view.weighing).weights.reshape(-1)[self._round.points]
         return np.maximum.reduceat(weights, self._stations.begins[:-1]).astype(np.float64)
 
-    def _stands(self, view: View, given_up: GivenUp, part: slice) -> NDArray[np.int64]:
+    def _stands(self, view: View, given_up: GivenUp, part: slice) -> Routes:
         """int64, where to see some of the round's points from: the round's place, or else the point itself."""
         own = self._own_stands[part] if view.fog.stands is None else view.fog.stands[self._round.points[part]]
         stands = self._round.stands[part]
@@ -158,90 +227,136 @@ class JointPlan:
             stands = np.where(view.fog.stands[stands] == stands, stands, own)
         return np.where(given_up.covers(view.tick, stands, self._width), own, stands) if given_up.places else stands
 
-    def _oldest(self, view: View, given_up: GivenUp, part: slice, least_s: float) -> Visit | None:
-        """Return the oldest of some points; None where it is not old enough."""
-        ages = self._ages(view, given_up, part)
-        oldest = int(ages.argmax())
-        if ages[oldest] <= least_s:
-            return None
-        point = int(self._round.points[part][oldest])
-        stand = int(self._stands(view, given_up, part)[oldest])
-        age = view.tick - max(int(view.fog.last_seen.flat[point]), 0)
-        return Visit(divmod(point, self._width), divmod(stand, self._width), max(age, 1))
+    def _least_s(self, view: View) -> float:
+        """Return the age up to which a station is not worth a visit, s."""
+        return STALE * min(self._interval_s, view.mfow * self._step)
 
-    def _draw(self, view: View, robots: list[int], ages: NDArray[np.float64]) -> int:
-        """Draw the station to visit next.
+    def _is_done(self, view: View, part: Part) -> bool:
+        """Return True if a robot's station has been seen, or is taken as given up."""
+        if view.tick >= part.until:
+            return True
+        oldest_s = float(self._ages_s(view, self._points_of(part.route[0])).max())
+        return oldest_s < STILL_STALE * part.age_s or oldest_s <= self._least_s(view)
+
+    def _begin(self, view: View, robots: Sequence[int]) -> None:
+        """Make a new plan: always the robot that is free first goes to the best station that is left."""
+        ages, leads = self._oldest_s(view), self._leads_s(view, robots)
+        rows: list[list[int]] = [[] for _ in robots]
+        free_at = np.zeros(len(robots))
+        left = np.ones(len(ages), dtype=np.bool_)
+        for _ in range(len(ages)):
+            row = int(free_at.argmin())
+            ways = leads[row] if not rows[row] else self._apart[rows[row][-1]] * self._pace
+            best = int(np.where(left, ways - 0.1 * ages, np.inf).argmin())
+            left[best] = False
+            rows[row].append(best)
+            free_at[row] += ways[best]
+        self.parts = {number: Part(row) for number, row in zip(robots, rows, strict=True)}
+        self._draw(view, robots, ages, MOVES_FIRST * len(ages))
+
+    def _leads_s(self, view: View, robots: Sequence[int]) -> NDArray[np.float64]:
+        """float64 (robots, stations), about how long each robot takes to each station, s."""
+        leads = np.empty((len(robots), len(self._spots)))
+        for row, number in enumerate(robots):
+            pose = view.reported if number == self._number else view.peers[number].pose
+            away = np.sqrt((self._spots[:, 0] - pose.x) ** 2 + (self._spots[:, 1] - pose.y) ** 2)
+            here = int(self._stations.around[view.point_of((pose.x, pose.y))])
+            leads[row] = np.maximum(away, self._apart[here if here >= 0 else int(away.argmin())])
+        return leads * self._pace
+
+    def _draw(self, view: View, done: Sequence[int], ages: Ages, moves_first: int = 0) -> None:
+        """Draw the next station of some robots, one after the other.
 
         Args:
             view: Of this tick.
-            robots: Numbers of the robots that the plan is for, this one first.
-            ages: float64 (stations,), s.
+            done: Numbers of the robots.
+            ages: float64 (stations,), s; one of age 0 is drawn only where all are.
+            moves_first: Moves by which the plan is improved before.
         """
-        size = len(ages)
-        poses = [view.pose, *(view.peers[number].pose for number in robots[1:])]
-        leads = np.array([self._leads_m(view, pose.x, pose.y) for pose in poses]) * self._pace
-        paces = np.full(len(robots), self._pace)
-        interval_s = self._round.length_m * self._pace / len(robots)
-        routes, counts = self._begun(robots, leads, ages, STALE * interval_s)
-        weights = self._weights(view)
-        seed = int(view.draw(0, Purpose.PLAN) * 2.0**53)
-        known = (leads, self._apart, ages, weights, paces, self._near)
-        stale = np.flatnonzero(ages >= STALE * min(interval_s, view.mfow * self._step))
-        if self.station is not None:
-            stale = stale[stale != self.station]
-        if size == 1 or not stale.size:
-            return int(ages.argmax())
-        improve(routes, counts, *known, MOVES, seed)
-        choices = np.union1d(stale[np.argsort(leads[0, stale], kind="stable")[:CHOICES]], routes[0, : counts[0]][:1])
-        plans = np.zeros((len(choices), *routes.shape), dtype=np.int64)
-        plan_counts, costs = np.zeros((len(choices), len(robots)), dtype=np.int64), np.zeros(len(choices))
-        compare(routes, counts, 0, choices, *known, MOVES_EACH, seed, plans, plan_counts, costs)
-        behind = costs - costs.min()
-        spread_s = max(self._spread * interval_s, 1e-9)
-        shares = np.cumsum([exp(-cost / spread_s) for cost in behind.tolist()])
-        drawn = int(np.searchsorted(shares[:-1], view.draw(1, Purpose.PLAN) * shares[-1], side="right"))
-        self._routes = {
-            number: plans[drawn, row, : plan_counts[drawn, row]].tolist() for row, number in enumerate(robots)
-        }
-        return int(choices[drawn])
+        robots, size = sorted(self.parts), len(ages)
+        if size == 1:
+            self.parts = {number: Part([0], 0.0, view.tick + 1) for number in robots}
+            return
+        routes, counts = np.zeros((len(robots), size), dtype=np.int64), np.zeros(len(robots), dtype=np.int64)
+        least_s = self._least_s(view)
+        for row, number in enumerate(robots):
+            route = self.parts[number].route
+            route = _gone_on(route, ages, least_s) if number in done and not moves_first else route
+            routes[row, : len(route)], counts[row] = route, len(route)
+        _fill(routes, counts)
+        pinned = np.array([number not in done for number in robots])
+        leads, paces = self._leads_s(view, robots), np.full(len(robots), self._pace)
+        facts = (leads, self._apart, ages, self._weights(view), paces, self._near)
+        if moves_first:
+            improve(routes, counts, pinned, *facts, moves_first, self._seed(view, 0))
+        for number in done:
+            row, seen = robots.index(number), self.parts[number].route[:1]
+            choices = self._choices(ages, leads[row], [*routes[pinned, 0].tolist(), *([] if moves_first else seen)])
+            choices = np.union1d(choices, routes[row, :1])
+            drawn = self._drawn(view, number, (routes, counts, pinned, row, choices, *facts))
+            station, routes, counts = int(choices[drawn[0]]), drawn[1].copy(), drawn[2].copy()
+            pinned[row] = True
+            late_s = LATE * float(leads[row, station]) + LATE_S
+            self.parts[number].age_s = float(ages[station])
+            self.parts[number].until = view.tick + math.ceil(late_s / self._step)
+        for row, number in enumerate(robots):
+            self.parts[number].route = routes[row, : counts[row]].tolist()
 
-    def _leads_m(self, view: View, x: float, y: float) -> NDArray[np.float64]:
-        """float64 (stations,), about how far it is from a place to each station, m."""
-        across, up = self._spots[:, 0] - x, self._spots[:, 1] - y
-        away = np.sqrt(across**2 + up**2)
-        here = int(self._stations.around[view.point_of((x, y))])
-        leads: NDArray[np.float64] = np.maximum(away, self._apart[here if here >= 0 else int(away.argmin())])
-        return leads
+    def _choices(self, ages: Ages, leads: NDArray[np.float64], others: Sequence[int]) -> Routes:
+        """int64, the nearest stations that are worth a visit, without those of other robots."""
+        worth = ages > STALE * min(self._interval_s, float(ages.max()))
+        worth |= not worth.any()
+        worth[list(others)] = False
+        stations = np.flatnonzero(worth)
+        return stations[np.argsort(leads[stations], kind="stable")[:CHOICES]]
 
-    def _begun(
-        self, robots: list[int], leads: NDArray[np.float64], ages: NDArray[np.float64], least_s: float
-    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return the last plan without what has been visited since, or a new one where the robots are others."""
-        size = len(ages)
-        if sorted(self._routes) == sorted(robots):
-            rows = [self._gone_on(self._routes[number], ages, least_s) for number in robots]
-        else:
-            rows = [[] for _ in robots]
-            until = np.zeros(len(robots))
-            left = set(range(size))
-            while left:
-                row = int(until.argmin())
-                ways = leads[row] if not rows[row] else self._apart[rows[row][-1]] * self._pace
-                best = min(sorted(left), key=lambda station: ways[station] - 0.1 * ages[station])
-                left.discard(best)
-                rows[row].append(best)
-                until[row] += ways[best]
-        for stations in rows:
-            if not stations and max(len(other) for other in rows) > 1:
-                stations.append(max(rows, key=len).pop())
-        routes, counts = np.zeros((len(robots), size), dtype=np.int64), np.array([len(row) for row in rows])
-        for number, stations in enumerate(rows):
-            routes[number, : len(stations)] = stations
-        return routes, counts
+    def _seed(self, view: View, number: int) -> int:
+        return int(self._chance(view.tick, number, 0) * 2.0**53)
 
-    def _gone_on(self, route: list[int], ages: NDArray[np.float64], least_s: float) -> list[int]:
-        """Put what is fresh at the beginning of a route to its end."""
-        for first, station in enumerate(route):
-            if ages[station] >= least_s:
-                return route[first:] + route[:first]
-        return route
+    def _drawn(self, view: View, number: int, question: tuple[object, ...]) -> tuple[int, Routes, Routes]:
+        """Draw one of the compared plans: its number, its routes and how many stations are in each."""
+        seed, share = self._seed(view, number), self._chance(view.tick, number, 1)
+        spread_s = max(self._spread * self._interval_s, 1e-9)
+        asked = blake2b(repr((seed, share, spread_s, question[3])).encode(), digest_size=16)
+        for value in question:
+            if isinstance(value, np.ndarray):
+                asked.update(value.tobytes())
+        digest = asked.digest()
+        if digest not in _known:
+            if len(_known) >= MOST_KNOWN:
+                _known.clear()
+            _known[digest] = _draw_one(question, spread_s, seed, share)
+        return _known[digest]
+
+
+_known: dict[bytes, tuple[int, Routes, Routes]] = {}
+"""Draws of this process by a digest of all that they depend on."""
+
+
+def _draw_one(question: tuple[object, ...], spread_s: float, seed: int, share: float) -> tuple[int, Routes, Routes]:
+    routes, _, _, _, choices = question[:5]
+    assert isinstance(routes, np.ndarray)
+    assert isinstance(choices, np.ndarray)
+    plans = np.zeros((len(choices), *routes.shape), dtype=np.int64)
+    counts, costs = np.zeros((len(choices), len(routes)), dtype=np.int64), np.zeros(len(choices))
+    compare(*question, MOVES, seed, plans, counts, costs)
+    shares = np.cumsum([exp(-behind / spread_s) for behind in (costs - costs.min()).tolist()])
+    drawn = int(np.searchsorted(shares[:-1], share * shares[-1], side="right"))
+    return drawn, plans[drawn], counts[drawn]
+
+
+def _gone_on(route: list[int], ages: Ages, least_s: float) -> list[int]:
+    """Put the station at the head of a route to its end, and those after it that are not worth a visit."""
+    for first in range(1, len(route)):
+        if ages[route[first]] > least_s:
+            return route[first:] + route[:first]
+    return route[1:] + route[:1]
+
+
+def _fill(routes: Routes, counts: Routes) -> None:
+    """Give a robot without a station the last one of the robot that has most."""
+    for row in np.flatnonzero(counts == 0).tolist():
+        most = int(counts.argmax())
+        if counts[most] > 1:
+            counts[most] -= 1
+            routes[row, 0], counts[row] = routes[most, counts[most]], 1

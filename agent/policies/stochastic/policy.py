@@ -38,23 +38,31 @@ class Stochastic(Commitment):
         laid_out = setup.round()
         stations = None if laid_out is None else laid_out.stations
         self.plan = None if laid_out is None or stations is None else JointPlan(setup, laid_out, stations)
+        self._station: int | None = None
 
     def _take_note(self, view: View, goes_on: bool) -> bool:
-        del view, goes_on
-        return self.plan is None
+        del goes_on
+        if self.plan is None:
+            return True
+        self.plan.update(view)
+        if self.plan.station != self._station:
+            self._station, self.target = self.plan.station, None
+        return False
 
     def _chosen(self, view: View, start: Element) -> Way | None:
         if self.plan is None:
             return self._free_choice(view, start)
         self.target = None
         for _ in range(TRIES):
-            visit = self.plan.next(view, self.given_up)
-            if visit is None:
-                return None
-            self._expected = 0
-            way = self._way_to(view, start, visit.stand)
-            if way is not None:
-                self._commit(view, Target(*visit))
-                return way
-            self.given_up.add(view.tick, visit.stand)
+            visit = self.plan.visit(view, self.given_up)
+            if visit is not None:
+                self._expected = 0
+                way = self._way_to(view, start, visit.stand)
+                if way is not None:
+                    self._commit(view, Target(*visit))
+                    return way
+                self.given_up.add(view.tick, visit.stand)
+            else:
+                self.plan.give_up(view, self.given_up)
+                self._station = self.plan.station
         return None

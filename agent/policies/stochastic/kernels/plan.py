@@ -16,6 +16,8 @@ NUMBERS = types.Array(types.int64, 1, "C", readonly=True)
 NEAR = types.Array(types.int64, 2, "C", readonly=True)
 ROW = types.Array(types.float64, 1, "C", readonly=True)
 LENGTHS = types.Array(types.float64, 2, "C", readonly=True)
+FACTS = (LENGTHS, LENGTHS, ROW, ROW, ROW, NEAR)
+PINNED = types.Array(types.boolean, 1, "C", readonly=True)
 PLANS = types.Array(types.int64, 3, "C")
 PLAN_COUNTS = types.Array(types.int64, 2, "C")
 COSTS = types.Array(types.float64, 1, "C")
@@ -54,7 +56,7 @@ def _improve(routes, counts, pinned, leads, apart, ages, weights, paces, near, m
     """Change routes in place by random small moves, each of which is kept if the plan costs no more; return its cost.
 
     A move puts up to three stations of a route beside a near one, reverses what lies between two stations of one route,
-    or swaps the ends of two routes. The first station of the pinned route stays.
+    or swaps the ends of two routes. The first station of a pinned route stays.
     """
     robots, size = routes.shape[0], ages.size
     cost = np.zeros(robots)
@@ -69,8 +71,7 @@ def _improve(routes, counts, pinned, leads, apart, ages, weights, paces, near, m
         v = near[u, _draw(state, near.shape[1])]
         r, q, i, j = owner[u], owner[v], place[u], place[v]
         kind = _draw(state, 4)
-        least = 1 if r == pinned else 0  # the first place of a route that may change
-        least_other = 1 if q == pinned else 0
+        least, least_other = np.int64(pinned[r]), np.int64(pinned[q])  # the first places that may change
         one = two = 0
         if kind < 2:  # put stations from u on behind v
             count = min(1 + _draw(state, LONGEST_MOVE), counts[r] - i)
@@ -138,16 +139,17 @@ def _improve(routes, counts, pinned, leads, apart, ages, weights, paces, near, m
 
 
 @njit(
-    types.void(ROUTES, COUNTS, LENGTHS, LENGTHS, ROW, ROW, ROW, NEAR, int64, uint64),
+    types.void(ROUTES, COUNTS, PINNED, *FACTS, int64, uint64),
     cache=True,
     nogil=True,
 )
-def improve(routes, counts, leads, apart, ages, weights, paces, near, moves, seed):
+def improve(routes, counts, pinned, leads, apart, ages, weights, paces, near, moves, seed):
     """Improve a plan.
 
     Args:
         routes: int64 (robots, stations), the stations that each robot visits in order; changed in place.
         counts: int64 (robots,), how many these are; each station is in one route. Changed in place.
+        pinned: bool (robots,), whether the first station of each route stays.
         leads: float64 (robots, stations), time until each robot could be at each station, s.
         apart: float64 (stations, stations), length of the way from each station to each, m.
         ages: float64 (stations,), weighted age of each station, s.
@@ -158,24 +160,38 @@ def improve(routes, counts, leads, apart, ages, weights, paces, near, moves, see
         seed: Of the draws.
     """
     state = np.array([seed], dtype=np.uint64)
-    _improve(routes, counts, -1, leads, apart, ages, weights, paces, near, moves, state)
+    _improve(routes, counts, pinned, leads, apart, ages, weights, paces, near, moves, state)
 
 
 @njit(
-    types.void(
-        ROUTES, COUNTS, int64, NUMBERS, LENGTHS, LENGTHS, ROW, ROW, ROW, NEAR, int64, uint64, PLANS, PLAN_COUNTS, COSTS
-    ),
+    types.void(ROUTES, COUNTS, PINNED, int64, NUMBERS, *FACTS, int64, uint64, PLANS, PLAN_COUNTS, COSTS),
     cache=True,
     nogil=True,
 )
 def compare(
-    routes, counts, robot, choices, leads, apart, ages, weights, paces, near, moves, seed, plans, plan_counts, costs
+    routes,
+    counts,
+    pinned,
+    robot,
+    choices,
+    leads,
+    apart,
+    ages,
+    weights,
+    paces,
+    near,
+    moves,
+    seed,
+    plans,
+    plan_counts,
+    costs,
 ):
     """Find for each of some stations the plan in which one robot visits it first.
 
     Args:
         routes: As for `improve`; not changed.
         counts: Likewise.
+        pinned: As for `improve`; the robot's own first station stays as well.
         robot: Row of the robot.
         choices: int64 (n,), the stations.
         leads: As for `improve`.
@@ -190,8 +206,9 @@ def compare(
         plan_counts: int64 (n, robots), overwritten.
         costs: float64 (n,), overwritten: the plan's cost, the POWER-th root of the sum of powers of ages, s.
     """
+    stays = pinned.copy()
+    stays[robot] = True
     for c in range(choices.size):
-        own = 0
         for r in range(counts.size):
             count = 0
             for i in range(counts[r]):
@@ -205,5 +222,5 @@ def compare(
         plans[c, robot, 0] = choices[c]
         plan_counts[c, robot] = own + 1
         state = np.array([seed], dtype=np.uint64)
-        cost = _improve(plans[c], plan_counts[c], robot, leads, apart, ages, weights, paces, near, moves, state)
+        cost = _improve(plans[c], plan_counts[c], stays, leads, apart, ages, weights, paces, near, moves, state)
         costs[c] = math.sqrt(math.sqrt(math.sqrt(cost)))
