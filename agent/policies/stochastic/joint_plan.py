@@ -40,9 +40,9 @@ if TYPE_CHECKING:
     from patrol.ground.tour.round import Round
     from patrol.ground.tour.stations import Stations
 
-SPREAD = 0.01
-"""Cost by which a plan may be behind the best one, as a share of the time between two robots on the tour, to be drawn
-1/e times as often; times `unpredictability`."""
+SPREAD = 0.15
+"""Cost by which a plan may be behind the best one to be drawn 1/e times as often, as a share of the time between two
+robots on the tour, for each station that a robot visits in that time; times `unpredictability`."""
 
 CHOICES = 8
 """Number of the nearest stations that are compared."""
@@ -261,7 +261,10 @@ class JointPlan:
             pose = view.reported if number == self._number else view.peers[number].pose
             away = np.sqrt((self._spots[:, 0] - pose.x) ** 2 + (self._spots[:, 1] - pose.y) ** 2)
             here = int(self._stations.around[view.point_of((pose.x, pose.y))])
-            leads[row] = np.maximum(away, self._apart[here if here >= 0 else int(away.argmin())])
+            here = here if here >= 0 else int(away.argmin())
+            # The way by the station from which the place is seen, and the shortest that there could be.
+            longest = np.minimum(self._apart[here] + away[here], NO_WAY_M)
+            leads[row] = 0.5 * (longest + np.maximum(away, self._apart[here] - away[here]))
         return leads * self._pace
 
     def _draw(self, view: View, done: Sequence[int], ages: Ages, moves_first: int = 0) -> None:
@@ -291,8 +294,8 @@ class JointPlan:
             improve(routes, counts, pinned, *facts, moves_first, self._seed(view, 0))
         for number in done:
             row, seen = robots.index(number), self.parts[number].route[:1]
-            choices = self._choices(ages, leads[row], [*routes[pinned, 0].tolist(), *([] if moves_first else seen)])
-            choices = np.union1d(choices, routes[row, :1])
+            taken = [*routes[pinned, 0].tolist(), *([] if moves_first else seen)]
+            choices = np.union1d(self._choices(ages, leads, row, taken), routes[row, :1])
             drawn = self._drawn(view, number, (routes, counts, pinned, row, choices, *facts))
             station, routes, counts = int(choices[drawn[0]]), drawn[1].copy(), drawn[2].copy()
             pinned[row] = True
@@ -302,13 +305,12 @@ class JointPlan:
         for row, number in enumerate(robots):
             self.parts[number].route = routes[row, : counts[row]].tolist()
 
-    def _choices(self, ages: Ages, leads: NDArray[np.float64], others: Sequence[int]) -> Routes:
-        """int64, the nearest stations that are worth a visit, without those of other robots."""
-        worth = ages > STALE * min(self._interval_s, float(ages.max()))
-        worth |= not worth.any()
-        worth[list(others)] = False
+    def _choices(self, ages: Ages, leads: NDArray[np.float64], row: int, taken: Sequence[int]) -> Routes:
+        """int64, the nearest stations that are worth a visit and to which no other robot has a shorter way."""
+        worth = (ages > STALE * min(self._interval_s, float(ages.max()))) & (leads[row] <= leads.min(axis=0))
+        worth[list(taken)] = False
         stations = np.flatnonzero(worth)
-        return stations[np.argsort(leads[stations], kind="stable")[:CHOICES]]
+        return stations[np.argsort(leads[row, stations], kind="stable")[:CHOICES]]
 
     def _seed(self, view: View, number: int) -> int:
         return int(self._chance(view.tick, number, 0) * 2.0**53)
@@ -316,7 +318,7 @@ class JointPlan:
     def _drawn(self, view: View, number: int, question: tuple[object, ...]) -> tuple[int, Routes, Routes]:
         """Draw one of the compared plans: its number, its routes and how many stations are in each."""
         seed, share = self._seed(view, number), self._chance(view.tick, number, 1)
-        spread_s = max(self._spread * self._interval_s, 1e-9)
+        spread_s = max(self._spread * self._interval_s * len(self.parts) / len(self._spots), 1e-9)
         asked = blake2b(repr((seed, share, spread_s, question[3])).encode(), digest_size=16)
         for value in question:
             if isinstance(value, np.ndarray):

@@ -24,7 +24,7 @@ from patrol.ground.ways import framed
 if TYPE_CHECKING:
     from patrol.ground.tour.round import Round
 
-STRETCH = 0.6
+STRETCH = 0.3
 """Length of a station, as a share of the sensor's range."""
 
 NEAR = 4.0
