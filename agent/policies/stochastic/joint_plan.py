@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from patrol.ground.tour.round import Round
     from patrol.ground.tour.stations import Stations
 
-SPREAD = 0.15
+SPREAD = 0.24
 """Cost by which a plan may be behind the best one to be drawn 1/e times as often, as a share of the time between two
 robots on the tour, for each station that a robot visits in that time; times `unpredictability`."""
 
@@ -77,6 +77,8 @@ MOST_KNOWN = 64
 
 Routes = NDArray[np.int64]
 Ages = NDArray[np.float64]
+Facts = tuple[NDArray[np.float64], NDArray[np.float64], Ages, NDArray[np.float64], NDArray[np.float64], Routes]
+"""What both kernels know: leads, ways, ages, weights, paces, near stations (`improve`)."""
 
 
 class Visit(NamedTuple):
@@ -108,6 +110,34 @@ class Part:
     until: int = 0
 
 
+class Question(NamedTuple):
+    """The draw of one robot's next station: all that it depends on but for chance.
+
+    Attributes:
+        routes: int64 (robots, stations), the plan.
+        counts: int64 (robots,), how many stations are in each route.
+        pinned: bool (robots,), the robots that are on the way to a station.
+        row: Of the robot.
+        choices: int64 (n,), stations to choose from.
+        facts: What the kernels know.
+    """
+
+    routes: Routes
+    counts: Routes
+    pinned: NDArray[np.bool_]
+    row: int
+    choices: Routes
+    facts: Facts
+
+    @property
+    def digest(self) -> bytes:
+        """A hash of all of it."""
+        asked = blake2b(repr((self.row, len(self.choices))).encode(), digest_size=16)
+        for array in (self.routes, self.counts, self.pinned, self.choices, *self.facts):
+            asked.update(array.tobytes())
+        return asked.digest()
+
+
 class JointPlan:
     """The plan of one robot for all robots that share its ground.
 
@@ -130,7 +160,8 @@ class JointPlan:
         self._followers, self._zoned, self._chance = setup.followers(), setup.zoned, setup.fleet_chance
         self._spread = SPREAD * setup.options.unpredictability
         self._apart = np.ascontiguousarray(np.minimum(stations.apart_m, NO_WAY_M))
-        self._near = np.ascontiguousarray(np.argsort(self._apart, axis=1, kind="stable")[:, 1 : NEAR + 1])
+        nearest = np.argsort(self._apart, axis=1, kind="stable")
+        self._near = np.ascontiguousarray(nearest[:, 1 : NEAR + 1] if len(nearest) > 1 else nearest)
         self._spots = np.array([setup.terrain.centre(*divmod(spot, self._width)) for spot in stations.spots.tolist()])
         points = laid_out.points
         reach = setup.fields.reach.reshape(-1)
@@ -233,7 +264,7 @@ class JointPlan:
 
     def _is_done(self, view: View, part: Part) -> bool:
         """Return True if a robot's station has been seen, or is taken as given up."""
-        if view.tick >= part.until:
+        if view.tick >= part.until or not part.route:
             return True
         oldest_s = float(self._ages_s(view, self._points_of(part.route[0])).max())
         return oldest_s < STILL_STALE * part.age_s or oldest_s <= self._least_s(view)
@@ -277,9 +308,6 @@ class JointPlan:
             moves_first: Moves by which the plan is improved before.
         """
         robots, size = sorted(self.parts), len(ages)
-        if size == 1:
-            self.parts = {number: Part([0], 0.0, view.tick + 1) for number in robots}
-            return
         routes, counts = np.zeros((len(robots), size), dtype=np.int64), np.zeros(len(robots), dtype=np.int64)
         least_s = self._least_s(view)
         for row, number in enumerate(robots):
@@ -295,8 +323,10 @@ class JointPlan:
         for number in done:
             row, seen = robots.index(number), self.parts[number].route[:1]
             taken = [*routes[pinned, 0].tolist(), *([] if moves_first else seen)]
-            choices = np.union1d(self._choices(ages, leads, row, taken), routes[row, :1])
-            drawn = self._drawn(view, number, (routes, counts, pinned, row, choices, *facts))
+            choices = np.union1d(self._choices(ages, leads, row, taken), routes[row, : counts[row]][:1])
+            if not choices.size:
+                continue  # there are fewer stations than robots
+            drawn = self._drawn(view, number, Question(routes, counts, pinned.copy(), row, choices, facts))
             station, routes, counts = int(choices[drawn[0]]), drawn[1].copy(), drawn[2].copy()
             pinned[row] = True
             late_s = LATE * float(leads[row, station]) + LATE_S
@@ -315,36 +345,30 @@ class JointPlan:
     def _seed(self, view: View, number: int) -> int:
         return int(self._chance(view.tick, number, 0) * 2.0**53)
 
-    def _drawn(self, view: View, number: int, question: tuple[object, ...]) -> tuple[int, Routes, Routes]:
-        """Draw one of the compared plans: its number, its routes and how many stations are in each."""
-        seed, share = self._seed(view, number), self._chance(view.tick, number, 1)
+    def _drawn(self, view: View, number: int, question: Question) -> tuple[int, Routes, Routes]:
+        """Draw one of the choices: its number, its routes and how many stations are in each."""
         spread_s = max(self._spread * self._interval_s * len(self.parts) / len(self._spots), 1e-9)
-        asked = blake2b(repr((seed, share, spread_s, question[3])).encode(), digest_size=16)
-        for value in question:
-            if isinstance(value, np.ndarray):
-                asked.update(value.tobytes())
-        digest = asked.digest()
-        if digest not in _known:
+        chance = spread_s, self._seed(view, number), self._chance(view.tick, number, 1)
+        known = question.digest, *chance
+        if known not in _known:
             if len(_known) >= MOST_KNOWN:
                 _known.clear()
-            _known[digest] = _draw_one(question, spread_s, seed, share)
-        return _known[digest]
+            _known[known] = _draw_one(question, *chance)
+        return _known[known]
 
 
-_known: dict[bytes, tuple[int, Routes, Routes]] = {}
-"""Draws of this process by a digest of all that they depend on."""
+_known: dict[tuple[bytes, float, int, float], tuple[int, Routes, Routes]] = {}
+"""Draws of this process by all that they depend on."""
 
 
-def _draw_one(question: tuple[object, ...], spread_s: float, seed: int, share: float) -> tuple[int, Routes, Routes]:
-    routes, _, _, _, choices = question[:5]
-    assert isinstance(routes, np.ndarray)
-    assert isinstance(choices, np.ndarray)
+def _draw_one(question: Question, spread_s: float, seed: int, share: float) -> tuple[int, Routes, Routes]:
+    routes, counts, pinned, row, choices, facts = question
     plans = np.zeros((len(choices), *routes.shape), dtype=np.int64)
-    counts, costs = np.zeros((len(choices), len(routes)), dtype=np.int64), np.zeros(len(choices))
-    compare(*question, MOVES, seed, plans, counts, costs)
+    plan_counts, costs = np.zeros((len(choices), len(routes)), dtype=np.int64), np.zeros(len(choices))
+    compare(routes, counts, pinned, row, choices, *facts, MOVES, seed, plans, plan_counts, costs)
     shares = np.cumsum([exp(-behind / spread_s) for behind in (costs - costs.min()).tolist()])
     drawn = int(np.searchsorted(shares[:-1], share * shares[-1], side="right"))
-    return drawn, plans[drawn], counts[drawn]
+    return drawn, plans[drawn], plan_counts[drawn]
 
 
 def _gone_on(route: list[int], ages: Ages, least_s: float) -> list[int]:

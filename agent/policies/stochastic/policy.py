@@ -6,7 +6,7 @@ seen (`agent.policies.commitment.commitment`). With a fleet key the draws come f
 them (`agent.chance`).
 
 Where there is no tour, because the ground is too large for one or the sensor does not look all around, each choice is
-free.
+free; so are those of a robot for which no station is left.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Stochastic(Commitment):
         return False
 
     def _chosen(self, view: View, start: Element) -> Way | None:
-        if self.plan is None:
+        if self.plan is None or self.plan.station is None:
             return self._free_choice(view, start)
         self.target = None
         for _ in range(TRIES):

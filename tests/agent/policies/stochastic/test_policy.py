@@ -100,3 +100,15 @@ def test_where_there_is_no_tour_each_choice_is_free() -> None:
     assert policy_of(robots).plan is None
     fog = robots.minds[0].belief.fog
     robots.until(lambda: fog.seen > 0.9 * fog.points, 900)
+
+
+def test_more_robots_than_stations_go_on() -> None:
+    small = plan((9.0, 6.0), (0.0, 0.0, 4.0, 6.0), (4.0, 2.0, 5.0, 4.0), (5.0, 0.0, 9.0, 6.0))
+    starts = [Pose(1.0 + 2.0 * i, 3.0, 0.0) for i in range(4)]
+    prepared = prepared_in(small, starts, BASE, patrol={"policy": "stochastic"}, sensor={"range": 4.0})
+    robots = Robots(prepared)
+    parts = policy_of(robots).plan
+    assert parts is not None
+    for _ in range(200):
+        robots.tick()
+    assert 0 < len({part.route[0] for part in parts.parts.values() if part.route}) <= 4
