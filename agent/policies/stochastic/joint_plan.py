@@ -103,11 +103,13 @@ class Part:
         route: Its stations in order; it is on the way to the first.
         age_s: Weighted age of that one when it was drawn, s.
         until: Tick from which on the station is taken as given up.
+        oldest: Number of a point of the station among those of the round, the oldest one when all were looked at last.
     """
 
     route: list[int]
     age_s: float = 0.0
     until: int = 0
+    oldest: int = 0
 
 
 class Question(NamedTuple):
@@ -266,8 +268,16 @@ class JointPlan:
         """Return True if a robot's station has been seen, or is taken as given up."""
         if view.tick >= part.until or not part.route:
             return True
-        oldest_s = float(self._ages_s(view, self._points_of(part.route[0])).max())
-        return oldest_s < STILL_STALE * part.age_s or oldest_s <= self._least_s(view)
+        whole = self._points_of(part.route[0])
+        # Most often a look at one point shows that the station is not done.
+        looks = [slice(part.oldest, part.oldest + 1)] if whole.start <= part.oldest < whole.stop else []
+        for points in (*looks, whole):
+            ages = self._ages_s(view, points)
+            part.oldest = points.start + int(ages.argmax())
+            oldest_s = float(ages.max())
+            if oldest_s >= STILL_STALE * part.age_s and oldest_s > self._least_s(view):
+                return False
+        return True
 
     def _begin(self, view: View, robots: Sequence[int]) -> None:
         """Make a new plan: always the robot that is free first goes to the best station that is left."""
