@@ -55,14 +55,12 @@ class Stochastic(Commitment):
         self.target = None
         for _ in range(TRIES):
             visit = self.plan.visit(view, self.given_up)
-            if visit is not None:
-                self._expected = 0
-                way = self._way_to(view, start, visit.stand)
-                if way is not None:
-                    self._commit(view, Target(*visit))
-                    return way
-                self.given_up.add(view.tick, visit.stand)
-            else:
-                self.plan.give_up(view, self.given_up)
-                self._station = self.plan.station
+            self._expected = 0
+            way = None if visit is None else self._way_to(view, start, visit.stand)
+            if visit is not None and way is not None:
+                self._commit(view, Target(*visit))
+                return way
+            # Another robot may stand in the door: it goes elsewhere, and may come back soon.
+            self.plan.give_up(view, self.given_up)
+            self._station = self.plan.station
         return None
