@@ -192,12 +192,12 @@ def read_policies(text: str) -> tuple[NamedSettings, ...]:
         policy = ":".join(word for word in words if "=" not in word)
         settings: dict[str, object] = {"patrol.policy": policy}
         if not policy or policy.endswith(":"):
-            raise BadInput(f"--policies {name}: expected NAME or NAME:OPTION=VALUE, as in stochastic:unpredictability=2")
+            raise BadInput(f"--policies {name}: expected NAME or NAME:OPTION=VALUE, as in sebs:g2=50")
         for option in options:
             key, _, value = option.partition("=")
             if not key or not value:
                 raise BadInput(
-                    f"--policies {name}: {option}: expected OPTION=VALUE, as in stochastic:unpredictability=2"
+                    f"--policies {name}: {option}: expected OPTION=VALUE, as in sebs:g2=50"
                 )
             settings[f"patrol.options.{key}"] = value
         policies.append(NamedSettings(name, settings))
