@@ -196,9 +196,7 @@ def read_policies(text: str) -> tuple[NamedSettings, ...]:
         for option in options:
             key, _, value = option.partition("=")
             if not key or not value:
-                raise BadInput(
-                    f"--policies {name}: {option}: expected OPTION=VALUE, as in sebs:g2=50"
-                )
+                raise BadInput(f"--policies {name}: {option}: expected OPTION=VALUE, as in sebs:g2=50")
             settings[f"patrol.options.{key}"] = value
         policies.append(NamedSettings(name, settings))
     return tuple(policies)

@@ -180,8 +180,8 @@ def test_a_trail_holds_no_places_from_before_a_tick_that_was_skipped() -> None:
 @pytest.mark.parametrize(
     ("field", "policy"),
     [
-        ("sensor.range", "committed"),
-        ("patrol.refine_reach", "committed"),
+        ("sensor.range", "stochastic"),
+        ("patrol.refine_reach", "stochastic"),
         ("sensor.range", "potential-field"),
         ("patrol.refine_reach", "potential-field"),
         ("patrol.options.dilatation", "potential-field"),
@@ -197,7 +197,7 @@ def test_a_reach_beyond_all_measure_is_as_good_as_the_terrains(field: str, polic
 
 def surrounding(own: Pose, contacts: tuple[tuple[float, float], ...] = (), frames: tuple[bytes, ...] = ()) -> Decision:
     """What a robot decides at tick 3 in the rooms with another one at (20, 20)."""
-    mind = minds(scenario_of("holonomic", options={"random_move": 0.0}), rooms(), [Pose(6.0, 6.0, 0.0)])[0]
+    mind = minds(scenario_of("holonomic"), rooms(), [Pose(6.0, 6.0, 0.0)])[0]
     other = encode(Position.of(2, 3, 1.5, Pose(20.0, 20.0, 0.0)))
     return mind.step(at(3, own, contacts=contacts), [other, *frames])
 

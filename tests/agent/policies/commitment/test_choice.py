@@ -162,7 +162,7 @@ def test_an_age_counts_as_many_times_as_its_weight() -> None:
     terrain = cluttered(1, (40, 120), 0)
     zone = {"name": "east", "polygon": [[20, 0], [30, 0], [30, 10], [20, 10]], "weight": 3}
     body = {"radius": 0.3, "speed": 1.5, "model": "holonomic"}
-    patrol = {"options": {"unpredictability": 1}}
+    patrol = {"policy": "agent.policies.commitment.commitment:Commitment", "options": {"separation": "claims"}}
     best = []
     for zones in ([], [zone], [zone | {"weight": 0.1}]):
         robots = Robots(

@@ -205,7 +205,7 @@ def test_another_pose_in_the_journal(folder: Path, judged: Judging) -> None:
 
 @pytest.mark.parametrize(
     ("old", "new", "failed"),
-    [("seed: 1", "seed: 2", {"radio"}), ("random_move: 0.02", "random_move: 0.05", set())],
+    [("seed: 1", "seed: 2", {"radio"}), ("unpredictability: 1.0", "unpredictability: 0.5", set())],
 )
 def test_another_scenario(folder: Path, judged: Judging, old: str, new: str, failed: set[str]) -> None:
     """A change that no check can notice, as of what robots think, is one all the same."""

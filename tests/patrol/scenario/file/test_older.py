@@ -79,18 +79,18 @@ def test_a_run_folder_of_0_2_means_what_it_meant() -> None:
 
 @pytest.mark.parametrize(
     ("share", "policy"),
-    [({}, "stochastic"), ({"unpredictability": 0.5}, "stochastic"), ({"unpredictability": 0}, None)],
+    [({}, "stochastic"), ({"unpredictability": 0.5}, "stochastic"), ({"unpredictability": 0}, "committed")],
 )
-def test_free_choices_are_stochastic_and_a_tour_without_them_is_committed(
-    share: dict[str, float], policy: str | None
-) -> None:
+def test_free_choices_are_stochastic_and_a_tour_without_them_is_committed(share: dict[str, float], policy: str) -> None:
     """Files of 0.3 state no share, and had free choices alone."""
     scenario = read(**{**RESOLVED_0_3, "options": {**RESOLVED_0_3["options"], **share}})
-    assert scenario == read(policy=policy or "committed")
+    assert scenario == read(policy=policy)
     assert scenario == load_scenario(as_mapping(scenario))
     notes = [note.partition(" is ")[0] for note in scenario.translated]
     given = f"{share.get('unpredictability', 1):g}"
-    assert notes == ([f"scenario: patrol.policy: committed with unpredictability {given}"] if policy else [])
+    assert notes == (
+        [f"scenario: patrol.policy: committed with unpredictability {given}"] if policy == "stochastic" else []
+    )
     assert load_scenario(as_mapping(scenario)).translated == ()
 
 
