@@ -96,9 +96,10 @@ def test_robots_never_command_themselves_into_a_wall(model: str, direction: str)
     drives_freely(decisions)
 
 
+@pytest.mark.parametrize("policy", ["stochastic", "committed"])
 @pytest.mark.parametrize("model", MODELS)
-def test_committed_robots_never_command_themselves_into_a_wall(model: str) -> None:
-    _, decisions, _ = patrol(scenario_of(model), 200)
+def test_robots_with_a_target_never_command_themselves_into_a_wall(model: str, policy: str) -> None:
+    _, decisions, _ = patrol(scenario_of(model, policy=policy), 200)
     assert all(d.figures for decided in decisions[1:] for d in decided)
     drives_freely(decisions)
 
@@ -180,8 +181,8 @@ def test_a_trail_holds_no_places_from_before_a_tick_that_was_skipped() -> None:
 @pytest.mark.parametrize(
     ("field", "policy"),
     [
-        ("sensor.range", "stochastic"),
-        ("patrol.refine_reach", "stochastic"),
+        ("sensor.range", "committed"),
+        ("patrol.refine_reach", "committed"),
         ("sensor.range", "potential-field"),
         ("patrol.refine_reach", "potential-field"),
         ("patrol.options.dilatation", "potential-field"),

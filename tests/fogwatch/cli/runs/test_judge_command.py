@@ -320,7 +320,7 @@ def test_nothing_of_the_folder_is_executed(folder: Path, judged: Judging) -> Non
     (folder / "policy.py").write_text(f"open({str(mark)!r}, 'w')\n", encoding="utf-8")
     file = folder / "scenario.yaml"
     text = file.read_text(encoding="utf-8")
-    changed = text.replace("policy: committed", "policy: ./policy.py:Bad")
+    changed = text.replace("policy: stochastic", "policy: ./policy.py:Bad")
     assert changed != text
     file.write_text(changed, encoding="utf-8")
     code, said = judged(folder)
