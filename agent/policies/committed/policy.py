@@ -62,7 +62,6 @@ class Committed(Commitment):
         if setup.zoned is not None:
             self._take_zones(setup.zoned(setup.weighing))
         self._rounds_since = 0
-        self._on_round = False
         self._blocked_since: int | None = None
 
     def _follow(self, laid_out: Round, followers: frozenset[int], team: float) -> None:
@@ -105,11 +104,20 @@ class Committed(Commitment):
             self._weighing = view.weighing
             self._take_zones(self._setup.zoned(view.weighing))
             self._rounds_since = view.tick if goes_on else 0
-        self._on_round = self._is_on_round(view)
-        return not self._on_round
+        if self.division is not None:
+            self._join_crew(view, self.division)
+        if self.ahead is None or self.spacing is None:
+            return True
+        self.spacing.listen(view)
+        if self.ahead.cursor is None and view.tick - self._rounds_since <= PROMPT_TICKS:
+            self.ahead.go_to(self.spacing.along_m(self.spacing.begin(view)))
+            self.target = None
+        if self.ahead.cursor is not None:
+            self.spacing.note(view)
+        return False
 
     def _waits(self, view: View) -> bool:
-        return self._on_round and self.spacing is not None and self.spacing.waits(view)
+        return self.spacing is not None and self.spacing.waits(view)
 
     def _forget(self) -> None:
         super()._forget()
@@ -118,24 +126,10 @@ class Committed(Commitment):
             self.spacing.robots.clear()
             self.spacing.heard.clear()
 
-    def _is_on_round(self, view: View) -> bool:
-        """Return True if there is a round; take note of where the robots are on it."""
-        if self.division is not None:
-            self._join_crew(view, self.division)
-        if self.ahead is None or self.spacing is None:
-            return False
-        self.spacing.listen(view)
-        if self.ahead.cursor is None and view.tick - self._rounds_since <= PROMPT_TICKS:
-            self.ahead.go_to(self.spacing.along_m(self.spacing.begin(view)))
-            self.target = None
-        if self.ahead.cursor is not None:
-            self.spacing.note(view)
-        return True
-
     def _chosen(self, view: View, start: Element) -> Way | None:
         self.target = None
         ahead, spacing = self.ahead, self.spacing
-        if not self._on_round or ahead is None or spacing is None:
+        if ahead is None or spacing is None:
             return self._free_choice(view, start)
         if ahead.cursor is not None:
             way = self._next_on_round(view, start, ahead, spacing)
