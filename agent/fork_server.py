@@ -23,6 +23,7 @@ NEEDED = (
     "agent.process",
     "agent.mind_loop",
     "agent.policies.committed.policy",
+    "agent.policies.stochastic.policy",
     "patrol.ground.kernels.room",
     "patrol.net.messages.phases",
 )
