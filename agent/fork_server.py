@@ -25,6 +25,7 @@ NEEDED = (
     "agent.policies.committed.policy",
     "agent.policies.stochastic.policy",
     "patrol.ground.kernels.room",
+    "patrol.ground.kernels.ways",
     "patrol.net.messages.phases",
 )
 """Modules without Zenoh that every agent loads and the kernels do not bring along."""

@@ -18,6 +18,7 @@ from pathlib import Path
 from experiments.plan.plan import FleetPlan, plan_facts
 from fogwatch.launch.folder.runfolder import RUNS, untaken
 from fogwatch.pictures.plan_pictures import curve_picture, territories_picture, tour_picture
+from patrol.classes.class_file import class_file
 from patrol.errors import BadInput
 from patrol.scenario import Scenario, as_mapping, dump_scenario, load_scenario
 from patrol.scenario.file.copying import with_copies
@@ -84,7 +85,7 @@ def write_plan(plan: FleetPlan, folder: Path) -> None:
 
 def _write_scenario(file: Path, scenario: Scenario, copied: Scenario) -> None:
     """Write a scenario that names the copies of its map and classes."""
-    policy = {} if scenario.patrol.policy == copied.patrol.policy else {"policy": copied.patrol.policy}
+    policy = {"policy": copied.patrol.policy} if class_file(scenario.patrol.policy) is not None else {}
     own = scenario.model_copy(
         update={
             "terrain": copied.terrain,
