@@ -41,7 +41,7 @@ from patrol.prepare import inboxes_of, sensor_footprint
 from patrol.radio.fleet_key import fleet_key
 from patrol.radio.prediction import Predictor
 from patrol.random import Purpose
-from patrol.scenario.policies import COMMITTED, LEARNED, STOCHASTIC
+from patrol.scenario.policies import LEARNED
 from patrol.scenario.zones import weighing_at
 
 if TYPE_CHECKING:
@@ -294,7 +294,7 @@ def zoned_of(prepared: Prepared) -> Callable[[Weighing], ZonedGround] | None:
 
 def _rounds(scenario: Scenario, terrain: Terrain, lengths: BodyLengths, kind: PolicyKind) -> int:
     """Return by how many points a mind dilates what it believes."""
-    if kind.name in (COMMITTED, STOCHASTIC, LEARNED):
+    if scenario.patrol.needs_rounds or kind.name == LEARNED:
         return 0  # they do not ask for it
     # A window of half the terrain's points in every direction already holds all of it.
     return min(round(lengths.dilatation / scenario.point), terrain.height + terrain.width)

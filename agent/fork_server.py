@@ -23,7 +23,9 @@ NEEDED = (
     "agent.process",
     "agent.mind_loop",
     "agent.policies.committed.policy",
+    "agent.policies.stochastic.policy",
     "patrol.ground.kernels.room",
+    "patrol.ground.kernels.ways",
     "patrol.net.messages.phases",
 )
 """Modules without Zenoh that every agent loads and the kernels do not bring along."""

@@ -33,6 +33,7 @@ from patrol.process.starting.seldom import seldom_kernels
 from patrol.process.starting.warmup import warm
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import Scenario, naming
+from patrol.scenario.patrols import describe_patrol, patrol_settings
 from patrol.scenario.policies import BUILT_IN
 from patrol.scenario.radio_spec import MODELS
 
@@ -101,6 +102,7 @@ def run(
     out: str | Path | None = None,
     in_process: bool = True,
     progress: Callable[[Metrics], None] | None = None,
+    patrol: str | None = None,
     preset: str | None = None,
     overrides: Mapping[str, object] | None = None,
     policy: type[Any] | None = None,
@@ -117,6 +119,7 @@ def run(
         out: The run folder, new or empty; ``runs/<name>-<time>`` unless given.
         in_process: Whether to run in this process, or as one process per robot over Zenoh. Both give the same trace.
         progress: Called with the measures so far, at most ten times a second.
+        patrol: ``stochastic`` (the default), ``paper`` or ``tour``, as for ``fogwatch run --patrol``.
         preset: Settings that belong together, as for ``fogwatch run --preset``: ``paper`` is the paper's algorithm,
             bodies and sensor with rules of ours where it is open or fails, ``letter`` the same without our additions.
             Both have points of 0.5 m (the paper's: 0.1 m).
@@ -137,6 +140,7 @@ def run(
         KeyboardInterrupt: The run was interrupted before its first tick; its folder is gone again.
     """
     overrides = {**preset_settings(preset), **(overrides or {})}
+    overrides |= patrol_settings(patrol, overrides)
     if policy is not None:
         overrides["patrol.policy"] = policy_name(policy, in_process=in_process)
     loaded = scenario_of(scenario, overrides)
@@ -172,6 +176,8 @@ def execute(scenario: Scenario, options: RunOptions) -> Run:
         fogwatch.launch.launcher.LaunchFailed: The processes could not be brought to run.
         KeyboardInterrupt: The run was interrupted before its first tick.
     """
+    for line in scenario.translated:
+        options.display.say(f"warning: {line}")
     watched = options.recording or options.report or options.page
     packages = (*PACKAGES, "monitor") if watched else PACKAGES
     warm(packages, options.display.say, seldom_kernels(scenario), options.show_kernels)
@@ -376,6 +382,7 @@ def _announce(prepared: Prepared, folder: RunFolder, options: RunOptions) -> Non
     if scenario.spares:
         robots += f" ({len(scenario.spares)} more may join)"
     options.display.say(f"{scenario.name}: {robots} for {scenario.duration:g} s; run folder {folder.path}")
+    options.display.say(f"patrol: {describe_patrol(scenario.patrol.policy)}")
     for line in scenario_notes(prepared):
         options.display.say(f"warning: {line}")
 

@@ -5,7 +5,7 @@ curve.png, curve.svg the age that fleets keep, over their number of robots
 tour.png             the tour that all robots of the chosen fleet share
 territories.png      the ground and the tour of each of them
 robots-N.yaml        the scenario of a fleet of N robots; `fogwatch run FOLDER/robots-N.yaml` runs it
-robots-N-one-dead.yaml, robots-N-stochastic.yaml   the chosen fleet's other runs
+robots-N-one-dead.yaml, robots-N-PATROL.yaml       the chosen fleet's other runs
 map/                 a copy of the map, if there is one
 """
 
@@ -18,9 +18,11 @@ from pathlib import Path
 from experiments.plan.plan import FleetPlan, plan_facts
 from fogwatch.launch.folder.runfolder import RUNS, untaken
 from fogwatch.pictures.plan_pictures import curve_picture, territories_picture, tour_picture
+from patrol.classes.class_file import class_file
 from patrol.errors import BadInput
 from patrol.scenario import Scenario, as_mapping, dump_scenario, load_scenario
 from patrol.scenario.file.copying import with_copies
+from patrol.scenario.patrols import patrol_name
 
 
 def plan_folder(out: Path | None, name: str) -> Path:
@@ -65,8 +67,9 @@ def write_plan(plan: FleetPlan, folder: Path) -> None:
             runs = {
                 name: alone if size.simulated is None else size.simulated.scenario,
                 f"{name}-one-dead": None if size.one_dead is None else size.one_dead.scenario,
-                f"{name}-stochastic": None if size.stochastic is None else size.stochastic.scenario,
             }
+            if (other := size.other_patrol) is not None:
+                runs[f"{name}-{patrol_name(other.scenario.patrol.policy)}"] = other.scenario
             for file, scenario in runs.items():
                 if scenario is not None:
                     _write_scenario(folder / f"{file}.yaml", scenario, copied)
@@ -82,7 +85,7 @@ def write_plan(plan: FleetPlan, folder: Path) -> None:
 
 def _write_scenario(file: Path, scenario: Scenario, copied: Scenario) -> None:
     """Write a scenario that names the copies of its map and classes."""
-    policy = {} if scenario.patrol.policy == copied.patrol.policy else {"policy": copied.patrol.policy}
+    policy = {"policy": copied.patrol.policy} if class_file(scenario.patrol.policy) is not None else {}
     own = scenario.model_copy(
         update={
             "terrain": copied.terrain,

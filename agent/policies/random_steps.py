@@ -8,22 +8,19 @@ from patrol.pose import TAU
 from patrol.random import Purpose
 
 if TYPE_CHECKING:
-    from agent.ports import PolicySetup
     from agent.view import View
 
 
 class RandomSteps:
     """Draws the random steps of one robot."""
 
-    def __init__(self, setup: PolicySetup) -> None:
-        """Take the probability from the policy's settings.
+    def __init__(self, probability: float) -> None:
+        """Take the probability.
 
         Args:
-            setup: As for every policy, with options that have `random_move` and `random_move_for`.
+            probability: Of a random step in a tick.
         """
-        options = setup.options
-        makes_them = options.random_move_for == "all" or setup.spec.model == "holonomic"
-        self._probability = options.random_move if makes_them else 0.0
+        self._probability = probability
 
     def draw(self, view: View) -> float | None:
         """Return the direction of a random step, rad, or None in most ticks.

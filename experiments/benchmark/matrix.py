@@ -2,7 +2,7 @@
 
 Policies and terrains are given as texts::
 
-    committed,even-tour,committed:unpredictability=1,./mine.py:Mine:near=4
+    stochastic,even-tour,stochastic:unpredictability=2,./mine.py:Mine:near=4
     open,plan.yaml,cumberland.graph+cumberland.yaml
 """
 
@@ -186,19 +186,17 @@ def read_policies(text: str) -> tuple[NamedSettings, ...]:
         BadInput: A policy or an option has no name, or a policy occurs twice.
     """
     policies = []
-    for name in _listed(text, "--policies", "committed,even-tour"):
+    for name in _listed(text, "--policies", "stochastic,even-tour"):
         words = name.split(":")
         options = [word for word in words if "=" in word]
         policy = ":".join(word for word in words if "=" not in word)
         settings: dict[str, object] = {"patrol.policy": policy}
         if not policy or policy.endswith(":"):
-            raise BadInput(f"--policies {name}: expected NAME or NAME:OPTION=VALUE, as in committed:unpredictability=1")
+            raise BadInput(f"--policies {name}: expected NAME or NAME:OPTION=VALUE, as in sebs:g2=50")
         for option in options:
             key, _, value = option.partition("=")
             if not key or not value:
-                raise BadInput(
-                    f"--policies {name}: {option}: expected OPTION=VALUE, as in committed:unpredictability=1"
-                )
+                raise BadInput(f"--policies {name}: {option}: expected OPTION=VALUE, as in sebs:g2=50")
             settings[f"patrol.options.{key}"] = value
         policies.append(NamedSettings(name, settings))
     return tuple(policies)

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from experiments.plan.plan import AgeKept, FleetPlan, FleetSize, robots_text
 from patrol.measures.best_tour import NO_BOUND
+from patrol.scenario.patrols import patrol_name
 from patrol.scenario.sections import BUILT_IN_SENSORS
 
 
@@ -105,16 +106,17 @@ def _remedy(plan: FleetPlan, wanted_s: float) -> str:
 
 
 def _tests(size: FleetSize, wanted_s: float | None) -> Iterator[str]:
-    """Say what the chosen fleet keeps with one robot dead, and with free choices alone."""
+    """Say what the chosen fleet keeps with one robot dead, and as another patrol."""
     if (dead := size.one_dead) is not None:
         rest = f"{robots_text(size.robots - 1)} left, {_holding(dead, wanted_s)}{_kept(dead)}"
         yield f"one dead: {rest}; largest since its death {age_text(dead.peak_s)} s"
-    if size.stochastic is not None:
-        yield f"stochastic (unpredictability: 1): {_holding(size.stochastic, wanted_s)}{_kept(size.stochastic)}"
+    if (other := size.other_patrol) is not None:
+        name = patrol_name(other.scenario.patrol.policy)
+        yield f"--patrol {name}: {_holding(other, wanted_s)}{_kept(other)}"
     if size.simulated is not None:
         yield from _closed_out(size)
         yield from _zones(size)
-    for kept in (size.simulated, size.one_dead, size.stochastic):
+    for kept in (size.simulated, size.one_dead, size.other_patrol):
         if kept is not None:
             yield from (f"warning: {kept.scenario.name}: {warning}" for warning in kept.warnings)
 

@@ -30,7 +30,7 @@ from patrol.journal.records import CLOSED
 from patrol.measures.best_tour import MOST_ROBOTS, BestTour, best_tour
 from patrol.prepare import Prepared, prepare
 from patrol.scenario import RobotGroup, as_mapping, load_scenario
-from patrol.scenario.policies import CommittedPatrol
+from patrol.scenario.patrols import PATROLS, STOCHASTIC, TOUR, patrol_name
 from worldsim.output.record import lower_bound
 
 if TYPE_CHECKING:
@@ -61,6 +61,9 @@ SEEDS = 3
 
 MORE_WHERE_CLOSED = 2
 """Numbers that are tried beyond one that keeps the age with nothing ever closed, but not with what closes."""
+
+_OTHER_PATROL = {STOCHASTIC: TOUR, TOUR: STOCHASTIC}
+"""Patrol that a chosen fleet is compared with."""
 
 MORE = 1
 """Numbers in the table beyond the least one that keeps the age by tours."""
@@ -130,7 +133,8 @@ class FleetSize:
         own_tours_s: MFoW of the fleet with a tour for each robot.
         runs: The fleet with the scenario's policy, one run a seed; empty if it was not run.
         one_dead: The same with one robot dead from the middle of the run; None too for one robot.
-        stochastic: The same with free choices alone; None too for other policies than `committed`.
+        other_patrol: The same as the tour where the scenario is stochastic, and the other way round; None too for
+            other policies.
         left_out: The free ground that none of the robots sees; None where there is none.
     """
 
@@ -143,7 +147,7 @@ class FleetSize:
     own_tours_s: float | None
     runs: tuple[AgeKept, ...] = ()
     one_dead: AgeKept | None = None
-    stochastic: AgeKept | None = None
+    other_patrol: AgeKept | None = None
     left_out: LeftOut | None = None
 
     @property
@@ -322,17 +326,17 @@ class _Planner:
         return next((number for number in numbers if self._keeps(number, wanted)), None)
 
     def test(self, number: int) -> None:
-        """Run a fleet with one robot dead from the middle of the run, and with free choices alone."""
+        """Run a fleet with one robot dead from the middle of the run, and as another patrol."""
         size, scenario = self.size(number), self._scenario_of(number)
-        dead = stochastic = None
+        dead = other = None
         if number > 1:
             kill = {"kind": "kill", "at": KILLED_AT * scenario.duration, "who": "r1", "wreck": "removed"}
             name = f"{scenario.name}-one-dead"
             dead = self._run(load_scenario(as_mapping(scenario), {"name": name, "faults": [kill]}), "one of them dead")
-        if isinstance(scenario.patrol, CommittedPatrol) and scenario.patrol.options.unpredictability < 1.0:
-            free = {"name": f"{scenario.name}-stochastic", "patrol.options.unpredictability": 1.0}
-            stochastic = self._run(load_scenario(as_mapping(scenario), free), "free choices alone")
-        self.sizes[number] = replace(size, one_dead=dead, stochastic=stochastic)
+        if (patrol := _OTHER_PATROL.get(patrol_name(scenario.patrol.policy))) is not None:
+            changes = {"name": f"{scenario.name}-{patrol}", "patrol.policy": PATROLS[patrol].policy}
+            other = self._run(load_scenario(as_mapping(scenario), changes), f"as the patrol {patrol}")
+        self.sizes[number] = replace(size, one_dead=dead, other_patrol=other)
 
     def size(self, number: int) -> FleetSize:
         """Return what tours a fleet of some size has."""
@@ -497,7 +501,7 @@ def _size_facts(size: FleetSize, wanted_s: float | None) -> dict[str, Any]:
         "simulated": _kept_facts(size.simulated, wanted_s),
         "seeds": [_kept_facts(kept, wanted_s) for kept in size.runs],
         "one_dead": _kept_facts(size.one_dead, wanted_s),
-        "stochastic": _kept_facts(size.stochastic, wanted_s),
+        "other_patrol": _kept_facts(size.other_patrol, wanted_s),
     }
 
 
@@ -508,6 +512,7 @@ def _kept_facts(kept: AgeKept | None, wanted_s: float | None) -> dict[str, Any] 
         "duration_s": kept.scenario.duration,
         "from_s": kept.from_s,
         "seed": kept.scenario.seed,
+        "patrol": patrol_name(kept.scenario.patrol.policy),
         "mean_s": kept.mean_s,
         "max_s": kept.max_s,
         "peak_s": kept.peak_s,

@@ -18,6 +18,7 @@ from fogwatch.cli.ending import complain, run_app
 from fogwatch.cli.experiments import benchmark, experiment, paper, reproduce, sweep
 from fogwatch.cli.fleets import control, doctor_command, fleet, key, process_commands, status_command
 from fogwatch.cli.grounds import map_commands, plan_command, scenario
+from fogwatch.cli.patrol_option import patrol_option
 from fogwatch.cli.runs import (
     animate_command,
     export_command,
@@ -34,6 +35,7 @@ from patrol.printable import printable
 from patrol.process.exit_codes import INTERRUPTED, UNKNOWN
 from patrol.process.lifeline import ending_children, heed
 from patrol.scenario import BUILTINS, MAX_ROBOTS, RobotGroup, naming, open_scenario, parse_overrides, with_spares
+from patrol.scenario.patrols import patrol_settings
 
 app = typer.Typer(
     cls=OrderedGroup,
@@ -100,6 +102,7 @@ OUTPUT = "Output"
         "fogwatch run yards --robots 5 --duration 600",
         "fogwatch run my-map.yaml --model differential --radius 0.3 --speed 1",
         "fogwatch run examples/yards-five.yaml --set patrol.options.dilatation=2 --seed 7",
+        "fogwatch run yards --patrol tour --robots 5",
         "fogwatch run yards --preset paper --robots 5 --model holonomic",
     ],
     exit_codes="0 verdict valid, 1 verdict invalid, 2 bad input, 3 verdict unknown (the run could not be judged), 130 "
@@ -157,6 +160,7 @@ def run(
     point: Annotated[
         float | None, typer.Option(metavar="M", help="Side of one grid point in m.", rich_help_panel=RUN)
     ] = None,
+    patrol: Annotated[str | None, patrol_option(RUN)] = None,
     preset: Annotated[
         str | None,
         typer.Option(
@@ -256,6 +260,7 @@ def run(
         raise BadInput(f"--threads {threads}: each robot is a process of its own; leave it out, or give --in-process")
     ending = heed(None, patience=0)
     overridden = {**preset_settings(preset), **options_given, **parse_overrides(settings or [])}
+    overridden |= patrol_settings(patrol, overridden)
     scenario = open_scenario(what, overridden)
     served = page and not quiet and not in_process
     if spare is not None:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from patrol.ground.maps.doubts import doubts
 from patrol.prepare import Prepared
-from patrol.scenario.policies import CommittedPatrol
 
 
 def scenario_notes(prepared: Prepared) -> list[str]:
-    """Describe doubtful readings of the map, free ground that no robot sees, and options without effect.
+    """Describe doubtful readings of the map, free ground that no robot sees, and settings of earlier versions.
 
     Args:
         prepared: The scenario, its terrain and the bodies' static fields.
@@ -16,9 +15,9 @@ def scenario_notes(prepared: Prepared) -> list[str]:
     Returns:
         One line each.
     """
-    patrol, left_out = prepared.scenario.patrol, prepared.left_out
+    left_out = prepared.left_out
     return [
         *doubts(prepared.terrain),
         *([] if left_out is None else [f"left out: {left_out.text}"]),
-        *(patrol.options.notes if isinstance(patrol, CommittedPatrol) else []),
+        *prepared.scenario.translated,
     ]

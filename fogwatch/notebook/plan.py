@@ -77,7 +77,7 @@ class PlanResult:
                 "own_tours_s": size.own_tours_s,
                 **self._kept("", size.simulated),
                 **self._kept("one_dead_", size.one_dead),
-                **self._kept("stochastic_", size.stochastic),
+                **self._kept("other_patrol_", size.other_patrol),
             }
             for size in self.plan.sizes
         ]

@@ -60,7 +60,7 @@ def curve_figure(plan: FleetPlan) -> Figure:
     for simulated, what, colour, shift in (
         ([(size.robots, size.simulated) for size in plan.sizes], "simulated", ROBOTS[2], 0.0),
         ([(size.robots, size.one_dead) for size in plan.sizes], "simulated, one dead", LIGHT["alert"], 0.08),
-        ([(size.robots, size.stochastic) for size in plan.sizes], "simulated, free choices", ROBOTS[4], -0.08),
+        ([(size.robots, size.other_patrol) for size in plan.sizes], "simulated, other patrol", ROBOTS[4], -0.08),
     ):
         _ranges(axes, [(robots, kept) for robots, kept in simulated if kept is not None], what, colour, shift)
     if plan.wanted_s is not None:

@@ -28,7 +28,7 @@ from patrol.random import Draws, Purpose
 from patrol.scenario import Scenario, load_scenario
 from patrol.scenario.faults.kinds import PROCESS_KINDS
 from patrol.scenario.faults.nemesis_draws import DRAWN
-from patrol.scenario.policies import COMMITTED, LEARNED, PAPER
+from patrol.scenario.policies import BUILT_IN, DEFAULT, LEARNED, PAPER, STOCHASTIC
 from patrol.starts import starting_part
 
 FEATURES = (
@@ -199,11 +199,11 @@ class _Drawing:
 
     def _patrol(self) -> dict[str, Any]:
         dice = self._dice
-        policies = [name for name in POLICIES.built_in if name != COMMITTED]
+        policies = [name for name in POLICIES.built_in if name != DEFAULT]
         turn, place = divmod(self._seed, len(policies))
         policy = Draws(turn, Purpose.CHAOS, 3).shuffled(policies)[place]
         if dice.share() < DEFAULT_SHARE:
-            policy = COMMITTED
+            policy = DEFAULT
         return {
             "policy": policy,
             "options": self._options(policy),
@@ -218,17 +218,18 @@ class _Drawing:
             weights = self._folder / "network.npz"
             np.savez(weights, w0=np.eye(4, 9) - 0.1, b0=np.zeros(9), activation=np.array("tanh"))
             return {"weights": str(weights), "inputs": ["pose"]}
-        if policy not in (COMMITTED, PAPER):
+        if policy not in BUILT_IN:
             return {}
         mechanisms = ["claims", "artificial-obstacles", "semaphores"]
-        options: dict[str, Any] = {"random_move": dice.between(0.0, 0.3)}
-        if policy == COMMITTED:
-            options["unpredictability"] = dice.choice(0.0, 0.3)
-        else:
+        options: dict[str, Any] = {}
+        if policy == STOCHASTIC:
+            options["unpredictability"] = dice.choice(0.0, 1.0)
+        elif policy == PAPER:
             mechanisms.append("repulsion")
             direction = dice.choice("mode", "mode", "vector")
             paths = dice.choice("wave", "straight", "regions")
-            options |= {
+            options = {
+                "random_move": dice.between(0.0, 0.3),
                 "random_move_for": "holonomic",
                 "letter": dice.choice(False, False, ["one-direction", "far-goal"]),
                 "fow": dice.choice("f1", "f2", "f3", "f4", "f5"),

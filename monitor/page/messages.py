@@ -19,6 +19,7 @@ from patrol.ground.terrain import Terrain
 from patrol.ground.zones import middle, outline, points_of
 from patrol.journal.records import Event
 from patrol.scenario import ClosureSpec, ZoneSpec
+from patrol.scenario.patrols import describe_patrol
 
 
 def static_message(static: Static, may_control: bool) -> str:
@@ -37,6 +38,7 @@ def static_message(static: Static, may_control: bool) -> str:
             "type": "static",
             "name": static.name,
             "title": str(static.scenario.get("name", static.name)),
+            "patrol": _patrol(static),
             "width": width,
             "height": height,
             "side": SIDE,
@@ -70,6 +72,12 @@ def static_message(static: Static, may_control: bool) -> str:
             ],
         }
     )
+
+
+def _patrol(static: Static) -> str:
+    """Describe the patrol; empty where the source knows no scenario."""
+    patrol = static.scenario.get("patrol")
+    return describe_patrol(patrol["policy"]) if patrol else ""
 
 
 def state_message(state: State, survey: Survey | None, static: Static) -> str:

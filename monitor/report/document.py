@@ -33,6 +33,7 @@ from patrol.files.whole_file import write_whole
 from patrol.files.yaml_text import read_text
 from patrol.measures.best_tour import best_tour
 from patrol.scenario.controls import intruder_name
+from patrol.scenario.patrols import describe_patrol
 from patrol.scenario.zones import ELSEWHERE
 from patrol.summary.metric import metrics_of
 from patrol.summary.model import FaultFacts, RobotFigures, ZoneFigures
@@ -160,6 +161,7 @@ def report_html(analysis: Analysis, figures: Sequence[Drawing], going: bool = Fa
     more = len(warnings) - MOST_WARNINGS
     sub = [
         f"{count} robot{'s' if count != 1 else ''} on {header.terrain.name}",
+        f"patrol: {describe_patrol(scenario.patrol.policy)}",
         f"{run.ticks * run.step:g} s in {run.ticks} ticks, {word}",
         *([f"started {header.started}"] if header.started else []),
         header.software,

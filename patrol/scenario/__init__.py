@@ -17,6 +17,7 @@ from patrol.scenario.file.load import (
 from patrol.scenario.lengths import BodyLengths
 from patrol.scenario.model import Scenario
 from patrol.scenario.policies import (
+    CommitmentOptions,
     CommittedOptions,
     PatrolOptions,
     PatrolSpec,
@@ -43,6 +44,7 @@ __all__ = [
     "BatterySpec",
     "BodyLengths",
     "ClosureSpec",
+    "CommitmentOptions",
     "CommittedOptions",
     "DockSpec",
     "IntruderSpec",

@@ -25,10 +25,9 @@ from patrol.scenario.faults.roster import check_faults, tick_of
 from patrol.scenario.lengths import BodyLengths, check_refinement, resolve_lengths
 from patrol.scenario.policies import (
     PAPER,
-    CommittedPatrol,
     PaperPatrol,
     Patrol,
-    PatrolOptions,
+    StochasticPatrol,
     check_letter,
     check_random_steps,
 )
@@ -56,7 +55,7 @@ class Scenario(Section):
     )
     docks: tuple[DockSpec, ...] = Field((), description="{place: [x, y] m, radius: m}, one robot at a time")
     sensor: SensorSpec = Field(default_factory=SensorSpec, description="what a robot sees")
-    patrol: Patrol = Field(default_factory=CommittedPatrol, description="how a robot decides where to go")
+    patrol: Patrol = Field(default_factory=StochasticPatrol, description="how a robot decides where to go")
     radio: Radio = Field(default_factory=IdealRadio, description="what robots send")
     zones: Zones = Field((), description="what matters more, or is closed: a list, or FILE.yaml that holds one")
     closures: Closures = Field(
@@ -87,6 +86,11 @@ class Scenario(Section):
     def lengths(self) -> Mapping[int, BodyLengths]:
         """The lengths of every robot's patrol, by robot number, with each ``auto`` resolved."""
         return resolve_lengths(self.patrol, self.roster, self.point, self.step, self.sensor.range)
+
+    @cached_property
+    def translated(self) -> tuple[str, ...]:
+        """Settings of earlier versions that loading has replaced, one line each. It is no field, like `roster`."""
+        return ()
 
     @property
     def radio_share(self) -> Share | None:
@@ -149,7 +153,6 @@ class Scenario(Section):
         check_refinement(self.patrol, self.roster, self.lengths)
         if isinstance(self.patrol, PaperPatrol):
             check_letter(self.patrol, (spec.model for spec in self.roster), bool(self.intruders))
-        if isinstance(self.patrol.options, PatrolOptions):
             check_random_steps(self.patrol.options, {spec.model for spec in self.roster})
         self._check_zones()
         _check_names("zone", self.zones)

@@ -1,11 +1,12 @@
 """The section `patrol`: what holds for every policy, and the settings of the built-in ones.
 
-    patrol: {give_way: false}                                         committed, with its defaults
+    patrol: {give_way: false}                                         stochastic, with its defaults
+    patrol: {policy: committed, options: {separation: none}}          the tour
     patrol: {policy: potential-field, options: {direction: vector}}   the paper's policy
     patrol: {policy: learned, options: {weights: trained.npz}}        a network that was trained
     patrol: {policy: ./mine.py:Mine, options: {near: 4}}              a policy of one's own, which checks its options
 
-The section is one of four models, chosen by `policy`. The settings of a built-in policy are checked with the rest of
+The section is one of five models, chosen by `policy`. The settings of a built-in policy are checked with the rest of
 the scenario; those of any other when a run finds its class (`agent.policies.found`).
 """
 
@@ -51,12 +52,15 @@ STOCHASTIC: Final = "stochastic"
 """The policy that draws the next station from good plans."""
 
 COMMITTED: Final = "committed"
-"""The policy that follows a tour; the default."""
+"""The policy that follows a tour."""
 
 PAPER: Final = "potential-field"
 """The policy of the paper."""
 
-BUILT_IN = (COMMITTED, STOCHASTIC, PAPER)
+DEFAULT: Final = STOCHASTIC
+"""The policy of a scenario that names none."""
+
+BUILT_IN = (STOCHASTIC, COMMITTED, PAPER)
 """Policies that come with fogwatch."""
 
 LEARNED: Final = "learned"
@@ -66,12 +70,8 @@ OPTION_LENGTHS = ("dilatation", "obstacle_radius", "fuzzy_distance", "critical_w
 """Lengths that are settings of policies: fields of `patrol.options` that may be ``auto``."""
 
 
-RANDOM_MOVE = 0.02
-"""Our default of `random_move`."""
-
-
 class PatrolOptions(Section):
-    """Settings of both built-in policies: how robots keep apart, and random steps.
+    """Settings of all built-in policies: how robots keep apart.
 
     Attributes:
         NEEDS: By setting, the switch that it needs and the values of the switch with which it has an effect. Lengths
@@ -81,13 +81,6 @@ class PatrolOptions(Section):
     NEEDS: ClassVar[dict[str, tuple[str, tuple[str, ...]]]] = {"critical_areas": ("separation", ("semaphores",))}
 
     separation: Separation = Field("claims", description=SEPARATIONS)
-    random_move: Probability = Field(
-        RANDOM_MOVE, description="probability of a random step in a tick, so that patrols stay unpredictable"
-    )
-    random_move_for: Literal["holonomic", "all"] = Field(
-        "all",
-        description="holonomic | all (as printed: each robot), the bodies that make random steps",
-    )
     obstacle_radius: AutoPositive = Field(
         AUTO, description="m, of the artificial obstacle at each other robot; auto: 5 radii"
     )
@@ -117,24 +110,10 @@ class PatrolOptions(Section):
         return tuple(name for name in chosen if name != "none")
 
 
-class CommittedOptions(PatrolOptions):
-    """Settings of `committed`: one place is chosen, and kept until it has been seen."""
+class CommitmentOptions(PatrolOptions):
+    """Settings of the policies that choose one place, and keep to it until it has been seen."""
 
-    unpredictability: Probability = Field(
-        0.0, description="share of the time of free choices; 0: all follow one tour, evenly spaced"
-    )
     separation: Separation = Field("claims", description="none | claims | artificial-obstacles | semaphores, or a list")
-    random_move: Probability = Field(
-        RANDOM_MOVE, description="probability of a random step in a tick of a free choice; robots on rounds make none"
-    )
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Lines that name settings which change little; files state every setting, so none is refused."""
-        if self.unpredictability > 0.0 or self.random_move in (0.0, RANDOM_MOVE):
-            return ()
-        remedy = "for free choices, which have them, raise patrol.options.unpredictability"
-        return (f"patrol.options.random_move = {self.random_move:g}: robots on rounds make no random steps; {remedy}",)
 
     @model_validator(mode="after")
     def _has_no_forces(self) -> Self:
@@ -143,19 +122,16 @@ class CommittedOptions(PatrolOptions):
         return self
 
 
-class StochasticOptions(PatrolOptions):
+class StochasticOptions(CommitmentOptions):
     """Settings of `stochastic`: the next station is drawn from good plans for the whole fleet."""
 
     unpredictability: NotNegative = Field(
         1.0, description="how far a drawn plan may be behind the best one; 0: always the best, about 2: nearly free"
     )
-    separation: Separation = Field("claims", description="none | claims | artificial-obstacles | semaphores, or a list")
 
-    @model_validator(mode="after")
-    def _has_no_forces(self) -> Self:
-        if "repulsion" in self.separations:
-            raise wrong("separation", f"repulsion changes sums of forces, which only {PAPER} has; choose another")
-        return self
+
+class CommittedOptions(CommitmentOptions):
+    """Settings of `committed`: all robots follow one tour, evenly spaced."""
 
 
 class PotentialFieldOptions(PatrolOptions):
@@ -282,8 +258,8 @@ class LearnedOptions(Section):
 
 
 POLICY = (
-    "committed | potential-field (the paper's) | a rival, such as sebs | package.module:Class | ./file.py:Class beside "
-    "this file | entry point"
+    "stochastic | committed (the tour) | potential-field (the paper's) | a rival, such as sebs | package.module:Class "
+    "| ./file.py:Class beside this file | entry point"
 )
 """Values of `policy`, as files and `--help` describe them."""
 
@@ -295,7 +271,7 @@ BLOCKED_MEMORY_S = 120.0
 class PatrolSpec(Section):
     """Decisions of a robot: the policy, its settings, and the way there."""
 
-    policy: PolicyText = Field(COMMITTED, description=POLICY)
+    policy: PolicyText = Field(DEFAULT, description=POLICY)
     policy_sha256: Digest | None = Field(None, description="of the policy's file; filled in when this file is loaded")
     options: Any = Field(None, description="settings of the policy, by name")
     avoidance: Literal["none", "goal-refinement"] = Field(
@@ -338,10 +314,8 @@ class PatrolSpec(Section):
 
     @property
     def needs_rounds(self) -> bool:
-        """True if the policy follows tours, at least at times."""
-        if isinstance(self.options, StochasticOptions):
-            return True
-        return isinstance(self.options, CommittedOptions) and self.options.unpredictability < 1.0
+        """True if the policy follows tours, or draws from their stations."""
+        return isinstance(self.options, CommitmentOptions)
 
     @property
     def critical_areas(self) -> Polygons | None:
@@ -364,18 +338,18 @@ class PatrolSpec(Section):
         return self.options.paths if isinstance(self.options, PotentialFieldOptions) else "wave"
 
 
-class CommittedPatrol(PatrolSpec):
+class StochasticPatrol(PatrolSpec):
     """The section with the default policy."""
 
-    policy: Literal["committed"] = Field(COMMITTED, description=POLICY)
-    options: CommittedOptions = Field(default_factory=CommittedOptions, description="settings of committed")
-
-
-class StochasticPatrol(PatrolSpec):
-    """The section with the policy that draws from plans."""
-
-    policy: Literal["stochastic"] = Field(description=POLICY)
+    policy: Literal["stochastic"] = Field(STOCHASTIC, description=POLICY)
     options: StochasticOptions = Field(default_factory=StochasticOptions, description="settings of stochastic")
+
+
+class CommittedPatrol(PatrolSpec):
+    """The section with the tour."""
+
+    policy: Literal["committed"] = Field(description=POLICY)
+    options: CommittedOptions = Field(default_factory=CommittedOptions, description="settings of committed")
 
 
 class PaperPatrol(PatrolSpec):
@@ -440,7 +414,7 @@ def _needs(patrol: PaperPatrol, bodies: set[str], intruders: bool) -> dict[Paper
     }
 
 
-def check_random_steps(options: PatrolOptions, models: Iterable[str]) -> None:
+def check_random_steps(options: PotentialFieldOptions, models: Iterable[str]) -> None:
     """Refuse a probability of random steps that no robot makes, and whose switch is not stated.
 
     As for `PatrolOptions.NEEDS` it is accepted where both are stated; so are 0 and the default, which promise nothing.
@@ -453,16 +427,11 @@ def check_random_steps(options: PatrolOptions, models: Iterable[str]) -> None:
         PydanticCustomError: It names the field and the remedy.
     """
     stated, default = options.model_fields_set, type(options).model_fields["random_move"].get_default()
-    if "random_move" not in stated or options.random_move in (0.0, default):
+    if "random_move" not in stated or "random_move_for" in stated or options.random_move in (0.0, default):
         return
-    if isinstance(options, CommittedOptions):
-        switch, values, has_effect = "unpredictability", "above 0", options.unpredictability > 0.0
-    else:
-        has_effect = options.random_move_for == "all" or "holonomic" in models
-        switch, values = "random_move_for", "all (no robot is holonomic)"
-    if not has_effect and switch not in stated:
-        problem = f"has no effect unless patrol.options.{switch} is {values}; set that as well, or drop this"
-        raise wrong("patrol.options.random_move", problem, options.random_move)
+    if options.random_move_for != "all" and "holonomic" not in models:
+        problem = "has no effect unless patrol.options.random_move_for is all (no robot is holonomic)"
+        raise wrong("patrol.options.random_move", f"{problem}; set that as well, or drop this", options.random_move)
 
 
 class LearnedPatrol(PatrolSpec):
@@ -480,13 +449,13 @@ class OwnPatrol(PatrolSpec):
 
 
 def _tag(section: Any) -> str:
-    policy = section.get("policy", COMMITTED) if isinstance(section, dict) else getattr(section, "policy", COMMITTED)
+    policy = section.get("policy", DEFAULT) if isinstance(section, dict) else getattr(section, "policy", DEFAULT)
     return f"={policy}" if policy in (*BUILT_IN, LEARNED) else "=own"
 
 
 Patrol = Annotated[
-    Annotated[CommittedPatrol, Tag("=committed")]
-    | Annotated[StochasticPatrol, Tag("=stochastic")]
+    Annotated[StochasticPatrol, Tag("=stochastic")]
+    | Annotated[CommittedPatrol, Tag("=committed")]
     | Annotated[PaperPatrol, Tag("=potential-field")]
     | Annotated[LearnedPatrol, Tag("=learned")]
     | Annotated[OwnPatrol, Tag("=own")],

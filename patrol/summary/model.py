@@ -331,6 +331,10 @@ class Summary(_Part):
     """The summary of a run. Times are simulated seconds unless the meaning says wall."""
 
     name: Annotated[str, Metric("name of the scenario")] = ""
+    policy: Annotated[
+        str,
+        Metric("`patrol.policy`; `potential-field` is the paper's, `committed` the tour"),
+    ] = ""
     scenario_hash: Annotated[str, Metric("hash of the scenario; equal hashes are equal scenarios")] = ""
     trace_hash: Annotated[
         str | None, Metric("hash of all that happened; equal hashes are equal runs; null for a run that was cut off")

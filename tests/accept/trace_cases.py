@@ -4,8 +4,8 @@
     python tests/accept/trace_cases.py --check FILE.json                # run every case and name those that moved
     python tests/accept/trace_cases.py --check --only "site car" FILE.json    # those whose name contains a text
 
-Each terrain is patrolled by the paper's policy with two bodies under every variant, at 1 m points, and by the default
-policy with three bodies under a few, at 0.5 m points, for 200 simulated seconds. A hash holds on
+Each terrain is patrolled by the paper's policy with two bodies under every variant, at 1 m points, and by the tour with
+three bodies under a few, at 0.5 m points, for 200 simulated seconds. A hash holds on
 x86-64 processors with AVX2 and FMA, with one Python, C library and lock file.
 """
 
@@ -111,12 +111,12 @@ VARIANTS: Mapping[str, Mapping[str, Any]] = {
     "surround-faults": {"intruders": "somewhere", "faults": FAULTS[:5]},
 }
 
-DEFAULT: Mapping[str, Any] = {"point": 0.5, "duration": 200, "robots.count": 4}
-"""The default policy, with nothing set."""
+TOUR: Mapping[str, Any] = {"point": 0.5, "duration": 200, "robots.count": 4, "patrol.policy": "committed"}
+"""The tour, with nothing else set."""
 
-DEFAULT_BODIES = ("holonomic", "differential", "car")
+TOUR_BODIES = ("holonomic", "differential", "car")
 
-DEFAULT_VARIANTS: Mapping[str, Mapping[str, Any]] = {
+TOUR_VARIANTS: Mapping[str, Mapping[str, Any]] = {
     "committed": {},
     "committed-alone": {"patrol.options.separation": "none"},
     "committed-separations": {"patrol.options.separation": ["claims", "artificial-obstacles", "semaphores"]},
@@ -139,13 +139,13 @@ def cases() -> Iterator[tuple[str, dict[str, Any]]]:
                 if "intruders" in chosen:
                     chosen["intruders"] = [{"place": PLACES[terrain], "at": 10, "for": 60}]
                 yield f"{terrain} {body} {variant}", {"terrain": terrain, **chosen}
-        for body in DEFAULT_BODIES:
-            for variant, settings in DEFAULT_VARIANTS.items():
+        for body in TOUR_BODIES:
+            for variant, settings in TOUR_VARIANTS.items():
                 yield (
                     f"{terrain} {body} {variant}",
                     {
                         "terrain": terrain,
-                        **DEFAULT,
+                        **TOUR,
                         "robots.model": body,
                         **settings,
                     },

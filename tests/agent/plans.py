@@ -34,6 +34,11 @@ def plan(size: Spot, *free: tuple[float, float, float, float], point: float = PO
     return Terrain("plan", passable, point)
 
 
+def two_rooms() -> Terrain:
+    """Two rooms of 8 x 8 m, joined by a corridor of 6 m."""
+    return plan((22.0, 8.0), (0.0, 0.0, 8.0, 8.0), (8.0, 3.0, 14.0, 5.0), (14.0, 0.0, 22.0, 8.0))
+
+
 def cluttered(seed: int, shape: tuple[int, int], blocks: int, point: float = 0.25) -> Terrain:
     """Blocks on a plain, none of them near the corners."""
     dice = np.random.default_rng(seed)

@@ -96,9 +96,10 @@ def test_robots_never_command_themselves_into_a_wall(model: str, direction: str)
     drives_freely(decisions)
 
 
+@pytest.mark.parametrize("policy", ["stochastic", "committed"])
 @pytest.mark.parametrize("model", MODELS)
-def test_committed_robots_never_command_themselves_into_a_wall(model: str) -> None:
-    _, decisions, _ = patrol(scenario_of(model), 200)
+def test_robots_with_a_target_never_command_themselves_into_a_wall(model: str, policy: str) -> None:
+    _, decisions, _ = patrol(scenario_of(model, policy=policy), 200)
     assert all(d.figures for decided in decisions[1:] for d in decided)
     drives_freely(decisions)
 
@@ -197,7 +198,7 @@ def test_a_reach_beyond_all_measure_is_as_good_as_the_terrains(field: str, polic
 
 def surrounding(own: Pose, contacts: tuple[tuple[float, float], ...] = (), frames: tuple[bytes, ...] = ()) -> Decision:
     """What a robot decides at tick 3 in the rooms with another one at (20, 20)."""
-    mind = minds(scenario_of("holonomic", options={"random_move": 0.0}), rooms(), [Pose(6.0, 6.0, 0.0)])[0]
+    mind = minds(scenario_of("holonomic"), rooms(), [Pose(6.0, 6.0, 0.0)])[0]
     other = encode(Position.of(2, 3, 1.5, Pose(20.0, 20.0, 0.0)))
     return mind.step(at(3, own, contacts=contacts), [other, *frames])
 

@@ -22,7 +22,7 @@ def ran(
     *zones: dict[str, Any],
     duration: float = 600.0,
     on: Terrain | None = None,
-    options: dict[str, Any] | None = None,
+    policy: str = "committed",
     faults: tuple[dict[str, Any], ...] = (),
     starts: list[list[float]] | None = None,
 ) -> Outcome:
@@ -32,7 +32,7 @@ def ran(
     if model == "car":
         robots["turning_radius"] = 0.8
     given = {"terrain": {"builtin": "open"}, "point": 0.5, "duration": duration, "robots": robots, "zones": list(zones)}
-    given |= {"sensor": {"range": 3}, "patrol": {"options": options or {}}, "faults": list(faults)}
+    given |= {"sensor": {"range": 3}, "patrol": {"policy": policy}, "faults": list(faults)}
     return run_in_process(prepare(load_scenario(given), on or ring(*zones)), keep=True)
 
 
@@ -58,10 +58,11 @@ def passages(outcome: Outcome) -> tuple[int, int]:
 
 
 @pytest.mark.parametrize(
-    ("model", "unpredictability"), [("holonomic", 0.0), ("differential", 0.0), ("car", 0.0), ("car", 1.0)]
+    ("model", "policy"),
+    [("holonomic", "committed"), ("differential", "committed"), ("car", "committed"), ("car", "stochastic")],
 )
-def test_robots_go_round_the_right_way(model: str, unpredictability: float) -> None:
-    outcome = ran(model, *RIGHT_ROUND, options={"unpredictability": unpredictability})
+def test_robots_go_round_the_right_way(model: str, policy: str) -> None:
+    outcome = ran(model, *RIGHT_ROUND, policy=policy)
     assert outcome.verdict.valid, outcome.verdict.failed
     assert not outcome.verdict.warnings
     assert outcome.summary.seen_share == 1.0

@@ -83,7 +83,7 @@ def compared(given: Scenario) -> tuple[Watched, Watched]:
     return watched[0], watched[1]
 
 
-@pytest.mark.parametrize("policy", [{"commitment": "none"}, {}], ids=["dilated", "committed"])
+@pytest.mark.parametrize("policy", [{"commitment": "none"}, {}], ids=["dilated", "default"])
 @pytest.mark.parametrize("kind", FAULTS)
 def test_under_every_fault_minds_believe_the_same(kind: str, policy: dict[str, Any]) -> None:
     shared, alone = compared(scenario(FAULTS[kind], patrol=policy))

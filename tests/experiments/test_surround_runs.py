@@ -70,7 +70,7 @@ def test_robots_that_steer_end_around_it_too(model: str) -> None:
 
 def test_when_it_is_gone_robots_patrol_on() -> None:
     intruder = {"at": 10.0, "for": 20.0}
-    patrol = {"contact_memory": 5.0, "options": {"random_move": 0.0}}
+    patrol = {"contact_memory": 5.0}
     outcome = run("open", (84.0, 50.0), 1, 70.0, intruder=intruder, patrol=patrol)
     ticks = records(outcome)
     busy = [record.k for record in ticks if any(row.state == "surrounding" for row in record.robots)]

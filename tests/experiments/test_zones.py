@@ -132,7 +132,7 @@ def test_robots_look_after_a_vault_while_it_weighs() -> None:
     assert over.summary.zones["elsewhere"].mfow_late_mean_s < 0.6 * weighing.summary.zones["elsewhere"].mfow_late_mean_s
 
 
-@pytest.mark.parametrize("policy", ["committed", "potential-field", "greedy"])
+@pytest.mark.parametrize("policy", ["stochastic", "committed", "potential-field", "greedy"])
 def test_bodies_are_slow_in_slow_zones_with_every_policy(policy: str) -> None:
     ward = {"name": "ward", "polygon": [[40, 0], [60, 0], [60, 88], [40, 88]], "speed": 1.0, "times": [[20, 200]]}
     robots = {"count": 4, "model": "holonomic", "radius": 0.4, "speed": 4.0}

@@ -64,6 +64,7 @@ DOORS: dict[str, Any] = {
     **QUIET,
     "name": "doors",
     "robots": {"count": 1, "model": "holonomic"},
+    "patrol": {"policy": "committed"},
     "closures": [
         {"name": "gate", "polygon": [[48, 0], [50, 0], [50, 88], [48, 88]], "closed": [[5, 15]]},
         {"name": "crate", "polygon": [[20, 40], [26, 40], [26, 46], [20, 46]]},

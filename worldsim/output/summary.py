@@ -65,6 +65,7 @@ class Totals:
         wall_s = end.notes.get("wall_s") if end else None
         document |= {
             "name": header.scenario["name"],
+            "policy": header.scenario["patrol"]["policy"],
             "scenario_hash": header.scenario_hash,
             "trace_hash": end.trace_hash if end else None,
             "ended": end.reason if end else None,

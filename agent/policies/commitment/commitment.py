@@ -7,7 +7,7 @@ its target:
 - *Commitment*: it keeps the target until half of its age or more has gone, because a robot has seen it.
 - *Giving up*: a target that comes no nearer for a while is left out for some time, with what lies around it.
 - *Free choice*: the point with the greatest age squared per way (`agent.policies.commitment.choice`). A point to which
-  another robot has the shorter way counts a tenth.
+  another robot has the shorter way counts a tenth. Now and then the robot makes a random step.
 
 Policies say what the next target is: on the tour (`agent.policies.committed.policy`), or drawn from a plan
 (`agent.policies.stochastic.policy`). Where they know of none the choice is free.
@@ -27,12 +27,16 @@ from agent.policies.commitment.given_up import GivenUp
 from agent.policies.random_steps import RandomSteps
 from agent.policies.separation import Separation
 from agent.ports import Bearing, Intent, Place, State, Stay
+from patrol.scenario import CommitmentOptions
 
 if TYPE_CHECKING:
     from agent.policies.commitment.choice import Point
     from agent.ports import PolicySetup
     from agent.routes.routes import Element, Way
     from agent.view import View
+
+RANDOM_MOVE = 0.02
+"""Probability of a random step in a tick, where choices are free."""
 
 NO_NEARER_S = 15.0
 """A robot that has come no nearer to its target for so long gives it up, s."""
@@ -68,12 +72,14 @@ class Target:
 
 
 class Commitment:
-    """Chooses a target and keeps to it; the base of policies that say which one.
+    """Chooses freely and keeps to the target; the base of policies that say which one is next.
 
     Attributes:
         target: Where it is going; None for nowhere.
         given_up: The places that it leaves out for a while.
     """
+
+    Options: type[CommitmentOptions] = CommitmentOptions
 
     def __init__(self, setup: PolicySetup) -> None:
         """Start without a target."""
@@ -82,7 +88,7 @@ class Commitment:
         self._step = setup.step
         self._point = terrain.point
         self._separation = Separation(setup)
-        self._random_steps = RandomSteps(setup)
+        self._random_steps = RandomSteps(RANDOM_MOVE)
         self._choice = TargetChoice(setup)
         self.given_up = GivenUp(spec.radius, terrain.point, setup.step)
         self._nearer = NEARER * spec.speed * setup.step

@@ -6,9 +6,8 @@
 - *Free choice*, commitment and giving up: `agent.policies.commitment.commitment`.
 - *Blocked*: while no way leads on along the round, choices are free; after a while the robot goes on from there.
 
-The option `unpredictability` and the experience with the round decide how much of the time choices are free
-(`agent.policies.committed.periods`). Where there is no round, because the ground is too large for a tour or the sensor
-does not look all around, each choice is free.
+Where there is no round, because the ground is too large for a tour or the sensor does not look all around, each choice
+is free.
 
 On ground with zones there are several rounds, and robots are divided between them
 (`agent.policies.committed.division`); free choices count the age times the weight. Rounds, division and weights follow
@@ -22,7 +21,6 @@ from typing import TYPE_CHECKING
 
 from agent.policies.commitment.commitment import NO_NEARER_S, TRIES, Commitment, Target
 from agent.policies.committed.division import Division
-from agent.policies.committed.periods import INTERVALS, Periods
 from agent.policies.committed.rounds import RoundAhead
 from agent.policies.committed.spacing import ZONE_SLACK, Spacing
 from patrol.scenario import CommittedOptions
@@ -34,12 +32,9 @@ if TYPE_CHECKING:
     from patrol.ground.tour.round import Round
     from patrol.ground.tour.zoned import ZonedGround
 
-SHORTEST_PERIOD_S = 60.0
-"""Shortest period on ground with zones, s: a small zone has a short round."""
-
 PROMPT_TICKS = 4
-"""Ticks after the begin of a period, or after other zones have come into force, in which a robot still begins the round
-together with the others."""
+"""Ticks after tick 0, or after other zones have come into force, in which a robot still begins the round together with
+the others."""
 
 
 class Committed(Commitment):
@@ -48,7 +43,6 @@ class Committed(Commitment):
     Attributes:
         ahead: The round ahead of it; None where each choice is free.
         spacing: The robots on the round; None likewise.
-        periods: When the robots follow the round; None likewise.
         division: Which robots follow which round; None where there is at most one.
     """
 
@@ -59,22 +53,19 @@ class Committed(Commitment):
         super().__init__(setup)
         self.ahead: RoundAhead | None = None
         self.spacing: Spacing | None = None
-        self.periods: Periods | None = None
         self.division: Division | None = None
         self._weighing = setup.weighing
         self._round: Round | None = None
-        if setup.zoned is None and setup.options.unpredictability < 1.0 and (laid_out := setup.round()) is not None:
+        if setup.zoned is None and (laid_out := setup.round()) is not None:
             followers = setup.followers()
-            self._follow(laid_out, followers, len(followers) / len(setup.radii) * setup.team, 0)
+            self._follow(laid_out, followers, len(followers) / len(setup.radii) * setup.team)
         if setup.zoned is not None:
             self._take_zones(setup.zoned(setup.weighing))
         self._rounds_since = 0
-        self._on_round = False
         self._blocked_since: int | None = None
-        self._left_out_at: int | None = None
 
-    def _follow(self, laid_out: Round, followers: frozenset[int], team: float, tick: int) -> None:
-        """Follow a round from a tick on, with other robots."""
+    def _follow(self, laid_out: Round, followers: frozenset[int], team: float) -> None:
+        """Follow a round together with other robots."""
         setup = self._setup
         stride = max(setup.spec.speed * setup.step, setup.terrain.point)
         self.ahead = RoundAhead(setup, laid_out)
@@ -83,20 +74,12 @@ class Committed(Commitment):
         self.spacing = Spacing.on(
             laid_out, setup.spec.number, followers, whole, stride, setup.sight.range_m, setup.terrain, most_slack
         )
-        self._begin_periods(team, tick)
-
-    def _begin_periods(self, team: float, tick: int) -> None:
-        setup = self._setup
-        assert self.ahead is not None
-        least = 1 if self.division is None else round(SHORTEST_PERIOD_S / setup.step)
-        length = max(1, least, round(INTERVALS * self.ahead.interval(team)))
-        self.periods = Periods(length, setup.options.unpredictability, setup.fleet_chance, tick)
 
     def _take_zones(self, zoned: ZonedGround) -> None:
         """Go by the zones that are in force now: divide the robots between their rounds."""
         self._round, setup = None, self._setup
-        if not zoned.rounds or setup.options.unpredictability == 1.0:
-            self.division = self.ahead = self.spacing = self.periods = None
+        if not zoned.rounds:
+            self.division = self.ahead = self.spacing = None
         elif self.division is None:
             robots = frozenset(setup.radii)
             self.division = Division(zoned, setup.spec.number, robots, setup.team, setup.step)
@@ -110,23 +93,31 @@ class Committed(Commitment):
         if laid_out is not self._round:
             is_first = self._round is None
             self._round, self.target = laid_out, None
-            self._follow(laid_out, robots, len(robots), view.tick)
+            self._follow(laid_out, robots, len(robots))
             if not is_first and self.ahead is not None and self.spacing is not None:
                 self.ahead.go_to(self.spacing.along_m(self.spacing.nearest((view.reported.x, view.reported.y))))
         elif self.spacing is not None and robots != self.spacing.followers:
             self.spacing.follow_with(robots)
-            self._begin_periods(len(robots), view.tick)
 
     def _take_note(self, view: View, goes_on: bool) -> bool:
         if self._setup.zoned is not None and view.weighing != self._weighing:
             self._weighing = view.weighing
             self._take_zones(self._setup.zoned(view.weighing))
             self._rounds_since = view.tick if goes_on else 0
-        self._on_round = self._is_on_round(view)
-        return not self._on_round
+        if self.division is not None:
+            self._join_crew(view, self.division)
+        if self.ahead is None or self.spacing is None:
+            return True
+        self.spacing.listen(view)
+        if self.ahead.cursor is None and view.tick - self._rounds_since <= PROMPT_TICKS:
+            self.ahead.go_to(self.spacing.along_m(self.spacing.begin(view)))
+            self.target = None
+        if self.ahead.cursor is not None:
+            self.spacing.note(view)
+        return False
 
     def _waits(self, view: View) -> bool:
-        return self._on_round and self.spacing is not None and self.spacing.waits(view)
+        return self.spacing is not None and self.spacing.waits(view)
 
     def _forget(self) -> None:
         super()._forget()
@@ -135,40 +126,10 @@ class Committed(Commitment):
             self.spacing.robots.clear()
             self.spacing.heard.clear()
 
-    def _is_on_round(self, view: View) -> bool:
-        """Return True in a period in which the robots follow the round; take note of where they are on it."""
-        if self.division is not None:
-            self._join_crew(view, self.division)
-        if self.ahead is None or self.spacing is None or self.periods is None:
-            return False
-        # A robot that charges learns nothing meanwhile, and all robots have to choose the same. One that has seen
-        # ground blocked learns nothing either; others may, since fleets without experience stay on bad rounds.
-        certain = self.spacing.listen(view) and not self._may_be_away and not self._was_shut_out(view)
-        team = self.spacing.team
-        mfow = view.mfow if self.division is None else self.ahead.mfow(view)
-        if not self.periods.update(view.tick, mfow, team, self.ahead.interval(team), certain=certain):
-            self.ahead.cursor = None
-            self.spacing.robots.clear()
-            return False
-        since = min(view.tick % self.periods.length, view.tick - self._rounds_since)
-        if self.ahead.cursor is None and since <= PROMPT_TICKS:
-            self.ahead.go_to(self.spacing.along_m(self.spacing.begin(view)))
-            self.target = None
-        if self.ahead.cursor is not None:
-            self.spacing.note(view)
-        return True
-
-    def _was_shut_out(self, view: View) -> bool:
-        """Return True if ground was left out in the last period: then the fog says little about the round."""
-        if view.fog.left_out is not None:
-            self._left_out_at = view.tick
-        at, periods = self._left_out_at, self.periods
-        return at is not None and periods is not None and view.tick - at <= periods.length
-
     def _chosen(self, view: View, start: Element) -> Way | None:
         self.target = None
         ahead, spacing = self.ahead, self.spacing
-        if not self._on_round or ahead is None or spacing is None:
+        if ahead is None or spacing is None:
             return self._free_choice(view, start)
         if ahead.cursor is not None:
             way = self._next_on_round(view, start, ahead, spacing)

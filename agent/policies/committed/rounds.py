@@ -88,10 +88,6 @@ class RoundAhead:
         """
         return self.round.length_m / (team * self._speed * self._step)
 
-    def mfow(self, view: View) -> int:
-        """Return the believed age of the stalest point that the round shows, ticks."""
-        return view.tick - max(int(view.fog.last_seen.reshape(-1)[self.round.points].min()), 0)
-
     def go_to(self, along_m: float) -> None:
         """Put the cursor to the place at a length along the tour, m."""
         self.cursor = int(np.searchsorted(self.round.along, along_m)) % len(self.round.places)

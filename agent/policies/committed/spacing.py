@@ -57,9 +57,6 @@ LATE_TICKS = 20
 MEMORY = 0.5
 """Time for which a robot that is not heard is expected to go on, as a share of the time between two robots."""
 
-PLAUSIBLE = 2.0
-"""Positions of a robot that are farther apart than so many strides a tick are taken as forged."""
-
 ON_THE_WAY = 2.0
 """After a beginning nobody waits for so many times the time of the longest way to a first place, as the crow flies."""
 
@@ -176,33 +173,22 @@ class Spacing:
         """Number of robots on the tour: this one and those heard lately."""
         return len(self.heard)
 
-    def listen(self, view: View) -> bool:
+    def listen(self, view: View) -> None:
         """Take note of the positions of the robots on the tour.
 
         Args:
             view: Of this tick.
-
-        Returns:
-            True if each of them was heard in this tick, where it can be: this robot has missed nothing.
         """
-        before, memory = self.heard, MEMORY * self.round.length_m / view.stride / self.whole
+        memory = MEMORY * self.round.length_m / view.stride / self.whole
         self.heard = {
             number: heard
-            for number, heard in before.items()
+            for number, heard in self.heard.items()
             if view.tick - heard.tick <= memory and number not in view.charging
         }
         for number in self.followers & view.peers.keys():
             peer = view.peers[number]
             self.heard[number] = Heard((peer.pose.x, peer.pose.y), peer.tick)
         self.heard[self.number] = Heard((view.reported.x, view.reported.y), view.tick)
-        return all(
-            heard.tick == view.tick and self._is_plausible(before.get(number, heard), heard)
-            for number, heard in self.heard.items()
-        )
-
-    def _is_plausible(self, before: Heard, heard: Heard) -> bool:
-        """Return True if a robot can have driven from one place to another in the time between."""
-        return math.dist(before.spot, heard.spot) <= PLAUSIBLE * self.stride * max(heard.tick - before.tick, 1)
 
     def along_m(self, place: int) -> float:
         """Return the length of the tour up to a place, m."""

@@ -33,7 +33,8 @@ class PotentialField:
         self._tries_others = "one-direction" not in options.paper_rules
         self._stops = "no-stop" not in options.paper_rules
         self._separation = Separation(setup)
-        self._random_steps = RandomSteps(setup)
+        makes_random_steps = options.random_move_for == "all" or setup.spec.model == "holonomic"
+        self._random_steps = RandomSteps(options.random_move if makes_random_steps else 0.0)
         self._fuzzy = FuzzySectors(terrain, options.sectors, setup.lengths.fuzzy_distance) if options.fuzzy else None
         self._field = Field(
             options,

@@ -49,8 +49,8 @@ from patrol.scenario.policies import LEARNED
 
 EXAMPLES = [
     "fogwatch benchmark --quick",
-    "fogwatch benchmark --policies committed,even-tour,sebs --terrains yards,site --conditions none,loss-90,deaths",
-    "fogwatch benchmark --policies committed,committed:unpredictability=1,./mine.py:Mine --teams 2,4,8",
+    "fogwatch benchmark --policies stochastic,even-tour,sebs --terrains yards,site --conditions none,loss-90,deaths",
+    "fogwatch benchmark --policies stochastic,stochastic:unpredictability=2,./mine.py:Mine --teams 2,4,8",
     "fogwatch benchmark --terrains plan.yaml --model differential --set robots.radius=0.3 --set robots.speed=1",
     "fogwatch benchmark --preset m2bench --map cumberland.yaml --graph cumberland.graph",
 ]

@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from fogwatch.cli.patrol_option import patrol_option
 from patrol.errors import BadInput
 from patrol.matplotlib_check import check_matplotlib
 from patrol.pose import MODELS
@@ -20,6 +21,7 @@ from patrol.process.lifeline import heed
 from patrol.process.starting.seldom import SELDOM
 from patrol.process.starting.warmup import warm
 from patrol.scenario import BUILTINS, as_mapping, load_scenario, naming, open_scenario, parse_overrides
+from patrol.scenario.patrols import patrol_settings
 
 if TYPE_CHECKING:
     from experiments.plan.plan import FleetPlan
@@ -71,6 +73,7 @@ def plan(
             help="Length of each simulated run in s (default: 12 times the age of the tours, at least 600 s).",
         ),
     ] = None,
+    patrol: Annotated[str | None, patrol_option()] = None,
     settings: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="FIELD=VALUE", help="Set any field of the scenario. Repeatable."),
@@ -92,7 +95,8 @@ def plan(
     For each number of robots: a lower bound, one tour for all, and a tour for each over a division of the ground. Then
     fleets are simulated, with several seeds. A number keeps an age if nothing is older in any of its runs after the
     first quarter; where doors close, only open ground counts. The chosen number is also run with one robot dead from
-    the middle on, and with free choices alone. Faults and intruders of a scenario are left out.
+    the middle on, and as the tour (for `--patrol tour`: as the stochastic patrol). Faults and intruders of a scenario
+    are left out.
     """
     for name, value in (("age", age), ("duration", duration)):
         if value is not None and not (math.isfinite(value) and value > 0.0):
@@ -120,6 +124,7 @@ def plan(
     }
     given = {field: value for field, value in overrides.items() if value is not None}
     overridden = {**given, **parse_overrides(settings or [])}
+    overridden |= patrol_settings(patrol, overridden)
     scenario = open_scenario(what, overridden)
     check_matplotlib("sim")
     heed(None, patience=0)  # any signal raises KeyboardInterrupt
@@ -151,7 +156,8 @@ def _notes(scenario: Scenario, most: int) -> list[str]:
     from fogwatch.grounds.scenario_notes import scenario_notes
     from patrol.prepare import prepare
 
-    return scenario_notes(prepare(load_scenario(as_mapping(planned_scenario(scenario)), {"robots.count": most})))
+    planned = load_scenario(as_mapping(planned_scenario(scenario)), {"robots.count": most})
+    return [*scenario.translated, *scenario_notes(prepare(planned))]
 
 
 def _table(plan: FleetPlan) -> Table:

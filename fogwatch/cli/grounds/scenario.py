@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from fogwatch.cli.command_help import command
+from fogwatch.cli.patrol_option import patrol_option
 from fogwatch.presets import PRESETS, preset_settings
 from patrol.errors import BadInput
 from patrol.printable import printable
@@ -23,6 +24,7 @@ from patrol.scenario import (
     scenario_hash,
     scenario_schema,
 )
+from patrol.scenario.patrols import describe_patrol, patrol_settings
 from patrol.scenario.policies import BUILT_IN, LearnedPatrol
 from patrol.scenario.radio_spec import MODELS
 from patrol.scenario.sections import BUILT_IN_SENSORS, VERTICES
@@ -39,6 +41,7 @@ Settings = Annotated[
         "--set", metavar="FIELD=VALUE", help="Set a field, such as patrol.options.separation=none. Repeatable."
     ),
 ]
+PatrolOption = Annotated[str | None, patrol_option()]
 PresetOption = Annotated[
     str | None,
     typer.Option("--preset", metavar="|".join(PRESETS), help="As for fogwatch run; --set holds over it."),
@@ -50,9 +53,12 @@ PresetOption = Annotated[
     "show",
     examples=["fogwatch scenario show yards > yards.yaml", "fogwatch scenario show yards --preset paper > paper.yaml"],
 )
-def print_scenario(what: What, settings: Settings = None, preset: PresetOption = None) -> None:
+def print_scenario(
+    what: What, settings: Settings = None, patrol: PatrolOption = None, preset: PresetOption = None
+) -> None:
     """Print a scenario as a scenario file, with every default filled in and the units beside the fields."""
     overrides = {**preset_settings(preset), **parse_overrides(settings or [])}
+    overrides |= patrol_settings(patrol, overrides)
     typer.echo(dump_scenario(open_scenario(what, overrides)), nl=False)
 
 
@@ -61,7 +67,7 @@ def print_scenario(what: What, settings: Settings = None, preset: PresetOption =
     examples=["fogwatch scenario check examples/yards-five.yaml --set robots.count=8"],
     exit_codes="0 the scenario can run, 2 it cannot",
 )
-def check(what: What, settings: Settings = None) -> None:
+def check(what: What, settings: Settings = None, patrol: PatrolOption = None) -> None:
     """Check whether a scenario can run, and list its faults.
 
     The check covers the values, the terrain, the fleet's key, and the room for all robots at the start. A policy,
@@ -69,6 +75,7 @@ def check(what: What, settings: Settings = None) -> None:
     runs.
     """
     overrides = parse_overrides(settings or [])
+    overrides |= patrol_settings(patrol, overrides)
     scenario = open_scenario(what, overrides)
     digest = scenario_hash(scenario)
     fleet_key(scenario.radio.key)
@@ -97,8 +104,8 @@ def check(what: What, settings: Settings = None) -> None:
     given = sum(spec.start is not None for spec in scenario.roster)
     typer.echo(printable(f"{what}: can run"))
     typer.echo(f"  {_starts(len(scenario.roster), given)}")
-    if scenario.patrol.policy not in BUILT_IN:
-        typer.echo(f"  policy {printable(scenario.patrol.policy)}, not run: a run checks its options")
+    unchecked = "" if scenario.patrol.policy in BUILT_IN else ", not run: a run checks its options"
+    typer.echo(printable(f"  patrol: {describe_patrol(scenario.patrol.policy)}{unchecked}"))
     if scenario.sensor.kind not in BUILT_IN_SENSORS:
         typer.echo(f"  sensor {printable(scenario.sensor.kind)}, not run: a run checks its options")
     if scenario.radio.model not in MODELS:

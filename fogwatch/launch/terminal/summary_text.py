@@ -13,6 +13,7 @@ from fogwatch.launch.terminal.live_table import STATUS_STYLES, duration_text
 from patrol.journal import Status
 from patrol.measures.best_tour import NO_BOUND
 from patrol.printable import printable
+from patrol.scenario.patrols import describe_patrol
 from patrol.scenario.zones import ELSEWHERE
 from patrol.summary.metric import metrics_of
 from patrol.summary.model import IntruderFacts, RobotFigures, Summary, VerdictFacts, ground_text, unsettled
@@ -83,6 +84,8 @@ def measures(summary: Summary) -> list[str]:
         lines[0] += f", {summary.ended or 'cut off'}"
     if summary.wall_s:
         lines[0] += f"; {duration_text(summary.wall_s)} of wall time, {summary.realtime_factor:.1f} x real time"
+    if summary.policy:  # summaries of earlier versions have none
+        lines.append(printable(f"patrol      {describe_patrol(summary.policy)}"))
     if not summary.ticks:
         return lines
     text = {key: metric.text(getattr(summary, key)) for key, metric in metrics_of(Summary) if metric.title}

@@ -143,6 +143,9 @@ function begin() {
   document.title = `${facts.title} · ${facts.live ? "" : "replay · "}fogwatch`;
   $("name").textContent = asked.has("pair") ? facts.name : facts.title;
   $("name").title = facts.name;
+  $("patrolbox").hidden = !facts.patrol;
+  $("patrolbox").title = facts.patrol;
+  $("patrol").textContent = facts.patrol.split(": ")[0];
   note(facts.note);
   map.reset();
   transport.reset();

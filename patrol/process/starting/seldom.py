@@ -15,13 +15,9 @@ if TYPE_CHECKING:
 
 def _follows_forces(scenario: Scenario) -> bool:
     """Return True if robots sum forces, or may: a policy of another kind can build on anything."""
-    from patrol.scenario.policies import (  # here, as processes that compile need no scenario
-        COMMITTED,
-        LEARNED,
-        STOCHASTIC,
-    )
+    from patrol.scenario.policies import LEARNED  # here, as processes that compile need no scenario
 
-    return scenario.patrol.policy not in (COMMITTED, STOCHASTIC, LEARNED)
+    return not scenario.patrol.needs_rounds and scenario.patrol.policy != LEARNED
 
 
 def _dilates(scenario: Scenario) -> bool:

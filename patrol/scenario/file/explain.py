@@ -19,6 +19,7 @@ from patrol.scenario.faults.targets import Some
 from patrol.scenario.model import Scenario
 from patrol.scenario.policies import (
     COMMITTED,
+    DEFAULT,
     PAPER,
     STOCHASTIC,
     CommittedOptions,
@@ -241,9 +242,12 @@ def _alternative(top: str, tag: str, section: type[Section]) -> type[Section]:
 
 def _unknown_key(key: str, section: type[Section]) -> str:
     if key == "commitment" and issubclass(section, PatrolSpec):
-        return f"is target or none in files of 0.2; since then set patrol.policy to {COMMITTED} or {PAPER}"
-    if section is CommittedOptions and key in PotentialFieldOptions.model_fields:
-        return f"does nothing for the policy {COMMITTED}; leave it out, or set patrol.policy to {PAPER}"
+        return f"is target or none in files of 0.2; since then set patrol.policy to {DEFAULT} or {PAPER}"
+    for options, policy in ((StochasticOptions, STOCHASTIC), (CommittedOptions, COMMITTED)):
+        if section is options and key in PotentialFieldOptions.model_fields:
+            return f"does nothing for the policy {policy}; leave it out, or set patrol.policy to {PAPER}"
+    if section is CommittedOptions and key in StochasticOptions.model_fields:
+        return f"does nothing for the policy {COMMITTED}, which is the tour; set patrol.policy to {STOCHASTIC}"
     return f"unknown key; {_nearest_key(key, section)}"
 
 

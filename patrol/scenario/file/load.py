@@ -32,14 +32,14 @@ from patrol.ground.maps.map_file import IMAGE_ENDINGS, IS_IMAGE, read_map_file
 from patrol.pose import TURNS_IN_ARCS
 from patrol.scenario.file.dump import dump_section, notes_on_lengths
 from patrol.scenario.file.explain import one_line
-from patrol.scenario.file.older import translate_field, translate_overrides, translate_patrol
+from patrol.scenario.file.older import TOUR_STATED, translate_field, translate_overrides, translate_patrol
 from patrol.scenario.lengths import FIELDS
 from patrol.scenario.letter import LATER_OPTIONS
 from patrol.scenario.model import Scenario
 from patrol.scenario.nemesis import written_out
 from patrol.scenario.policies import (
     BLOCKED_MEMORY_S,
-    COMMITTED,
+    DEFAULT,
     LEARNED,
     OPTION_LENGTHS,
     CommittedPatrol,
@@ -279,8 +279,8 @@ def _meaning(scenario: Scenario) -> dict[str, Any]:
         for option, before in LATER_OPTIONS.items():
             if meaning["patrol"]["options"][option] == before:  # as before it could be set, so that hashes stay
                 del meaning["patrol"]["options"][option]
-    if isinstance(scenario.patrol, CommittedPatrol) and scenario.patrol.options.unpredictability == 1.0:
-        del meaning["patrol"]["options"]["unpredictability"]  # as before there were rounds, so that hashes stay
+    if isinstance(scenario.patrol, CommittedPatrol):
+        meaning["patrol"]["options"] |= TOUR_STATED  # as before it was the tour alone, so that hashes stay
     if scenario.radio.model == IDEAL:  # as before there were others, so that hashes stay
         for field in ("model", "model_sha256", "options"):
             del meaning["radio"][field]
@@ -339,14 +339,16 @@ def _resolve(
     aliases: Mapping[str, str] | None = None,
 ) -> Scenario:
     """Apply the overrides and check every value; text: of the file that the mapping was read from, or None."""
+    notes: list[str] = []
     if isinstance(raw.get("patrol"), dict):
-        raw["patrol"] = translate_patrol(raw["patrol"])
+        raw["patrol"] = translate_patrol(raw["patrol"], notes)
     patrol = raw.get("patrol")
     overrides = translate_overrides(overrides, patrol)
     if "patrol.policy" in overrides and isinstance(patrol, dict):
         patrol.pop("policy_sha256", None)  # it is of the policy that is replaced, and so are its settings
-        if overrides["patrol.policy"] != patrol.get("policy", COMMITTED):
+        if overrides["patrol.policy"] != patrol.get("policy", DEFAULT):
             patrol.pop("options", None)
+            notes.clear()
     if "patrol.options.weights" in overrides and isinstance(patrol, dict) and isinstance(patrol.get("options"), dict):
         patrol["options"].pop("weights_sha256", None)
     if "sensor.kind" in overrides and isinstance(raw.get("sensor"), dict):
@@ -360,15 +362,16 @@ def _resolve(
     for field, value in overrides.items():
         _override(raw, field, value)
     if "patrol" in overrides and isinstance(raw["patrol"], dict):
-        raw["patrol"] = translate_patrol(raw["patrol"])
+        raw["patrol"] = translate_patrol(raw["patrol"], notes)
     raw.setdefault("name", _default_name(raw, name))
     refuse_half_characters(raw, source)
     try:
-        scenario = written_out(Scenario.model_validate(raw, context={"base": base}))
-        return _with_lengths(scenario)
+        scenario = _with_lengths(written_out(Scenario.model_validate(raw, context={"base": base})))
     except ValidationError as error:
         places = (lambda _: None) if text is None else partial(_line_of_field, text)
         raise BadInput(one_line(error, source, tuple(overrides), places, aliases or {})) from None
+    scenario.__dict__["translated"] = tuple(f"{source}: {note}" for note in notes)
+    return scenario
 
 
 def _line_of_field(text: str, location: Sequence[int | str]) -> int | None:

@@ -4,10 +4,17 @@ Up to 0.2, `potential-field` was the name of both built-in policies: `commitment
 of both stood in the section `patrol` itself, those without effect too.
 
     {commitment: target, alpha: 40, dilatation: 5}     0.2
-    {policy: committed, options: {alpha: 40}}          since 0.3
+    {policy: stochastic}                               this version
 
-Up to 0.3, robots of `committed` followed no round: each choice was free. Files that fogwatch writes state every
-setting, so a section that states all settings of 0.3 without `unpredictability` was written by 0.3, and means 1.
+Up to 1.0, `committed` was the default and mixed two patrols: its setting `unpredictability` was the share of the time
+in which robots followed no tour, and chose freely with random steps. Now `committed` is the tour alone, and means the
+same where that share was 0. Any other share stands for `stochastic`.
+
+    {policy: committed, options: {unpredictability: 0.5, random_move: 0.1}}     1.0
+    {policy: stochastic}                                                        this version
+
+Files that fogwatch writes state every setting. A section that states all settings of 0.3 without `unpredictability`
+was written by 0.3, whose robots never followed a tour.
 """
 
 from __future__ import annotations
@@ -16,9 +23,18 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-from patrol.scenario.policies import BUILT_IN, COMMITTED, OPTION_LENGTHS, PAPER, CommittedOptions, PotentialFieldOptions
+from patrol.scenario.policies import (
+    BUILT_IN,
+    COMMITTED,
+    DEFAULT,
+    OPTION_LENGTHS,
+    PAPER,
+    STOCHASTIC,
+    CommitmentOptions,
+    PotentialFieldOptions,
+)
 
-_POLICIES: Mapping[str, str] = MappingProxyType({"target": COMMITTED, "none": PAPER})
+_POLICIES: Mapping[str, str] = MappingProxyType({"target": DEFAULT, "none": PAPER})
 """Policies of this version by the value of `commitment`."""
 
 _MOVED = frozenset(PotentialFieldOptions.model_fields) - {"fuzzy"}
@@ -32,8 +48,19 @@ _DEFAULTS_0_2: Mapping[str, Any] = MappingProxyType(
 _DEFAULTS: Mapping[str, Any] = MappingProxyType(
     {name: field.get_default() for name, field in PotentialFieldOptions.model_fields.items()} | dict(_DEFAULTS_0_2)
 )
-_STATED_0_3 = frozenset(CommittedOptions.model_fields) - {"unpredictability", "critical_areas"}
+_RANDOM_STEPS: Mapping[str, Any] = MappingProxyType({"random_move": 0.02, "random_move_for": "all"})
+"""Settings of free choices that are settings no longer, and the values that they keep."""
+
+_SHARE = "unpredictability"
+"""Setting of `committed`: the share of the time of free choices."""
+
+_SEE = "docs/compatibility.md"
+
+_STATED_0_3 = frozenset(CommitmentOptions.model_fields) - {"critical_areas"} | _RANDOM_STEPS.keys()
 """Settings of `committed` that every file written by 0.3 states."""
+
+TOUR_STATED: Mapping[str, Any] = MappingProxyType({_SHARE: 0.0, **_RANDOM_STEPS})
+"""Settings of `committed` that 1.0 had, and what files stated where its robots followed the tour."""
 
 _REPULSION = "repulsion"
 
@@ -63,7 +90,7 @@ def translate_overrides(overrides: Mapping[str, Any], patrol: object) -> dict[st
     policy = _POLICIES.get(str(overrides.get("patrol.commitment")))
     if policy is not None and "patrol.policy" not in overrides:
         translated["patrol.policy"] = policy
-        before = patrol.get("policy", COMMITTED) if isinstance(patrol, Mapping) else COMMITTED
+        before = patrol.get("policy", DEFAULT) if isinstance(patrol, Mapping) else DEFAULT
         if policy == PAPER != before:
             translated |= {f"patrol.options.{name}": value for name, value in _DEFAULTS_0_2.items()}
     for field, value in overrides.items():
@@ -74,11 +101,12 @@ def translate_overrides(overrides: Mapping[str, Any], patrol: object) -> dict[st
     return translated
 
 
-def translate_patrol(patrol: Mapping[str, Any]) -> dict[str, Any]:
+def translate_patrol(patrol: Mapping[str, Any], notes: list[str]) -> dict[str, Any]:
     """Translate a section of an earlier version; leave one of this version as it is.
 
     Args:
         patrol: The section as a file or an override has it, unchecked.
+        notes: Takes one line for each setting whose meaning changes.
 
     Returns:
         The section as this version has it. A section that states `commitment` is one of 0.2, which accepted settings
@@ -94,7 +122,7 @@ def translate_patrol(patrol: Mapping[str, Any]) -> dict[str, Any]:
         del section["commitment"]
         if section.get("policy", PAPER) in BUILT_IN:
             section["policy"] = _POLICIES[commitment]
-    policy = section.get("policy", COMMITTED)
+    policy = section.get("policy", DEFAULT)
     if section.get("avoidance") == "fuzzy":
         section["avoidance"], stated["fuzzy"] = "none", True
     if of_0_2:
@@ -102,23 +130,38 @@ def translate_patrol(patrol: Mapping[str, Any]) -> dict[str, Any]:
     options = section.get("options")
     if stated and (options is None or isinstance(options, Mapping)):
         section["options"] = options = {**stated, **(options or {})}
-    if policy == COMMITTED and isinstance(options, Mapping) and options.keys() >= _STATED_0_3:
-        section["options"] = {"unpredictability": 1.0, **options}
-    elif of_0_2 and policy == COMMITTED and isinstance(options, Mapping):
-        # Robots on rounds make no random steps.
-        section["options"] = {name: value for name, value in options.items() if name != "random_move"}
+    if policy in (COMMITTED, STOCHASTIC) and isinstance(options, Mapping):
+        now, section["options"] = _without_free_choices(policy, options, notes)
+        if now != policy:
+            section["policy"] = now
     return section
+
+
+def _without_free_choices(policy: str, options: Mapping[str, Any], notes: list[str]) -> tuple[str, dict[str, Any]]:
+    """Return policy and settings of this version for settings of `committed` and `stochastic`; notes: see above."""
+    kept = {name: value for name, value in options.items() if name not in _RANDOM_STEPS}
+    if policy == COMMITTED:
+        share = options.get(_SHARE, 1.0 if options.keys() >= _STATED_0_3 else 0.0)
+        if isinstance(share, int | float) and 0.0 <= share <= 1.0:
+            kept.pop(_SHARE, None)
+            if share > 0.0:
+                notes.append(f"patrol.policy: committed with {_SHARE} {share:g} is {STOCHASTIC} now; see {_SEE}")
+                return STOCHASTIC, kept
+    for name, value in _RANDOM_STEPS.items():
+        if options.get(name, value) != value:
+            notes.append(f"patrol.options.{name} = {options[name]}: left out, as {policy} has it no more; see {_SEE}")
+    return policy, kept
 
 
 def _with_effect(stated: Mapping[str, Any], policy: object) -> dict[str, Any]:
     """Return the settings of a section of 0.2 that its policy uses."""
     if policy == PAPER:
         return {**_DEFAULTS_0_2, **stated}
-    if policy != COMMITTED:
+    if policy not in (COMMITTED, STOCHASTIC):
         # Resolved files of 0.2 state every field. What is no default may be meant for a class that builds on ours.
         chosen = {name: value for name, value in stated.items() if value != _DEFAULTS.get(name)}
         return {name: value for name, value in chosen.items() if name not in OPTION_LENGTHS}
-    used = {name: value for name, value in stated.items() if name in CommittedOptions.model_fields}
+    used = {name: value for name, value in stated.items() if name in CommitmentOptions.model_fields}
     separation = used.get("separation")
     if separation == _REPULSION:
         used["separation"] = "none"

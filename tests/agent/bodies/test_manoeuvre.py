@@ -76,7 +76,7 @@ def test_it_backs_out_of_a_dead_end_as_wide_as_its_body() -> None:
 def test_others_come_out_of_it_too(model: str) -> None:
     terrain = dead_end(2.0 * RADIUS)
     body = {"model": model, "radius": RADIUS, "speed": SPEED}
-    prepared = prepared_in(terrain, [Pose(3.0, 3.0, 0.0)], body, patrol={"random_move": 0.0})
+    prepared = prepared_in(terrain, [Pose(3.0, 3.0, 0.0)], body)
     robots = Robots(prepared, Place(2.0, 3.0), at_poses=[Pose(9.0, 3.0, 0.0)])
     robots.until_near((2.0, 3.0), 0.1, 60)
 

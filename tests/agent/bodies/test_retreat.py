@@ -35,7 +35,7 @@ def two_rooms(corridor: float) -> Terrain:
 def test_two_cars_that_meet_in_a_corridor_both_come_through(corridor: float) -> None:
     width = 14.0 + corridor
     starts = [Pose(5.5, 3.5, 0.0), Pose(width - 5.5, 3.5, math.pi)]
-    prepared = prepared_in(two_rooms(corridor), starts, CAR, patrol={"random_move": 0.0})
+    prepared = prepared_in(two_rooms(corridor), starts, CAR)
     robots = Robots(prepared, Place(width - 2.0, 2.0), Place(2.0, 5.0))
     came = [False, False]
     for _ in range(600):

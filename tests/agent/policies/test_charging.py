@@ -264,7 +264,7 @@ def test_a_robot_that_has_to_charge_soon_does_so_in_passing() -> None:
         assert [fleet.step(charge, (x, 10.5), {}) for x in (40.5, 18.5)] == [far, near]
 
 
-@pytest.mark.parametrize("policy", ["committed", "potential-field", "cr"])
+@pytest.mark.parametrize("policy", ["stochastic", "committed", "potential-field", "cr"])
 def test_nobody_strands_whatever_the_policy(policy: str) -> None:
     setting = scenario(duration=480.0, patrol={"policy": policy})
     longest = dict.fromkeys(range(1, 4), 0)

@@ -16,6 +16,7 @@ from agent.build import build_mind
 from agent.policies.committed.policy import Committed
 from agent.policies.found import POLICIES, policy_of
 from agent.policies.potential_field.policy import PotentialField
+from agent.policies.stochastic.policy import Stochastic
 from agent.ports import PolicyFailed, State
 from patrol.classes.class_file import file_digest
 from patrol.errors import BadInput
@@ -25,6 +26,7 @@ from patrol.scenario import (
     CommittedOptions,
     PotentialFieldOptions,
     Scenario,
+    StochasticOptions,
     dump_scenario,
     load_scenario,
     scenario_hash,
@@ -114,7 +116,7 @@ def refused(scenario: Scenario) -> str:
 @pytest.mark.parametrize(
     ("scenario", "name", "made", "options"),
     [
-        (load_scenario({"terrain": {"builtin": "open"}}), "committed", Committed, CommittedOptions),
+        (load_scenario({"terrain": {"builtin": "open"}}), "stochastic", Stochastic, StochasticOptions),
         (named("committed"), "committed", Committed, CommittedOptions),
         (named("potential-field"), "potential-field", PotentialField, PotentialFieldOptions),
     ],

@@ -93,7 +93,7 @@ def test_the_figures_of_a_size_follow_from_its_tours(rooms: Path) -> None:
 def test_a_simulated_age_is_that_of_the_run_of_its_scenario(rooms: Path) -> None:
     plan = planned(rooms, None, range(2, 3), duration_s=60.0)
     facts = plan_facts(plan)["sizes"][0]
-    for kind, killed in (("simulated", 0), ("one_dead", 60), ("stochastic", 0)):
+    for kind, killed in (("simulated", 0), ("one_dead", 60), ("other_patrol", 0)):
         kept = getattr(plan.size(2), kind)
         ticks: list[TickRecord] = []
         outcome = run_in_process(kept.scenario, progress=ticks.append)

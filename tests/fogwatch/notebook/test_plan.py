@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 import fogwatch
 from patrol.errors import BadInput
 
-OVERRIDES = {"point": 2.0, "robots.model": "holonomic", "sensor.range": 20}
+OVERRIDES = {"patrol.policy": "committed", "point": 2.0, "robots.model": "holonomic", "sensor.range": 20}
 
 
 @pytest.fixture(scope="module")

@@ -47,7 +47,6 @@ SCENARIO: dict[str, Any] = {
     "duration": 25,
     "robots": {"count": 3, "model": "car"},
     "intruders": [{"place": [30.0, 44.0]}],
-    "patrol": {"options": {"unpredictability": 1}},
 }
 
 

@@ -49,7 +49,7 @@ def test_the_example_passes() -> None:
     assert str(report).startswith(f"{report.decisions} decisions, median ")
 
 
-@pytest.mark.parametrize("name", ["committed", "potential-field"])
+@pytest.mark.parametrize("name", ["stochastic", "committed", "potential-field"])
 def test_the_built_in_policies_pass(name: str) -> None:
     check_policy(name, models=ONE)
 

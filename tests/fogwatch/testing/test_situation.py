@@ -68,7 +68,7 @@ def test_a_policy_decides_on_what_is_drawn() -> None:
         situation.decide()
 
 
-@pytest.mark.parametrize("policy", ["committed", "potential-field", "cr", "even-tour"])
+@pytest.mark.parametrize("policy", ["stochastic", "committed", "potential-field", "cr", "even-tour"])
 def test_built_in_policies_decide_too(policy: str) -> None:
     assert isinstance(draw_situation(ROOMS, policy, ages={"a": 60}).decide(), Intent)
 

@@ -271,8 +271,8 @@ def test_two_copies_of_a_policy_and_of_a_map_are_no_difference(tmp_path: Path) -
 def test_options_that_only_one_policy_has_are_no_contradiction_and_another_sensor_is_cautioned_about() -> None:
     differ = [
         ("patrol.options.alpha", "40.0", "-"),
-        ("patrol.options.random_move", "0.1", "0.02"),
-        ("patrol.policy", "potential-field", "committed"),
+        ("patrol.options.separation", "none", "claims"),
+        ("patrol.policy", "potential-field", "stochastic"),
         ("sensor.range", "12.0", "10.0"),
     ]
     assert contradictions(differ) == differ[1:]

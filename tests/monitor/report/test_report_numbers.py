@@ -60,7 +60,8 @@ LAST = 68
 def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     assert {fault["kind"] for fault in ALL_KINDS} == set(KINDS)
     robots = {"count": 4, "spare": 2, "model": "holonomic"}
-    scenario = {**QUIET, "name": "troubled", "robots": robots, "faults": ALL_KINDS, "closures": DOORS["closures"]}
+    doors = {name: DOORS[name] for name in ("closures", "patrol")}
+    scenario = {**QUIET, **doors, "name": "troubled", "robots": robots, "faults": ALL_KINDS}
     whole = run_of(tmp_path_factory.mktemp("whole"), scenario)
     folder = tmp_path_factory.mktemp("troubled") / "run"
     return open_run(rewritten(whole, folder, lambda record: record if record.k < LAST else None))

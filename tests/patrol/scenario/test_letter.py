@@ -9,7 +9,6 @@ import pytest
 from patrol.errors import BadInput
 from patrol.scenario import Scenario, as_mapping, load_scenario, scenario_hash
 from patrol.scenario.letter import PAPER_RULES, PaperRule
-from patrol.scenario.policies import CommittedPatrol
 
 INTRUDERS = [{"place": [20, 20]}]
 
@@ -99,37 +98,27 @@ def test_ties_and_origin_change_the_hash_where_they_differ() -> None:
         assert scenario_hash(before) == scenario_hash(scenario(patrol={"options": without}))
 
 
-def test_random_steps_that_rounds_leave_out_are_named() -> None:
-    def notes(**options: Any) -> tuple[str, ...]:
-        patrol = load_scenario({"terrain": {"builtin": "yards"}, "patrol": {"options": options}}).patrol
-        assert isinstance(patrol, CommittedPatrol)
-        return patrol.options.notes
-
-    assert notes() == notes(random_move=0.3, unpredictability=0.5) == ()
-    (note,) = notes(random_move=0.3, unpredictability=0)
-    assert note.startswith("patrol.options.random_move = 0.3: robots on rounds make no random steps; for free")
-
-
-@pytest.mark.parametrize(
-    ("policy", "model", "switch", "on"),
-    [
-        ("committed", "holonomic", "unpredictability", 0.5),
-        ("committed", "car", "unpredictability", 0.5),
-        ("potential-field", "car", "random_move_for", "all"),
-    ],
-)
-def test_random_steps_that_no_robot_makes_are_refused(policy: str, model: str, switch: str, on: object) -> None:
+def test_random_steps_that_no_robot_makes_are_refused() -> None:
     def read(**options: Any) -> Scenario:
-        patrol = {"policy": policy, "options": options}
-        return load_scenario({"terrain": {"builtin": "yards"}, "robots": {"model": model}, "patrol": patrol})
+        patrol = {"policy": "potential-field", "options": options}
+        return load_scenario({"terrain": {"builtin": "yards"}, "robots": {"model": "car"}, "patrol": patrol})
 
-    remedy = rf"patrol\.options\.random_move = 0\.3: has no effect unless patrol\.options\.{switch} is .*; set that"
+    remedy = (
+        r"patrol\.options\.random_move = 0\.3: has no effect unless patrol\.options\.random_move_for is .*; set that"
+    )
     with pytest.raises(BadInput, match=remedy):
         read(random_move=0.3)
     read(random_move=0)
-    read(random_move=0.3, **{switch: on})
+    read(random_move=0.3, random_move_for="all")
     written = as_mapping(read())
     assert load_scenario(written, {"patrol.options.random_move": 0.3}) != read()
+
+
+@pytest.mark.parametrize("policy", ["stochastic", "committed"])
+def test_random_steps_are_no_setting_of_policies_that_keep_to_a_place(policy: str) -> None:
+    overrides = {"patrol.policy": policy, "patrol.options.random_move": 0.3}
+    with pytest.raises(BadInput, match=rf"random_move: does nothing for the policy {policy}; leave it out, or set"):
+        load_scenario({"terrain": {"builtin": "yards"}}, overrides)
 
 
 def test_holonomic_robots_of_the_paper_make_random_steps() -> None:

@@ -53,7 +53,7 @@ def test_it_is_the_best_point_of_the_whole_terrain(
     along = [0.75 + number for number in range(columns - 1)]
     starts = [Pose(x, y, 0.0) for x in (*along, wide - 0.75) for y in (0.75, high - 0.75)]
     body = {"radius": 0.3, "speed": 1.5, "model": model, **({"turning_radius": 1.0} if model == "car" else {})}
-    patrol = {"options": {"separation": separation, "unpredictability": 1}}
+    patrol = {"policy": "agent.policies.commitment.commitment:Commitment", "options": {"separation": separation}}
     robots = Robots(prepared_in(terrain, starts, body, patrol=patrol, sensor={"range": 3.0}))
     real, searched = TargetChoice.best, []
 
@@ -162,7 +162,7 @@ def test_an_age_counts_as_many_times_as_its_weight() -> None:
     terrain = cluttered(1, (40, 120), 0)
     zone = {"name": "east", "polygon": [[20, 0], [30, 0], [30, 10], [20, 10]], "weight": 3}
     body = {"radius": 0.3, "speed": 1.5, "model": "holonomic"}
-    patrol = {"options": {"unpredictability": 1}}
+    patrol = {"policy": "agent.policies.commitment.commitment:Commitment", "options": {"separation": "claims"}}
     best = []
     for zones in ([], [zone], [zone | {"weight": 0.1}]):
         robots = Robots(

@@ -2,18 +2,44 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from agent.policies.commitment.commitment import NO_NEARER_S
 from agent.policies.committed.policy import Committed
+from agent.policies.surround.surround import Surround
 from experiments.inprocess import run_in_process
 from fogwatch.grounds.random_building import Building
+from patrol.pose import MODELS, Pose
 from patrol.scenario import load_scenario, open_scenario
+from tests.agent.minds import STEP
+from tests.agent.plans import POINT, Robots, prepared_in, two_rooms
 from worldsim.world import World
 
-ROUND = {"robots.count": 3, "robots.model": "holonomic", "point": 1.0, "duration": 400, "sensor.range": 20}
+ROUND = {
+    "robots.count": 3,
+    "robots.model": "holonomic",
+    "point": 1.0,
+    "duration": 400,
+    "sensor.range": 20,
+    "patrol.policy": "committed",
+}
+
+
+BASE = {"radius": 0.3, "speed": 1.0}
+CORNER = Pose(2.0, 2.0, 0.0)
+
+
+def policy_of(robots: Robots) -> Committed:
+    """The policy of the first robot."""
+    surround = robots.minds[0].policy
+    assert isinstance(surround, Surround)
+    policy = surround.otherwise
+    assert isinstance(policy, Committed)
+    return policy
 
 
 def mfow_s(**changes: object) -> list[float]:
@@ -43,7 +69,6 @@ def test_vertices_are_seen_as_often_by_a_sensor_that_sees_less_far_than_a_stride
             "terrain.graph": graph,
             "terrain.patrolled": "vertices",
             "sensor.range": 1.2,
-            "patrol.options.random_move": 0,
         },
     )
     ticks: list[float] = []
@@ -73,6 +98,7 @@ def test_a_robot_that_died_on_the_round_blocks_no_patrol(tmp_path: Path) -> None
             "duration": 200,
             "robots": [{**robots, "start": start} for start in starts],
             "faults": [{"kind": "kill", "who": "r1", "at": 1.0}],
+            "patrol": {"policy": "committed"},
         }
     )
     ages_s: list[float] = []
@@ -83,21 +109,6 @@ def test_a_robot_that_died_on_the_round_blocks_no_patrol(tmp_path: Path) -> None
 
     run_in_process(scenario, look=look)
     assert max(ages_s[200:]) < 60.0
-
-
-def test_where_every_choice_is_free_there_is_no_round() -> None:
-    minds: list[bool] = []
-
-    def look(_world: object, by_number: object) -> None:
-        for mind in by_number.values():  # type: ignore[attr-defined]
-            policy = mind.policy.otherwise
-            assert isinstance(policy, Committed)
-            minds.append(policy.ahead is None)
-
-    scenario = open_scenario("yards", {**ROUND, "duration": 5, "patrol.options.unpredictability": 1})
-    run_in_process(scenario, look=look)
-    assert minds
-    assert all(minds)
 
 
 @pytest.mark.parametrize("kind", [{"sensor.angle": 120}, {"sensor.quality": 0.5}])
@@ -119,3 +130,49 @@ def test_robots_of_several_speeds_choose_freely(second: float, free: bool) -> No
         assert {mind.policy.otherwise.ahead is None for mind in minds} == {free}
 
     run_in_process(scenario, look=look)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_robot_drives_on_along_the_round_while_others_see_everything(model: str) -> None:
+    robots = {**BASE, "model": model, **({"turning_radius": 1.0} if model == "car" else {})}
+    prepared = prepared_in(two_rooms(), [CORNER], robots, patrol={"policy": "committed"})
+    one = Robots(prepared)
+    fog, moved = one.minds[0].belief.fog, []
+    for _ in range(200):
+        before = one.bodies[0].pose
+        one.tick()
+        fog.last_seen[prepared.patrolled] = one.k
+        moved.append(one.apart((before.x, before.y)) > 0.0)
+    assert policy_of(one).ahead is not None
+    halts = [len(list(run)) for drives, run in itertools.groupby(moved) if not drives]
+    assert max(halts, default=0) <= 5
+
+
+def test_a_robot_keeps_its_place_on_the_round_while_the_way_ahead_is_blocked_for_a_short_time() -> None:
+    prepared = prepared_in(
+        two_rooms(),
+        [CORNER],
+        {**BASE, "model": "holonomic"},
+        patrol={"policy": "committed"},
+        sensor={"range": 3.0},
+    )
+    robots = Robots(prepared)
+    policy, mind = policy_of(robots), robots.minds[0]
+    ahead = policy.ahead
+    assert ahead is not None
+
+    def leaves_the_room() -> bool:
+        target = policy.target
+        return target is not None and target.stand[1] * POINT > 9.6 and robots.bodies[0].pose.x < 9.0
+
+    robots.until(leaves_the_room, 100)
+    place = ahead.cursor
+    assert place is not None
+    mind.body.obstacles = lambda *_: [(11.0, 4.0, 1.5)]  # type: ignore[method-assign]
+    for _ in range(round(NO_NEARER_S / STEP)):
+        robots.tick()
+        target = policy.target
+        # Meanwhile it looks at its own room.
+        assert target is None or target.stand[1] * POINT < 9.6
+        assert ahead.cursor == place
+    robots.until(lambda: ahead.cursor != place, 100)

@@ -14,8 +14,9 @@ from patrol.graph.graph import graph_of
 from patrol.pose import Pose
 from patrol.radio.peers import Peer
 from patrol.scenario import load_scenario
+from patrol.scenario.policies import BUILT_IN
 
-RIVALS = sorted(set(POLICIES.built_in) - {"committed", "learned", "potential-field"})
+RIVALS = sorted(set(POLICIES.built_in) - {*BUILT_IN, "learned"})
 
 
 def scenario(policy: str, model: str = "holonomic", **more: Any) -> Any:

@@ -24,6 +24,7 @@ from patrol.pose import Pose
 from patrol.prepare import prepare
 from patrol.radio.peers import Peer
 from patrol.scenario import load_scenario
+from patrol.scenario.policies import BUILT_IN
 from tests.agent.minds import setup_of
 
 PLACES = ((12.0, 5.0), (22.0, 5.0), (42.0, 5.0), (20.0, 9.6))
@@ -319,7 +320,7 @@ def test_partitions_are_stretches_of_the_common_tour() -> None:
     assert cells == [[1, 2], [0, 3]]
 
 
-@pytest.mark.parametrize("name", sorted(set(POLICIES.built_in) - {"committed", "learned", "potential-field"}))
+@pytest.mark.parametrize("name", sorted(set(POLICIES.built_in) - {*BUILT_IN, "learned"}))
 def test_only_vertices_that_a_way_leads_to_are_chosen(name: str) -> None:
     """Vertex 2 is cut off, and another robot is there."""
     at = known(Other(PLACES[2], 200, 2))

@@ -90,7 +90,7 @@ def test_a_plan_names_the_number_of_robots_and_its_scenarios_repeat_the_runs(
     for size in facts["sizes"]:
         if size["robots"] == facts["robots"] - 1 and size["simulated"]:
             assert size["simulated"]["max_s"] > 40.0
-    for file, key in (("", "simulated"), ("-stochastic", "stochastic")):
+    for file, key in (("", "simulated"), ("-tour", "other_patrol")):
         again = tmp_path / f"again{file}"
         scenario = str(out / f"robots-{facts['robots']}{file}.yaml")
         options = ["--in-process", "--quiet", "--no-picture", "--no-recording", "--no-report"]

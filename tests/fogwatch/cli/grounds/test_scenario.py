@@ -44,7 +44,7 @@ def test_check_tells_the_faults_as_they_are_resolved() -> None:
         "faults=[{kind: kill, at: 60, who: r2}, {kind: loss, at: 10, for: 5.2, rate: 0.5}, {kind: range, reach: 9}]"
     )
     told = output("check", "open", "--set", "point=0.5", "--set", faults).splitlines()
-    assert [line.rstrip() for line in told[4:8]] == [
+    assert [line.rstrip() for line in told[5:9]] == [
         "  3 faults, until the end; r2 stays dead",
         "    f1         kill       60 s             r2",
         "    f2         loss       10 to 15 s       all to all, rate 0.5",
@@ -123,7 +123,7 @@ def test_check_does_not_run_the_policy(tmp_path: Path) -> None:
         "open(__file__ + '.ran', 'w').close()\nclass Guard:\n    def decide(self, view): ...\n", encoding="utf-8"
     )
     told = output("check", "open", "--set", "point=2", "--set", f"patrol.policy={guard}:Guard")
-    assert f"  policy {guard}:Guard, not run: a run checks its options" in told.splitlines()
+    assert f"  patrol: policy {guard}:Guard, not run: a run checks its options" in told.splitlines()
     assert list(tmp_path.iterdir()) == [guard]
     with pytest.raises(BadInput, match="has no Gard; did you mean Guard"):
         output("check", "open", "--set", "point=2", "--set", f"patrol.policy={guard}:Gard")

@@ -205,7 +205,7 @@ def test_another_pose_in_the_journal(folder: Path, judged: Judging) -> None:
 
 @pytest.mark.parametrize(
     ("old", "new", "failed"),
-    [("seed: 1", "seed: 2", {"radio"}), ("random_move: 0.02", "random_move: 0.05", set())],
+    [("seed: 1", "seed: 2", {"radio"}), ("unpredictability: 1.0", "unpredictability: 0.5", set())],
 )
 def test_another_scenario(folder: Path, judged: Judging, old: str, new: str, failed: set[str]) -> None:
     """A change that no check can notice, as of what robots think, is one all the same."""
@@ -320,7 +320,7 @@ def test_nothing_of_the_folder_is_executed(folder: Path, judged: Judging) -> Non
     (folder / "policy.py").write_text(f"open({str(mark)!r}, 'w')\n", encoding="utf-8")
     file = folder / "scenario.yaml"
     text = file.read_text(encoding="utf-8")
-    changed = text.replace("policy: committed", "policy: ./policy.py:Bad")
+    changed = text.replace("policy: stochastic", "policy: ./policy.py:Bad")
     assert changed != text
     file.write_text(changed, encoding="utf-8")
     code, said = judged(folder)

@@ -151,12 +151,12 @@ def test_what_may_be_zero_is_never_negative(field: str) -> None:
             'patrol.policy = "my policy": expected committed, potential-field, package.module',
         ),
         (
-            {"patrol": {"options": {"random_move": 1.1}}},
+            {"patrol": {"policy": "potential-field", "options": {"random_move": 1.1}}},
             "scenario: patrol.options.random_move = 1.1: expected a number from 0 to 1",
         ),
         (
             {"patrol": {"options": {"dilatation": 2}}},
-            "scenario: patrol.options.dilatation: does nothing for the policy committed; leave it out, or set pat",
+            "scenario: patrol.options.dilatation: does nothing for the policy stochastic; leave it out, or set p",
         ),
         (
             {"patrol": {"options": {"separation": ["claims", "repulsion"]}}},
@@ -178,7 +178,10 @@ def test_what_may_be_zero_is_never_negative(field: str) -> None:
             {"patrol": {"options": {"critical_areas": [[[1, 1], [2, 1], [2, 2]]]}}},
             "scenario: patrol.options.critical_areas: has no effect unless separation is semaphores; set that as well",
         ),
-        ({"patrol": {"options": 3}}, "scenario: patrol.options = 3: expected keys and values (separation, random_move"),
+        (
+            {"patrol": {"options": 3}},
+            "scenario: patrol.options = 3: expected keys and values (separation, obstacle_radius",
+        ),
         (
             {"patrol": {"refine_side": 12}},
             "scenario: patrol.refine_side = 12: the square must not reach behind the robot",
@@ -258,7 +261,11 @@ def test_no_mapping_raises_anything_but_bad_input(raw: dict[str, Any]) -> None:
     ("field", "value", "expected"),
     [
         ("patrol.dilation", "1", "override patrol.dilation: unknown key; did you mean patrol.options.dilatation?"),
-        ("patrol.random_move", "-1", "override patrol.options.random_move = -1: expected a number from 0 to 1 ("),
+        (
+            "patrol.options.unpredictability",
+            "-1",
+            "override patrol.options.unpredictability = -1: expected a number from",
+        ),
         ("sensor", "{range: -1}", "override sensor.range = -1: expected"),
         ("patrol", "3", "override patrol = 3: expected keys and values"),
         ("sensor.range", "[", "override sensor.range: line 1, column 2"),

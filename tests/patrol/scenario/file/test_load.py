@@ -37,7 +37,7 @@ robots: {count: 5, model: car, speed: 4.4, radius: 1.0, turning_radius: 3.5}
 sensor: {range: 10, angle: 360, line_of_sight: true, quality: 1.0}
 patrol:
   policy: committed
-  options: {separation: claims, random_move: 0.02}
+  options: {separation: claims, unpredictability: 1}
   avoidance: goal-refinement
 radio: {trail: 0, key: null, forget_after: 10}
 faults: []
@@ -348,7 +348,7 @@ def test_the_hash_is_of_the_meaning(tmp_path: Path) -> None:
         "robots.count=4",
         "robots.starts=[[1,2]]",
         "radio.key=a",
-        "patrol.random_move=0",
+        "patrol.options.unpredictability=0",
     ],
 )
 def test_the_hash_changes_with_the_meaning(field: str) -> None:

@@ -9,13 +9,14 @@ import pytest
 
 from patrol.errors import BadInput
 from patrol.scenario import (
-    CommittedOptions,
     PotentialFieldOptions,
     Scenario,
+    StochasticOptions,
     as_mapping,
     dump_scenario,
     load_scenario,
     parse_overrides,
+    scenario_hash,
 )
 
 YARDS: dict[str, Any] = {"terrain": {"builtin": "yards"}}
@@ -73,24 +74,50 @@ RESOLVED_0_3: dict[str, Any] = {
 
 
 def test_a_run_folder_of_0_2_means_what_it_meant() -> None:
-    assert read(**RESOLVED_0_2) == read(options={"unpredictability": 1.0})
+    assert read(**RESOLVED_0_2) == read()
 
 
-def test_a_run_folder_of_0_3_means_what_it_meant() -> None:
-    scenario = read(**RESOLVED_0_3)
-    assert scenario == read(options={"unpredictability": 1.0})
+@pytest.mark.parametrize(
+    ("share", "policy"),
+    [({}, "stochastic"), ({"unpredictability": 0.5}, "stochastic"), ({"unpredictability": 0}, "committed")],
+)
+def test_free_choices_are_stochastic_and_a_tour_without_them_is_committed(share: dict[str, float], policy: str) -> None:
+    """Files of 0.3 state no share, and had free choices alone."""
+    scenario = read(**{**RESOLVED_0_3, "options": {**RESOLVED_0_3["options"], **share}})
+    assert scenario == read(policy=policy)
     assert scenario == load_scenario(as_mapping(scenario))
-    some = {**RESOLVED_0_3["options"], "unpredictability": 0.5}
-    assert read(options=some) == read(options={"unpredictability": 0.5})
+    notes = [note.partition(" is ")[0] for note in scenario.translated]
+    given = f"{share.get('unpredictability', 1):g}"
+    assert notes == (
+        [f"scenario: patrol.policy: committed with unpredictability {given}"] if policy == "stochastic" else []
+    )
+    assert load_scenario(as_mapping(scenario)).translated == ()
+
+
+def test_the_tour_has_the_hash_that_it_had() -> None:
+    """Of 1.0, which stated no share of free choices, and random steps that robots on a tour did not make."""
+    robots = {"robots": {"model": "holonomic"}}
+    tour = load_scenario({**YARDS, **robots, "patrol": {"policy": "committed"}})
+    assert scenario_hash(tour) == "d6ac605c914aa8195f2347d5f8bd3b7035bc62068dd024c00532a1136f64741a"
 
 
 def test_a_file_that_states_a_part_of_the_settings_has_the_defaults_of_this_version() -> None:
-    options = read(options={"separation": "claims", "random_move": 0.02}).patrol.options
-    assert isinstance(options, CommittedOptions)
-    assert options.unpredictability == 0.0
+    scenario = read(options={"separation": "claims", "random_move": 0.02})
+    assert scenario == read()
+    assert scenario.translated == ()
+    tour = read(policy="committed", options={"separation": "claims", "random_move": 0.02})
+    assert tour == read(policy="committed")
 
 
-def test_random_steps_of_a_file_of_0_2_that_rounds_leave_out_are_no_mistake() -> None:
+@pytest.mark.parametrize("patrol", [{}, {"policy": "committed"}, {"policy": "stochastic"}])
+def test_random_steps_that_are_no_setting_any_more_are_left_out_and_named(patrol: dict[str, Any]) -> None:
+    scenario = read(**patrol, options={"random_move": 0.3, "random_move_for": "all"})
+    assert scenario == read(**patrol)
+    (note,) = scenario.translated
+    assert note.startswith("scenario: patrol.options.random_move = 0.3: left out, as")
+
+
+def test_random_steps_of_a_file_of_0_2_that_its_robots_hardly_made_are_no_mistake() -> None:
     assert read(commitment="target", random_move=0.3) == read()
 
 
@@ -115,14 +142,14 @@ def test_what_a_file_of_0_2_leaves_out_has_the_defaults_of_0_2() -> None:
 
 
 def test_a_section_that_does_not_state_commitment_has_the_policy_that_it_names() -> None:
-    assert isinstance(read(separation="none").patrol.options, CommittedOptions)
+    assert isinstance(read(separation="none").patrol.options, StochasticOptions)
     assert isinstance(read(policy="potential-field", alpha=3).patrol.options, PotentialFieldOptions)
 
 
 @pytest.mark.parametrize(("stated", "kept"), [("repulsion", "none"), (["claims", "repulsion"], ("claims",))])
 def test_repulsion_did_nothing_for_a_committed_robot(stated: Any, kept: Any) -> None:
     options = read(commitment="target", separation=stated).patrol.options
-    assert isinstance(options, CommittedOptions)
+    assert isinstance(options, StochasticOptions)
     assert options.separation == kept
 
 
@@ -140,7 +167,7 @@ def test_overrides_of_0_2_go_where_the_fields_are() -> None:
     assert isinstance(options, PotentialFieldOptions)
     assert options.sectors == 16
     over_a_file = load_scenario({**YARDS, "patrol": RESOLVED_0_2}, {"patrol.separation": "none"}).patrol.options
-    assert isinstance(over_a_file, CommittedOptions)
+    assert isinstance(over_a_file, StochasticOptions)
     assert over_a_file.separation == "none"
 
 
@@ -148,8 +175,13 @@ def test_another_policy_does_not_take_over_the_settings_of_the_one_that_it_repla
     stated = {**YARDS, "patrol": {"options": {"random_move": 0.5, "unpredictability": 0.5}}}
     replaced = load_scenario(stated, {"patrol.policy": "potential-field"})
     assert replaced == load_scenario({**YARDS, "patrol": {"policy": "potential-field"}})
-    same = load_scenario(stated, {"patrol.policy": "committed"})
-    assert as_mapping(same)["patrol"]["options"]["random_move"] == 0.5
+    assert replaced.translated == ()
+    same = load_scenario(stated, {"patrol.policy": "stochastic"})
+    assert as_mapping(same)["patrol"]["options"]["unpredictability"] == 0.5
+    tour = load_scenario(
+        {**YARDS, "patrol": {"policy": "committed", **stated["patrol"]}}, {"patrol.policy": "committed"}
+    )
+    assert tour == load_scenario({**YARDS, "patrol": {"policy": "committed"}})
 
 
 @pytest.mark.parametrize(("old", "new"), [("target", "potential-field"), ("none", "committed")])
@@ -189,8 +221,12 @@ def test_no_options_are_the_defaults() -> None:
 @pytest.mark.parametrize(
     ("patrol", "expected"),
     [
-        ({"dilatation": 2}, "patrol.options.dilatation: does nothing for the policy committed; leave it out, or set"),
-        ({"avoidance": "fuzzy"}, "patrol.options.fuzzy: does nothing for the policy committed"),
+        ({"dilatation": 2}, "patrol.options.dilatation: does nothing for the policy stochastic; leave it out, or set"),
+        ({"avoidance": "fuzzy"}, "patrol.options.fuzzy: does nothing for the policy stochastic"),
+        (
+            {"policy": "committed", "options": {"unpredictability": 2}},
+            "patrol.options.unpredictability: does nothing for the policy committed, which is the tour; set patrol.pol",
+        ),
         (
             {"commitment": "maybe"},
             "patrol.commitment: is target or none in files of 0.2; since then set patrol",
@@ -214,4 +250,4 @@ def test_a_mistake_in_a_file_of_0_2_is_named_with_its_line(tmp_path: Path) -> No
 def test_what_is_written_is_this_version() -> None:
     text = dump_scenario(read(**RESOLVED_0_2))
     assert "commitment" not in text
-    assert "  policy: committed " in text
+    assert "  policy: stochastic " in text

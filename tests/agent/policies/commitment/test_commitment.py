@@ -12,24 +12,23 @@ import numpy as np
 import pytest
 
 from agent.build import build_mind
-from agent.policies.commitment.commitment import AT_HAND_S, NO_NEARER_S, Target
+from agent.policies.commitment.commitment import AT_HAND_S, NO_NEARER_S, Commitment, Target
 from agent.policies.commitment.given_up import LEFT_OUT_S, GivenUp
-from agent.policies.committed.policy import Committed
 from agent.policies.surround.surround import Surround
 from patrol.ground.terrain import Terrain
 from patrol.pose import MODELS, Pose
 from patrol.prepare import Prepared
 from tests.agent.minds import STEP, at
-from tests.agent.plans import POINT, Robots, plan, prepared_in
+from tests.agent.plans import POINT, Robots, plan, prepared_in, two_rooms
 
 BASE = {"radius": 0.3, "speed": 1.0}
 CORNER = Pose(2.0, 2.0, 0.0)
-CALM = {"random_move": 0.0, "unpredictability": 1.0}
+FREE = "agent.policies.commitment.commitment:Commitment"
 
 
-def two_rooms() -> Terrain:
-    """Two rooms of 8 x 8 m, joined by a corridor of 6 m."""
-    return plan((22.0, 8.0), (0.0, 0.0, 8.0, 8.0), (8.0, 3.0, 14.0, 5.0), (14.0, 0.0, 22.0, 8.0))
+@pytest.fixture(autouse=True)
+def _without_random_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("agent.policies.commitment.commitment.RANDOM_MOVE", 0.0)
 
 
 def alone(
@@ -41,15 +40,17 @@ def alone(
 ) -> Prepared:
     robots = {**BASE, "model": model, **({"turning_radius": 1.0} if model == "car" else {})}
     sees = {"range": 3.0, **(sensor or {})}
-    return prepared_in(terrain, [start], robots, patrol={"options": CALM}, sensor=sees)
+    return prepared_in(
+        terrain, [start], robots, patrol={"policy": FREE, "options": {"separation": "claims"}}, sensor=sees
+    )
 
 
-def policy_of(robots: Robots, robot: int = 0) -> Committed:
+def policy_of(robots: Robots, robot: int = 0) -> Commitment:
     """The policy of a robot."""
     surround = robots.minds[robot].policy
     assert isinstance(surround, Surround)
     policy = surround.otherwise
-    assert isinstance(policy, Committed)
+    assert isinstance(policy, Commitment)
     return policy
 
 
@@ -131,22 +132,6 @@ class Held(Robots):
         return decisions
 
 
-@pytest.mark.parametrize("model", MODELS)
-def test_a_robot_drives_on_along_the_round_while_others_see_everything(model: str) -> None:
-    robots = {**BASE, "model": model, **({"turning_radius": 1.0} if model == "car" else {})}
-    prepared = prepared_in(two_rooms(), [CORNER], robots, patrol={"options": {"random_move": 0.0}})
-    one = Robots(prepared)
-    fog, moved = one.minds[0].belief.fog, []
-    for _ in range(200):
-        before = one.bodies[0].pose
-        one.tick()
-        fog.last_seen[prepared.patrolled] = one.k
-        moved.append(one.apart((before.x, before.y)) > 0.0)
-    assert policy_of(one).ahead is not None
-    halts = [len(list(run)) for drives, run in itertools.groupby(moved) if not drives]
-    assert max(halts, default=0) <= 5
-
-
 def test_who_comes_no_nearer_gives_up_and_leaves_the_place_out() -> None:
     robots = Held(alone(two_rooms()))
     changed = changes(robots, round(2.4 * (NO_NEARER_S + 2.0) / STEP) + robots.held_from)
@@ -196,43 +181,13 @@ def test_a_target_to_which_no_way_leads_any_more_is_dropped_at_once() -> None:
     assert now.point[1] * POINT < 11.0
 
 
-def test_a_robot_keeps_its_place_on_the_round_while_the_way_ahead_is_blocked_for_a_short_time() -> None:
-    prepared = prepared_in(
-        two_rooms(),
-        [CORNER],
-        {**BASE, "model": "holonomic"},
-        patrol={"options": {"random_move": 0.0}},
-        sensor={"range": 3.0},
-    )
-    robots = Robots(prepared)
-    policy, mind = policy_of(robots), robots.minds[0]
-    ahead = policy.ahead
-    assert ahead is not None
-
-    def leaves_the_room() -> bool:
-        target = policy.target
-        return target is not None and target.stand[1] * POINT > 9.6 and robots.bodies[0].pose.x < 9.0
-
-    robots.until(leaves_the_room, 100)
-    place = ahead.cursor
-    assert place is not None
-    mind.body.obstacles = lambda *_: [(11.0, 4.0, 1.5)]  # type: ignore[method-assign]
-    for _ in range(round(NO_NEARER_S / STEP)):
-        robots.tick()
-        target = policy.target
-        # Meanwhile it looks at its own room.
-        assert target is None or target.stand[1] * POINT < 9.6
-        assert ahead.cursor == place
-    robots.until(lambda: ahead.cursor != place, 100)
-
-
 # --- claims ----------------------------------------------------------------------------------------------------------
 
 
 def pair(separation: str) -> Robots:
     """One robot in each room."""
     starts = [Pose(4.0, 4.0, 0.0), Pose(18.0, 4.0, 0.0)]
-    patrol = {"options": {**CALM, "separation": separation}}
+    patrol = {"policy": FREE, "options": {"separation": separation}}
     robots = {**BASE, "model": "holonomic"}
     return Robots(prepared_in(two_rooms(), starts, robots, patrol=patrol, sensor={"range": 3.0}))
 
@@ -241,7 +196,7 @@ def test_with_claims_two_robots_side_by_side_go_different_ways() -> None:
     """Without, they want the same places."""
     together = {}
     for separation in ("claims", "none"):
-        patrol = {"options": {**CALM, "separation": separation}}
+        patrol = {"policy": FREE, "options": {"separation": separation}}
         starts = [Pose(4.0, 4.0, 0.0), Pose(4.8, 4.0, 0.0)]
         given = prepared_in(two_rooms(), starts, {**BASE, "model": "holonomic"}, patrol=patrol, sensor={"range": 3.0})
         robots, near = Robots(given), 0
@@ -321,7 +276,7 @@ def test_minds_that_share_working_memory_decide_as_if_they_did_not() -> None:
         two_rooms(),
         [body.pose for body in apart.bodies],
         {**BASE, "model": "holonomic"},
-        patrol={"options": {**CALM, "separation": "claims"}},
+        patrol={"policy": FREE, "options": {"separation": "claims"}},
         sensor={"range": 3.0},
     )
     apart.minds = [build_mind(prepared, number) for number in (1, 2)]

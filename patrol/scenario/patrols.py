@@ -1,0 +1,96 @@
+"""The three named patrols: what each is good for, and what it costs.
+
+    --patrol stochastic    patrol.policy: stochastic, the default
+    --patrol paper         patrol.policy: potential-field
+    --patrol tour          patrol.policy: committed
+
+All other policies, such as those of the literature, are named by `patrol.policy` alone. One of these is called `tour`
+too: the cyclic strategy of the literature (docs/rivals.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import NamedTuple
+
+from patrol.errors import BadInput, did_you_mean
+from patrol.scenario import policies
+
+FIELD = "patrol.policy"
+
+STOCHASTIC = "stochastic"
+PAPER = "paper"
+TOUR = "tour"
+
+
+class NamedPatrol(NamedTuple):
+    """A patrol that has a short name.
+
+    Attributes:
+        policy: Its value of `patrol.policy`.
+        price: One line for somebody who chooses.
+    """
+
+    policy: str
+    price: str
+
+
+PREDICTABLE = "predictable: who watches it learns where no robot will be (docs/security.md)"
+"""The warning of the tour, at the start and the end of each run."""
+
+PATROLS: Mapping[str, NamedPatrol] = MappingProxyType(
+    {
+        STOCHASTIC: NamedPatrol(policies.STOCHASTIC, "unpredictable, and nearly as fresh as the tour; the default"),
+        PAPER: NamedPatrol(policies.PAPER, "the paper's final algorithm, with rules of ours where it is open"),
+        TOUR: NamedPatrol(policies.COMMITTED, f"the freshest, to clean, inspect or film; {PREDICTABLE}"),
+    }
+)
+"""The patrols by name."""
+
+PRICES = "; ".join(f"{name}: {patrol.price}" for name, patrol in PATROLS.items())
+"""All of them in one line, for help texts."""
+
+_NAMES: Mapping[str, str] = MappingProxyType({patrol.policy: name for name, patrol in PATROLS.items()})
+
+
+def patrol_name(policy: str) -> str:
+    """Return the short name of a policy's patrol, or ``policy NAME`` where it has none.
+
+    Args:
+        policy: Value of `patrol.policy`, for example ``committed``, which is called ``tour``.
+    """
+    return _NAMES.get(policy, f"policy {policy}")
+
+
+def describe_patrol(policy: str) -> str:
+    """Name a run's patrol, and say of the tour that it is predictable.
+
+    Args:
+        policy: Value of `patrol.policy`.
+    """
+    name = patrol_name(policy)
+    return f"{name}, {PREDICTABLE}" if name == TOUR else name
+
+
+def patrol_settings(name: str | None, others: Mapping[str, object]) -> dict[str, object]:
+    """Return the settings of a named patrol.
+
+    Args:
+        name: One of `PATROLS`, or None for no settings.
+        others: The other settings by dotted field, of a preset or stated, which must not choose a policy too.
+
+    Returns:
+        Values by dotted field of the scenario.
+
+    Raises:
+        BadInput: There is no such patrol, or the other settings choose a policy.
+    """
+    if name is None:
+        return {}
+    if name not in PATROLS:
+        raise BadInput(f"patrol {name}: no such patrol; {did_you_mean(name, list(PATROLS))}")
+    for field in (FIELD, "patrol"):
+        if field in others:
+            raise BadInput(f"patrol {name}: {field} is set as well, by a preset or by itself; give only one of them")
+    return {FIELD: PATROLS[name].policy}
