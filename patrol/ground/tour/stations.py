@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from patrol.ground.fields import load_grid
 from patrol.ground.terrain import BoolGrid, Terrain
-from patrol.ground.ways import framed
+from patrol.ground.ways import framed, lengths_along
 
 if TYPE_CHECKING:
     from patrol.ground.tour.round import Round
@@ -42,8 +42,7 @@ class Stations:
     Attributes:
         spots: int64 (s,), flat index of a point in the middle of each station.
         begins: int64 (s + 1,), where each station's points begin in `Round.points`, and where the last one's end.
-        apart_m: float64 (s, s), length of the way from each station to each, m, as if there were no one-way zones;
-            infinite where no way leads.
+        apart_m: float64 (s, s), length of the way from each station to each, m; infinite where no way leads.
         around: int32 (height, width), the station to which each point of the terrain belongs; -1 for none.
     """
 
@@ -97,15 +96,23 @@ def stations_of(laid_out: Round, terrain: Terrain, reach: BoolGrid, range_m: flo
 
 
 def _apart(terrain: Terrain, reach: BoolGrid, spots: Flat, near_m: float) -> NDArray[np.float64]:
+    """Return the lengths of the ways between points, m."""
     from patrol.ground.kernels.ways import FAR, lengths_between  # here: most processes need no ways
 
-    is_open, _ = framed(reach, terrain.against)
-    distinct, index = np.unique(spots, return_inverse=True)
-    rows, cols = np.divmod(distinct, terrain.width)
-    flat = (rows + 1) * (terrain.width + 2) + cols + 1
-    lengths = np.empty((len(flat), len(flat)), dtype=np.int32)
-    limit = math.ceil(100.0 * near_m / terrain.point)
-    while lengths_between(is_open, flat, limit, lengths) and limit <= 141 * is_open.size:
-        limit *= 2
-    apart = np.where(lengths == FAR, np.inf, lengths * (0.01 * terrain.point))
-    return np.ascontiguousarray(apart[np.ix_(index, index)])
+    rows, cols = np.divmod(spots, terrain.width)
+    longest = 141 * reach.size
+    if terrain.against.size:
+        grids = (
+            lengths_along(reach, terrain.against, [start], longest)
+            for start in zip(rows.tolist(), cols.tolist(), strict=True)
+        )
+        lengths = np.array([grid[rows + 1, cols + 1] for grid in grids])
+    else:
+        is_open, _ = framed(reach, terrain.against)
+        distinct, index = np.unique((rows + 1) * (terrain.width + 2) + cols + 1, return_inverse=True)
+        between = np.empty((len(distinct), len(distinct)), dtype=np.int32)
+        limit = math.ceil(100.0 * near_m / terrain.point)
+        while lengths_between(is_open, distinct, limit, between) and limit <= longest:
+            limit *= 2
+        lengths = between[np.ix_(index, index)]
+    return np.where(lengths == FAR, np.inf, lengths * (0.01 * terrain.point))
