@@ -127,7 +127,11 @@ def test_terrains_are_built_in_or_maps_and_may_have_a_graph() -> None:
     ("read", "text", "says"),
     [
         (read_policies, "sebs,sebs", "--policies: sebs occurs 2 times; name it once"),
-        (read_policies, "sebs,", "--policies 'sebs,': expected names with commas between, such as stochastic,even-tour"),
+        (
+            read_policies,
+            "sebs,",
+            "--policies 'sebs,': expected names with commas between, such as stochastic,even-tour",
+        ),
         (read_policies, "sebs:=3", "--policies sebs:=3: =3: expected OPTION=VALUE"),
         (read_policies, "sebs:", "--policies sebs:: expected NAME or NAME:OPTION=VALUE"),
         (read_policies, "g2=3", "--policies g2=3: expected NAME or NAME:OPTION=VALUE"),
