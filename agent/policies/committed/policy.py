@@ -152,7 +152,7 @@ class Committed(Commitment):
     def _next_on_round(self, view: View, start: Element, ahead: RoundAhead, spacing: Spacing) -> Way | None:
         """Commit to the first stale point ahead on the round, and return the way there; None where none leads there."""
         for _ in range(TRIES):
-            stop = ahead.next(view, spacing.team, self.given_up.now(view.tick))
+            stop = ahead.next(view, spacing.team, self.given_up)
             self._expected = 0
             way = self._way_to(view, start, stop.stand)
             if way is None:

@@ -15,7 +15,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from agent.policies.commitment.stands import RoundStands
+
 if TYPE_CHECKING:
+    from agent.policies.commitment.given_up import GivenUp
     from agent.ports import PolicySetup
     from agent.view import View
     from patrol.ground.tour.round import Flat, Round
@@ -74,10 +77,8 @@ class RoundAhead:
         self._speed = setup.spec.speed
         self._ahead_m = max(AHEAD * setup.sight.range_m, AHEAD_STRIDES * setup.spec.speed * setup.step)
         self._firsts = np.searchsorted(laid_out.place_of, np.arange(len(laid_out.places) + 1))
-        points = laid_out.points
-        own = np.where(setup.fields.reach.reshape(-1)[points], points, setup.fields.proxy.reshape(-1)[points])
-        self._own_stands = np.where(own >= 0, own, laid_out.stands)
-        _, index, times = np.unique(points, return_inverse=True, return_counts=True)
+        self._stands = RoundStands(setup, laid_out)
+        _, index, times = np.unique(laid_out.points, return_inverse=True, return_counts=True)
         self._times = times[index]
 
     def interval(self, team: float) -> float:
@@ -97,13 +98,13 @@ class RoundAhead:
         if self.cursor is None or (along_m - self.round.along[self.cursor]) % self.round.length_m < self._ahead_m:
             self.go_to(along_m)
 
-    def next(self, view: View, team: int, left_out: Flat) -> Stop:
+    def next(self, view: View, team: int, given_up: GivenUp) -> Stop:
         """Return the next stop.
 
         Args:
             view: Of this tick.
             team: Number of robots on the round.
-            left_out: int64 (n, 3), row, column and squared radius in points of where not to stand.
+            given_up: Where not to stand.
         """
         cursor = self._reachable(view, self.cursor or 0)
         end = float(self.round.along[cursor]) + self._ahead_m
@@ -116,7 +117,7 @@ class RoundAhead:
         if view.fog.stands is not None and (stop := self._orphan(view, cursor, overdue, view.fog.stands)) is not None:
             return stop
         for first, until in stretches:
-            if (stop := self._first(view, first, until, least, left_out)) is not None:
+            if (stop := self._first(view, first, until, least, given_up)) is not None:
                 return stop
         place = self._reachable(view, stretches[-1][1] % len(self.round.places))
         spot = divmod(int(self.round.places[place]), self._width)
@@ -157,31 +158,16 @@ class RoundAhead:
         stand = divmod(int(stands[point]), self._width)
         return Stop(divmod(point, self._width), stand, int(ages[nearest]), cursor)
 
-    def _first(self, view: View, first: int, until: int, least: float, left_out: Flat) -> Stop | None:
+    def _first(self, view: View, first: int, until: int, least: float, given_up: GivenUp) -> Stop | None:
         """Return the first stale point of a stretch of places, in the order of the tour."""
         part = slice(int(self._firsts[first]), int(self._firsts[until]))
-        points, stands = self.round.points[part], self.round.stands[part]
+        points = self.round.points[part]
         ages = view.tick - np.maximum(view.fog.last_seen.reshape(-1)[points], 0)
         counts = (ages * self._times[part] >= least) & (view.fog.looked.reshape(-1)[points] != view.tick)
-        own_stands = self._own_stands[part]
-        if (now := view.fog.stands) is not None:
-            own_stands = now[points]
-            counts &= own_stands >= 0
-            stands = np.where(now[stands] == stands, stands, own_stands)
-        if left_out.size:
-            # What cannot be seen from its place on the tour may be seen from the point itself, or from its post.
-            stands = np.where(self._is_out(stands, left_out), own_stands, stands)
-            counts &= ~self._is_out(stands, left_out)
+        stands, usable = self._stands.of(view, given_up, part)
+        counts &= usable
         at = int(counts.argmax()) if counts.size else 0
         if not counts.size or not counts[at]:
             return None
         point, stand = divmod(int(points[at]), self._width), divmod(int(stands[at]), self._width)
         return Stop(point, stand, int(ages[at]), int(self.round.place_of[part][at]))
-
-    def _is_out(self, stands: Flat, left_out: Flat) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
-        """bool, like stands: whether each lies within what is left out."""
-        rows, cols = stands // self._width, stands % self._width
-        out = np.zeros(stands.shape, dtype=np.bool_)
-        for row, col, squared in left_out.tolist():
-            out |= (rows - row) ** 2 + (cols - col) ** 2 <= squared
-        return out

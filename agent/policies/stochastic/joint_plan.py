@@ -14,7 +14,7 @@ so each can work out what *all* will do, and take its own part:
 
 For example, the best plan costs 40.0 s (the root of its cost) and begins with the first of three stations; with the
 second one first it would cost 0.2 s more, with the third one 2 s. With a spread of 0.4 s they are drawn with 62, 38 and
-0 %. So the ground stays fresh, and an intruder that has watched for a whole day does not know where the robot turns.
+0 %. So the ground stays fresh, and an intruder that has watched for long is left to guess where the robot turns.
 """
 
 from __future__ import annotations
@@ -27,13 +27,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from agent.policies.commitment.commitment import Target
+from agent.policies.commitment.stands import RoundStands
 from agent.policies.stochastic.kernels.plan import compare, improve
 from patrol.kernels.elementary import exp
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from agent.policies.commitment.choice import Point
     from agent.policies.commitment.given_up import GivenUp
     from agent.ports import PolicySetup
     from agent.view import View
@@ -77,22 +78,8 @@ MOST_KNOWN = 64
 
 Routes = NDArray[np.int64]
 Ages = NDArray[np.float64]
-Facts = tuple[NDArray[np.float64], NDArray[np.float64], Ages, NDArray[np.float64], NDArray[np.float64], Routes]
-"""What both kernels know: leads, ways, ages, weights, paces, near stations (`improve`)."""
-
-
-class Visit(NamedTuple):
-    """A point to be seen.
-
-    Attributes:
-        point: Row and column of the point.
-        stand: Row and column of where to see it from.
-        age: Of the point, ticks.
-    """
-
-    point: Point
-    stand: Point
-    age: int
+Facts = tuple[NDArray[np.float64], NDArray[np.float64], Ages, NDArray[np.float64], Routes]
+"""What both kernels know: leads, ways, ages, weights, near stations (`improve`)."""
 
 
 @dataclass(slots=True)
@@ -161,13 +148,12 @@ class JointPlan:
         self._pace = 1.0 / setup.spec.speed
         self._followers, self._zoned, self._chance = setup.followers(), setup.zoned, setup.fleet_chance
         self._spread = SPREAD * setup.options.unpredictability
-        self._apart = np.ascontiguousarray(np.minimum(stations.apart_m, NO_WAY_M))
-        nearest = np.argsort(self._apart, axis=1, kind="stable")
+        self._apart_m = np.minimum(stations.apart_m, NO_WAY_M)
+        self._apart_s = np.ascontiguousarray(self._apart_m * self._pace)
+        nearest = np.argsort(self._apart_m, axis=1, kind="stable")
         self._near = np.ascontiguousarray(nearest[:, 1 : NEAR + 1] if len(nearest) > 1 else nearest)
         self._spots = np.array([setup.terrain.centre(*divmod(spot, self._width)) for spot in stations.spots.tolist()])
-        points = laid_out.points
-        reach = setup.fields.reach.reshape(-1)
-        self._own_stands = np.where(reach[points], points, setup.fields.proxy.reshape(-1)[points])
+        self._stands = RoundStands(setup, laid_out)
         self._period = -1
         self._interval_s = math.inf
 
@@ -192,9 +178,9 @@ class JointPlan:
             return
         done = [number for number in robots if self._is_done(view, self.parts[number])]
         if done:
-            self._draw(view, done, self._oldest_s(view))
+            self._draw(view, done, self._oldest_s(view), self._leads_s(view, robots))
 
-    def visit(self, view: View, given_up: GivenUp) -> Visit | None:
+    def visit(self, view: View, given_up: GivenUp) -> Target | None:
         """Return the oldest point of the robot's station that it has not given up; None where there is none.
 
         Args:
@@ -203,14 +189,15 @@ class JointPlan:
         """
         assert self.station is not None
         part = self._points_of(self.station)
-        ages, stands = self._ages_s(view, part), self._stands(view, given_up, part)
-        ages[given_up.covers(view.tick, stands, self._width)] = -1.0
+        ages = self._ages_s(view, part)
+        stands, usable = self._stands.of(view, given_up, part)
+        ages[~usable] = -1.0
         oldest = int(ages.argmax())
         if ages[oldest] < 0.0:
             return None
         point, stand = int(self._round.points[part][oldest]), int(stands[oldest])
         age = view.tick - max(int(view.fog.last_seen.flat[point]), 0)
-        return Visit(divmod(point, self._width), divmod(stand, self._width), max(age, 1))
+        return Target(divmod(point, self._width), divmod(stand, self._width), max(age, 1))
 
     def give_up(self, view: View, given_up: GivenUp) -> None:
         """Draw another station than the robot's own, to which no way leads now.
@@ -223,8 +210,9 @@ class JointPlan:
         """
         everything = slice(None)
         ages = self._ages_s(view, everything)
-        ages[given_up.covers(view.tick, self._stands(view, given_up, everything), self._width)] = 0.0
-        self._draw(view, [self._number], np.maximum.reduceat(ages, self._stations.begins[:-1]))
+        ages[~self._stands.of(view, given_up, everything)[1]] = 0.0
+        oldest_s = np.maximum.reduceat(ages, self._stations.begins[:-1])
+        self._draw(view, [self._number], oldest_s, self._leads_s(view, sorted(self.parts)))
 
     def _points_of(self, station: int) -> slice:
         """Return where the points of a station are among those of the round."""
@@ -251,14 +239,6 @@ class JointPlan:
             return np.ones(len(self._spots))
         weights = self._zoned(view.weighing).weights.reshape(-1)[self._round.points]
         return np.maximum.reduceat(weights, self._stations.begins[:-1]).astype(np.float64)
-
-    def _stands(self, view: View, given_up: GivenUp, part: slice) -> Routes:
-        """int64, where to see some of the round's points from: the round's place, or else the point itself."""
-        own = self._own_stands[part] if view.fog.stands is None else view.fog.stands[self._round.points[part]]
-        stands = self._round.stands[part]
-        if view.fog.stands is not None:
-            stands = np.where(view.fog.stands[stands] == stands, stands, own)
-        return np.where(given_up.covers(view.tick, stands, self._width), own, stands) if given_up.places else stands
 
     def _least_s(self, view: View) -> float:
         """Return the age up to which a station is not worth a visit, s."""
@@ -287,13 +267,13 @@ class JointPlan:
         left = np.ones(len(ages), dtype=np.bool_)
         for _ in range(len(ages)):
             row = int(free_at.argmin())
-            ways = leads[row] if not rows[row] else self._apart[rows[row][-1]] * self._pace
+            ways = leads[row] if not rows[row] else self._apart_s[rows[row][-1]]
             best = int(np.where(left, ways - 0.1 * ages, np.inf).argmin())
             left[best] = False
             rows[row].append(best)
             free_at[row] += ways[best]
         self.parts = {number: Part(row) for number, row in zip(robots, rows, strict=True)}
-        self._draw(view, robots, ages, MOVES_FIRST * len(ages))
+        self._draw(view, robots, ages, leads, MOVES_FIRST * len(ages))
 
     def _leads_s(self, view: View, robots: Sequence[int]) -> NDArray[np.float64]:
         """float64 (robots, stations), about how long each robot takes to each station, s."""
@@ -304,17 +284,20 @@ class JointPlan:
             here = int(self._stations.around[view.point_of((pose.x, pose.y))])
             here = here if here >= 0 else int(away.argmin())
             # The way by the station from which the place is seen, and the shortest that there could be.
-            longest = np.minimum(self._apart[here] + away[here], NO_WAY_M)
-            leads[row] = 0.5 * (longest + np.maximum(away, self._apart[here] - away[here]))
+            longest = np.minimum(self._apart_m[here] + away[here], NO_WAY_M)
+            leads[row] = 0.5 * (longest + np.maximum(away, self._apart_m[here] - away[here]))
         return leads * self._pace
 
-    def _draw(self, view: View, done: Sequence[int], ages: Ages, moves_first: int = 0) -> None:
+    def _draw(
+        self, view: View, done: Sequence[int], ages: Ages, leads: NDArray[np.float64], moves_first: int = 0
+    ) -> None:
         """Draw the next station of some robots, one after the other.
 
         Args:
             view: Of this tick.
             done: Numbers of the robots.
             ages: float64 (stations,), s; one of age 0 is drawn only where all are.
+            leads: Of `_leads_s`, for all robots.
             moves_first: Moves by which the plan is improved before.
         """
         robots, size = sorted(self.parts), len(ages)
@@ -326,8 +309,7 @@ class JointPlan:
             routes[row, : len(route)], counts[row] = route, len(route)
         _fill(routes, counts)
         pinned = np.array([number not in done for number in robots])
-        leads, paces = self._leads_s(view, robots), np.full(len(robots), self._pace)
-        facts = (leads, self._apart, ages, self._weights(view), paces, self._near)
+        facts = (leads, self._apart_s, ages, self._weights(view), self._near)
         if moves_first:
             improve(routes, counts, pinned, *facts, moves_first, self._seed(view, 0))
         for number in done:

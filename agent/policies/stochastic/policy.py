@@ -1,9 +1,9 @@
-"""The default policy: visit the stations of the ground in an order that is as good as a tour, and drawn.
+"""The default policy: visit the stations of the ground in an order that is drawn.
 
-A patrol that follows a tour is the freshest, and whoever watches it knows where it will be. This one draws each next
-station from good plans for the whole fleet (`agent.policies.stochastic.joint_plan`), and keeps to it until it has been
-seen (`agent.policies.commitment.commitment`). With a fleet key the draws come from the key, so nobody else can compute
-them (`agent.chance`).
+A patrol that follows a tour is the freshest, and an intruder that watches it knows where it will be. This one draws
+each next station from good plans for the whole fleet (`agent.policies.stochastic.joint_plan`), and keeps to it until it
+has been seen (`agent.policies.commitment.commitment`). With a fleet key the draws come from the key, so nobody else can
+compute them (`agent.chance`).
 
 Where there is no tour, because the ground is too large for one or the sensor does not look all around, each choice is
 free; so are those of a robot for which no station is left.
@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from agent.policies.commitment.commitment import TRIES, Commitment, Target
+from agent.policies.commitment.commitment import TRIES, Commitment
 from agent.policies.stochastic.joint_plan import JointPlan
 from patrol.scenario import StochasticOptions
 
@@ -58,7 +58,7 @@ class Stochastic(Commitment):
             self._expected = 0
             way = None if visit is None else self._way_to(view, start, visit.stand)
             if visit is not None and way is not None:
-                self._commit(view, Target(*visit))
+                self._commit(view, visit)
                 return way
             # Another robot may stand in the door: it goes elsewhere, and may come back soon.
             self.plan.give_up(view, self.given_up)

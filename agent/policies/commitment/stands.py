@@ -1,0 +1,59 @@
+"""Where a robot stands to see the points of a round."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from agent.policies.commitment.given_up import GivenUp
+    from agent.ports import PolicySetup
+    from agent.view import View
+    from patrol.ground.tour.round import Round
+
+Flat = NDArray[np.int64]
+
+
+class RoundStands:
+    """The stands of one robot for the points of a round.
+
+    A point is seen from its place on the round. Where that is given up, or no way leads there now, it may be seen from
+    the point itself, or from its post where no body fits.
+    """
+
+    def __init__(self, setup: PolicySetup, laid_out: Round) -> None:
+        """Find out for each point where the robot stands on it, or at its post.
+
+        Args:
+            setup: The policy's.
+            laid_out: The round.
+        """
+        points = laid_out.points
+        own = np.where(setup.fields.reach.reshape(-1)[points], points, setup.fields.proxy.reshape(-1)[points])
+        self._round = laid_out
+        self._own = np.where(own >= 0, own, laid_out.stands)
+        self._width = setup.terrain.width
+
+    def of(self, view: View, given_up: GivenUp, part: slice) -> tuple[Flat, NDArray[np.bool_]]:
+        """Return where to see some points of the round from now.
+
+        Args:
+            view: Of this tick.
+            given_up: Where not to stand.
+            part: Of `Round.points`.
+
+        Returns:
+            int64, flat index of each stand, and bool, whether the robot gets there and has not given it up.
+        """
+        stands, own = self._round.stands[part], self._own[part]
+        usable = np.ones(stands.shape, dtype=np.bool_)
+        if (now := view.fog.stands) is not None:
+            own = now[self._round.points[part]]
+            usable = own >= 0
+            stands = np.where(now[stands] == stands, stands, own)
+        if given_up.now(view.tick).size:
+            stands = np.where(given_up.covers(view.tick, stands, self._width), own, stands)
+            usable &= ~given_up.covers(view.tick, stands, self._width)
+        return stands, usable
