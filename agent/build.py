@@ -229,7 +229,7 @@ def build_mind(
             round=lambda: round_of(prepared, number),
             followers=lambda: followers_of(prepared, number),
             zoned=zoned_of(prepared),
-            fleet_chance=partial(shared.chance.draw, Purpose.PERIOD),
+            fleet_chance=partial(shared.chance.draw, Purpose.PLAN),
             weighing=weighing_at(scenario.zones, 0.0),
             docks=scenario.docks,
             charged=frozenset(robot.number for robot in scenario.roster if robot.battery is not None),

@@ -4,7 +4,7 @@ Every copy of the scenario holds the seed, and so tells in advance what is drawn
 hash of the question: the robots, which hold the key, agree on it without a word, and for all others it is chance.
 
     fleet = Chance(seed=31, key=b"k" * 32)
-    fleet.draw(Purpose.PERIOD, 4)            0.41, in every robot of the fleet
+    fleet.draw(Purpose.PLAN, 4)            0.41, in every robot of the fleet
     own = fleet.of_robot(2, incarnation=1)
     own(Purpose.POLICY, 10, 0)               0.94, which r2 draws in tick 10 for its question 0
 

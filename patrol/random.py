@@ -41,12 +41,11 @@ class Purpose(IntEnum):
     ODOMETRY = 13
     RADIO = 14
     INTRUDER = 15
-    PERIOD = 16
+    PLAN = 16
     MOTION = 17
     CLOSURE = 18
     TIES = 19
     INFILTRATION = 20
-    PLAN = 21
 
 
 def mix(*values: SupportsIndex) -> int:

@@ -57,5 +57,5 @@ def setup_of(prepared: Prepared, number: int = 1) -> PolicySetup:
         round=lambda: round_of(prepared, number),
         followers=lambda: followers_of(prepared, number),
         zoned=zoned_of(prepared),
-        fleet_chance=partial(Chance(scenario.seed).draw, Purpose.PERIOD),
+        fleet_chance=partial(Chance(scenario.seed).draw, Purpose.PLAN),
     )
