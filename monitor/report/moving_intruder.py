@@ -44,7 +44,7 @@ class MovingIntruder:
 
     @cached_property
     def outcome(self) -> Infiltration:
-        """How often the intruder gets in."""
+        """The share of attempts in which the intruder gets in."""
         return infiltration(self.game)
 
     @cached_property

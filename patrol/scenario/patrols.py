@@ -36,12 +36,12 @@ class NamedPatrol(NamedTuple):
     price: str
 
 
-PREDICTABLE = "predictable: who watches it learns where no robot will be (docs/security.md)"
+PREDICTABLE = "predictable: an intruder that watches learns when no robot will come (docs/security.md)"
 """The warning of the tour, at the start and the end of each run."""
 
 PATROLS: Mapping[str, NamedPatrol] = MappingProxyType(
     {
-        STOCHASTIC: NamedPatrol(policies.STOCHASTIC, "unpredictable, and nearly as fresh as the tour; the default"),
+        STOCHASTIC: NamedPatrol(policies.STOCHASTIC, "hard to predict, since each next place is drawn; the default"),
         PAPER: NamedPatrol(policies.PAPER, "the paper's final algorithm, with rules of ours where it is open"),
         TOUR: NamedPatrol(policies.COMMITTED, f"the freshest, to clean, inspect or film; {PREDICTABLE}"),
     }

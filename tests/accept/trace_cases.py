@@ -174,7 +174,7 @@ def traces(only: str = "") -> dict[str, str]:
 
 
 def made_on() -> dict[str, str]:
-    """What a trace hash depends on besides scenario and code: Python, the C library and the locked libraries."""
+    """Return all else that a trace hash depends on: Python, the C library and the locked libraries."""
     root = Path(__file__).parents[2]
     return {
         "python": platform.python_version(),

@@ -197,7 +197,7 @@ def test_a_reach_beyond_all_measure_is_as_good_as_the_terrains(field: str, polic
 
 
 def surrounding(own: Pose, contacts: tuple[tuple[float, float], ...] = (), frames: tuple[bytes, ...] = ()) -> Decision:
-    """What a robot decides at tick 3 in the rooms with another one at (20, 20)."""
+    """The decision of a robot at tick 3 in the rooms with another one at (20, 20)."""
     mind = minds(scenario_of("holonomic"), rooms(), [Pose(6.0, 6.0, 0.0)])[0]
     other = encode(Position.of(2, 3, 1.5, Pose(20.0, 20.0, 0.0)))
     return mind.step(at(3, own, contacts=contacts), [other, *frames])
@@ -253,7 +253,7 @@ class Says:
 
 
 def asked(answer: Any) -> Decision:
-    """What a mind makes of a policy's answer."""
+    """The decision that a mind makes of a policy's answer."""
     mind = minds(scenario_of("holonomic"), rooms(), [Pose(6.0, 6.0, 0.0)])[0]
     mind.policy = Says(answer)
     return mind.step(at(0, Pose(6.0, 6.0, 0.0)), [])

@@ -51,7 +51,7 @@ def scenario(faults: list[dict[str, Any]], **more: Any) -> Scenario:
 
 
 class Watched:
-    """What every mind of a run believed at the end of each tick."""
+    """The beliefs of every mind of a run at the end of each tick."""
 
     def __init__(self) -> None:
         self.fogs: dict[tuple[int, int], NDArray[np.int32]] = {}
@@ -69,7 +69,7 @@ class Watched:
 
 
 def compared(given: Scenario) -> tuple[Watched, Watched]:
-    """What minds believed that shared beliefs, and by themselves, once it is known that they did the same."""
+    """Run a scenario with shared beliefs and without, check that the traces agree, and return both runs' beliefs."""
     watched: list[Watched] = []
     outcomes: list[Outcome] = []
     for share in (True, False):

@@ -58,7 +58,7 @@ class Percent:
 
 @dataclass(frozen=True, slots=True)
 class Gains:
-    """What watching gains, in percentage points over the blind intruder.
+    """The gains of watching, in percentage points over the blind intruder.
 
     Attributes:
         watching: Of the better of the predictors that watch.

@@ -54,7 +54,7 @@ Predictor = Callable[[int, int], Chances]
 
 
 class Past:
-    """What predictors from the past share.
+    """The past of a run, which several predictors share.
 
     Attributes:
         watch: The run.

@@ -46,12 +46,12 @@ class Watch:
 
     @property
     def ticks(self) -> int:
-        """How many there are."""
+        """Number of ticks."""
         return len(self.words)
 
     @property
     def size(self) -> int:
-        """How many points there are."""
+        """Number of points."""
         return len(self.ground.rows)
 
     def seen(self, first: int, last: int) -> NDArray[np.uint8]:

@@ -1,4 +1,4 @@
-"""What is written down for the moving intruder: on which runs, where it enters, and what it wants."""
+"""Sightings written down for the moving intruder: on which runs, where it enters, and what it wants."""
 
 from __future__ import annotations
 

@@ -85,7 +85,7 @@ def test_cr_knows_its_own_visits_only() -> None:
 
 
 def knows_all(**more: Any) -> Known:
-    """What a robot knows that made all visits itself."""
+    """The knowledge of a robot that made all visits itself."""
     chosen = known(**more)
     chosen.own_s = chosen.visited_s
     return chosen
