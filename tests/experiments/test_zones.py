@@ -70,7 +70,8 @@ def test_a_wanted_age_is_kept_and_no_better_than_wanted(corner: list[float], age
     ids=["loss", "silence", "deaths"],
 )
 def test_nobody_enters_a_keep_out_and_nobody_is_trapped_under_faults(faults: tuple[dict[str, Any], ...]) -> None:
-    outcome = ran(VAULT, STAIRS, faults=faults)
+    """A robot that hears nobody would come back to a vault of weight 10 for most of the time."""
+    outcome = ran(VAULT | {"weight": 3}, STAIRS, faults=faults)
     assert outcome.verdict.valid
     (kept,) = (check for check in outcome.verdict.checks if check.name == "keep-outs")
     assert kept.judged

@@ -9,9 +9,7 @@
 Where there is no round, because the ground is too large for a tour or the sensor does not look all around, each choice
 is free.
 
-On ground with zones there are several rounds, and robots are divided between them
-(`agent.policies.committed.division`); free choices count the age times the weight. Rounds, division and weights follow
-the zones that are in force.
+On ground with zones the robots are divided between several rounds (`agent.policies.commitment.shared_round`).
 """
 
 from __future__ import annotations
@@ -19,8 +17,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from agent.policies.commitment.commitment import NO_NEARER_S, TRIES, Commitment, Target
-from agent.policies.committed.division import Division
+from agent.policies.commitment.commitment import NO_NEARER_S, TRIES, Target
+from agent.policies.commitment.shared_round import SharedRound
 from agent.policies.committed.rounds import RoundAhead
 from agent.policies.committed.spacing import ZONE_SLACK, Spacing
 from patrol.scenario import CommittedOptions
@@ -30,82 +28,55 @@ if TYPE_CHECKING:
     from agent.routes.routes import Element, Way
     from agent.view import View
     from patrol.ground.tour.round import Round
-    from patrol.ground.tour.zoned import ZonedGround
 
 PROMPT_TICKS = 4
 """Ticks after tick 0, or after other zones have come into force, in which a robot still begins the round together with
 the others."""
 
 
-class Committed(Commitment):
+class Committed(SharedRound):
     """Follows the round together with the others.
 
     Attributes:
         ahead: The round ahead of it; None where each choice is free.
         spacing: The robots on the round; None likewise.
-        division: Which robots follow which round; None where there is at most one.
     """
 
     Options = CommittedOptions
 
     def __init__(self, setup: PolicySetup) -> None:
         """Start without a target."""
-        super().__init__(setup)
         self.ahead: RoundAhead | None = None
         self.spacing: Spacing | None = None
-        self.division: Division | None = None
-        self._weighing = setup.weighing
-        self._round: Round | None = None
-        if setup.zoned is None and (laid_out := setup.round()) is not None:
-            followers = setup.followers()
-            self._follow(laid_out, followers, len(followers) / len(setup.radii) * setup.team)
-        if setup.zoned is not None:
-            self._take_zones(setup.zoned(setup.weighing))
         self._rounds_since = 0
         self._blocked_since: int | None = None
+        super().__init__(setup)
 
-    def _follow(self, laid_out: Round, followers: frozenset[int], team: float) -> None:
-        """Follow a round together with other robots."""
+    def _share(self, laid_out: Round, robots: frozenset[int], view: View | None) -> None:
+        if self.spacing is not None and laid_out is self._round:
+            if robots != self.spacing.followers:
+                self.spacing.follow_with(robots)
+            return
         setup = self._setup
         stride = max(setup.spec.speed * setup.step, setup.terrain.point)
+        whole, most_slack = len(robots), ZONE_SLACK
+        if self.division is None:
+            whole, most_slack = max(1, round(len(robots) / len(setup.radii) * setup.team)), math.inf
+        self.target = None
         self.ahead = RoundAhead(setup, laid_out)
-        whole = max(1, round(team))
-        most_slack = math.inf if self.division is None else ZONE_SLACK
         self.spacing = Spacing.on(
-            laid_out, setup.spec.number, followers, whole, stride, setup.sight.range_m, setup.terrain, most_slack
+            laid_out, setup.spec.number, robots, whole, stride, setup.sight.range_m, setup.terrain, most_slack
         )
+        if view is not None and self._round is not None:
+            self.ahead.go_to(self.spacing.along_m(self.spacing.nearest((view.reported.x, view.reported.y))))
 
-    def _take_zones(self, zoned: ZonedGround) -> None:
-        """Go by the zones that are in force now: divide the robots between their rounds."""
-        self._round, setup = None, self._setup
-        if not zoned.rounds:
-            self.division = self.ahead = self.spacing = None
-        elif self.division is None:
-            robots = frozenset(setup.radii)
-            self.division = Division(zoned, setup.spec.number, robots, setup.team, setup.step)
-        else:
-            self.division.divide(zoned)
-
-    def _join_crew(self, view: View, division: Division) -> None:
-        """Follow the round that the robots which are heard leave to this one, together with those that share it."""
-        crew = division.crew(view)
-        robots, laid_out = crew.robots, division.zoned.round_of(crew.group)
-        if laid_out is not self._round:
-            is_first = self._round is None
-            self._round, self.target = laid_out, None
-            self._follow(laid_out, robots, len(robots))
-            if not is_first and self.ahead is not None and self.spacing is not None:
-                self.ahead.go_to(self.spacing.along_m(self.spacing.nearest((view.reported.x, view.reported.y))))
-        elif self.spacing is not None and robots != self.spacing.followers:
-            self.spacing.follow_with(robots)
+    def _leave_round(self) -> None:
+        self.ahead = self.spacing = None
 
     def _take_note(self, view: View, goes_on: bool) -> bool:
-        if self._setup.zoned is not None and view.weighing != self._weighing:
-            self._weighing = view.weighing
-            self._take_zones(self._setup.zoned(view.weighing))
+        if view.weighing != self._weighing:
             self._rounds_since = view.tick if goes_on else 0
-        if self.division is not None:
-            self._join_crew(view, self.division)
+        super()._take_note(view, goes_on)
         if self.ahead is None or self.spacing is None:
             return True
         self.spacing.listen(view)

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from agent.policies.commitment.commitment import Target
 from agent.policies.commitment.stands import RoundStands
+from agent.policies.stochastic.kernels.ages import weighted_ages
 from agent.policies.stochastic.kernels.plan import compare, improve
 from patrol.kernels.elementary import exp
 
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
     from patrol.ground.tour.round import Round
     from patrol.ground.tour.stations import Stations
 
-SPREAD = 0.24
+SPREAD = 0.28
 """Cost by which a plan may be behind the best one to be drawn 1/e times as often, as a share of the time between two
 robots on the tour, for each station that a robot visits in that time; times `unpredictability`."""
 
@@ -64,6 +65,9 @@ MOVES = 600
 NEAR = 8
 """Stations that moves put beside each other are at most so many nearest ones apart."""
 
+NO_WEIGHTS = np.zeros((0, 0))
+"""Given to the kernels where all points count the same."""
+
 NO_WAY_M = 1e6
 """Length that stands for no way at all, m."""
 
@@ -78,8 +82,8 @@ MOST_KNOWN = 64
 
 Routes = NDArray[np.int64]
 Ages = NDArray[np.float64]
-Facts = tuple[NDArray[np.float64], NDArray[np.float64], Ages, NDArray[np.float64], Routes]
-"""What both kernels know: leads, ways, ages, weights, near stations (`improve`)."""
+Facts = tuple[NDArray[np.float64], NDArray[np.float64], Ages, Routes]
+"""What both kernels know: leads, ways, ages, near stations (`improve`)."""
 
 
 @dataclass(slots=True)
@@ -132,21 +136,26 @@ class JointPlan:
 
     Attributes:
         parts: By robot number; empty before the first tick.
+        robots: Numbers of the robots that share the stations.
     """
 
-    def __init__(self, setup: PolicySetup, laid_out: Round, stations: Stations) -> None:
+    def __init__(
+        self, setup: PolicySetup, laid_out: Round, stations: Stations, weights: NDArray[np.float64] | None
+    ) -> None:
         """Begin without a plan.
 
         Args:
             setup: The policy's.
             laid_out: The round to which the stations belong.
             stations: The stations.
+            weights: float64 (height, width), by how much points count more than others; None where all count the same.
         """
         self.parts: dict[int, Part] = {}
+        self.robots: frozenset[int] = frozenset()
         self._round, self._stations = laid_out, stations
         self._number, self._step, self._width = setup.spec.number, setup.step, setup.terrain.width
         self._pace = 1.0 / setup.spec.speed
-        self._followers, self._zoned, self._chance = setup.followers(), setup.zoned, setup.fleet_chance
+        self._chance = setup.fleet_chance
         self._spread = SPREAD * setup.options.unpredictability
         self._apart_m = np.minimum(stations.apart_m, NO_WAY_M)
         self._apart_s = np.ascontiguousarray(self._apart_m * self._pace)
@@ -154,8 +163,10 @@ class JointPlan:
         self._near = np.ascontiguousarray(nearest[:, 1 : NEAR + 1] if len(nearest) > 1 else nearest)
         self._spots = np.array([setup.terrain.centre(*divmod(spot, self._width)) for spot in stations.spots.tolist()])
         self._stands = RoundStands(setup, laid_out)
+        self._weights = NO_WEIGHTS if weights is None else weights / weights.reshape(-1)[laid_out.points].min()
         self._period = -1
         self._interval_s = math.inf
+        self._least_s = 0.0
 
     @property
     def station(self) -> int | None:
@@ -169,7 +180,7 @@ class JointPlan:
         Args:
             view: Of this tick.
         """
-        robots = sorted({self._number, *(number for number in view.peers if number in self._followers)})
+        robots = sorted({self._number, *(number for number in view.peers if number in self.robots)})
         period = int(view.tick * self._step / PERIOD_S)
         self._interval_s = self._round.length_m * self._pace / len(robots)
         if robots != sorted(self.parts) or period != self._period:
@@ -187,7 +198,8 @@ class JointPlan:
             view: Of this tick.
             given_up: What is left out.
         """
-        assert self.station is not None
+        if self.station is None:
+            return None
         part = self._points_of(self.station)
         ages = self._ages_s(view, part)
         stands, usable = self._stands.of(view, given_up, part)
@@ -199,50 +211,20 @@ class JointPlan:
         age = view.tick - max(int(view.fog.last_seen.flat[point]), 0)
         return Target(divmod(point, self._width), divmod(stand, self._width), max(age, 1))
 
-    def give_up(self, view: View, given_up: GivenUp) -> None:
-        """Draw another station than the robot's own, to which no way leads now.
-
-        The others learn nothing of it, and take the station as given up when it is late.
-
-        Args:
-            view: Of this tick.
-            given_up: What is left out.
-        """
-        everything = slice(None)
-        ages = self._ages_s(view, everything)
-        ages[~self._stands.of(view, given_up, everything)[1]] = 0.0
-        oldest_s = np.maximum.reduceat(ages, self._stations.begins[:-1])
-        self._draw(view, [self._number], oldest_s, self._leads_s(view, sorted(self.parts)))
-
     def _points_of(self, station: int) -> slice:
         """Return where the points of a station are among those of the round."""
         return slice(*self._stations.begins[station : station + 2].tolist())
 
     def _ages_s(self, view: View, part: slice) -> Ages:
         """float64, the weighted ages of some of the round's points, s; 0 for what is in view or out of reach now."""
-        points = self._round.points[part]
-        ages = (view.tick - np.maximum(view.fog.last_seen.reshape(-1)[points], 0)) * self._step
-        ages[view.fog.looked.reshape(-1)[points] == view.tick] = 0.0
-        if view.fog.left_out is not None:
-            ages[view.fog.left_out.reshape(-1)[points]] = 0.0
-        if self._zoned is not None:
-            ages *= self._zoned(view.weighing).weights.reshape(-1)[points]
+        points, fog = self._round.points[part], view.fog
+        ages = np.empty(points.size)
+        weighted_ages(points, fog.patrolled, fog.last_seen, fog.looked, self._weights, view.tick, self._step, ages)
         return ages
 
     def _oldest_s(self, view: View) -> Ages:
         """float64 (stations,), the weighted age of the oldest point of each station, s."""
         return np.maximum.reduceat(self._ages_s(view, slice(None)), self._stations.begins[:-1])
-
-    def _weights(self, view: View) -> NDArray[np.float64]:
-        """float64 (stations,), by how much the weighted age of each grows in a second."""
-        if self._zoned is None:
-            return np.ones(len(self._spots))
-        weights = self._zoned(view.weighing).weights.reshape(-1)[self._round.points]
-        return np.maximum.reduceat(weights, self._stations.begins[:-1]).astype(np.float64)
-
-    def _least_s(self, view: View) -> float:
-        """Return the age up to which a station is not worth a visit, s."""
-        return STALE * min(self._interval_s, view.mfow * self._step)
 
     def _is_done(self, view: View, part: Part) -> bool:
         """Return True if a robot's station has been seen, or is taken as given up."""
@@ -255,7 +237,7 @@ class JointPlan:
             ages = self._ages_s(view, points)
             part.oldest = points.start + int(ages.argmax())
             oldest_s = float(ages.max())
-            if oldest_s >= STILL_STALE * part.age_s and oldest_s > self._least_s(view):
+            if oldest_s >= STILL_STALE * part.age_s and oldest_s > self._least_s:
                 return False
         return True
 
@@ -296,20 +278,20 @@ class JointPlan:
         Args:
             view: Of this tick.
             done: Numbers of the robots.
-            ages: float64 (stations,), s; one of age 0 is drawn only where all are.
+            ages: float64 (stations,), weighted, s.
             leads: Of `_leads_s`, for all robots.
             moves_first: Moves by which the plan is improved before.
         """
         robots, size = sorted(self.parts), len(ages)
         routes, counts = np.zeros((len(robots), size), dtype=np.int64), np.zeros(len(robots), dtype=np.int64)
-        least_s = self._least_s(view)
+        self._least_s = STALE * min(self._interval_s, float(ages.max()))
         for row, number in enumerate(robots):
             route = self.parts[number].route
-            route = _gone_on(route, ages, least_s) if number in done and not moves_first else route
+            route = _gone_on(route, ages, self._least_s) if number in done and not moves_first else route
             routes[row, : len(route)], counts[row] = route, len(route)
         _fill(routes, counts)
         pinned = np.array([number not in done for number in robots])
-        facts = (leads, self._apart_s, ages, self._weights(view), self._near)
+        facts = (leads, self._apart_s, ages, self._near)
         if moves_first:
             improve(routes, counts, pinned, *facts, moves_first, self._seed(view, 0))
         for number in done:
@@ -329,7 +311,7 @@ class JointPlan:
 
     def _choices(self, ages: Ages, leads: NDArray[np.float64], row: int, taken: Sequence[int]) -> Routes:
         """int64, the nearest stations that are worth a visit and to which no other robot has a shorter way."""
-        worth = (ages > STALE * min(self._interval_s, float(ages.max()))) & (leads[row] <= leads.min(axis=0))
+        worth = (ages > self._least_s) & (leads[row] <= leads.min(axis=0))
         worth[list(taken)] = False
         stations = np.flatnonzero(worth)
         return stations[np.argsort(leads[row, stations], kind="stable")[:CHOICES]]

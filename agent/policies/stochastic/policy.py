@@ -13,17 +13,24 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from agent.policies.commitment.commitment import TRIES, Commitment
+import numpy as np
+
+from agent.policies.commitment.shared_round import SharedRound
 from agent.policies.stochastic.joint_plan import JointPlan
+from patrol.ground.tour.zoned import KEPT
 from patrol.scenario import StochasticOptions
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from agent.ports import PolicySetup
     from agent.routes.routes import Element, Way
     from agent.view import View
+    from patrol.ground.tour.round import Round
+    from patrol.ground.tour.zoned import Group, ZonedGround
 
 
-class Stochastic(Commitment):
+class Stochastic(SharedRound):
     """Draws its next station.
 
     Attributes:
@@ -34,14 +41,27 @@ class Stochastic(Commitment):
 
     def __init__(self, setup: PolicySetup) -> None:
         """Start without a target."""
-        super().__init__(setup)
-        laid_out = setup.round()
-        stations = None if laid_out is None else laid_out.stations
-        self.plan = None if laid_out is None or stations is None else JointPlan(setup, laid_out, stations)
+        self.plan: JointPlan | None = None
         self._station: int | None = None
+        super().__init__(setup)
+
+    def _share(self, laid_out: Round, robots: frozenset[int], view: View | None) -> None:
+        del view
+        setup = self._setup
+        if laid_out is not self._round:
+            weights = None if setup.zoned is None else _with_margin(setup.zoned(self._weighing))
+            self.plan = None if laid_out.stations is None else JointPlan(setup, laid_out, laid_out.stations, weights)
+        if self.plan is not None:
+            self.plan.robots = robots
+
+    def _round_of(self, zoned: ZonedGround, group: Group) -> Round:
+        return zoned.rounds[group.classes]  # what weighs more is visited more often without being there twice
+
+    def _leave_round(self) -> None:
+        self.plan = None
 
     def _take_note(self, view: View, goes_on: bool) -> bool:
-        del goes_on
+        super()._take_note(view, goes_on)
         if self.plan is None:
             return True
         self.plan.update(view)
@@ -50,17 +70,21 @@ class Stochastic(Commitment):
         return False
 
     def _chosen(self, view: View, start: Element) -> Way | None:
-        if self.plan is None or self.plan.station is None:
-            return self._free_choice(view, start)
         self.target = None
-        for _ in range(TRIES):
-            visit = self.plan.visit(view, self.given_up)
+        visit = None if self.plan is None else self.plan.visit(view, self.given_up)
+        if visit is not None:
             self._expected = 0
-            way = None if visit is None else self._way_to(view, start, visit.stand)
-            if visit is not None and way is not None:
+            way = self._way_to(view, start, visit.stand)
+            if way is not None:
                 self._commit(view, visit)
                 return way
-            # Another robot may stand in the door: it goes elsewhere, and may come back soon.
-            self.plan.give_up(view, self.given_up)
-            self._station = self.plan.station
-        return None
+        # No way leads there now. Another robot may stand in the door, and the two would wait for each other.
+        return self._free_choice(view, start)
+
+
+def _with_margin(zoned: ZonedGround) -> NDArray[np.float64]:
+    """float64 (height, width), the weights of the ground; greater where an age is wanted, as distances are uneven."""
+    weights = zoned.weights.copy()
+    for weight, wish in zip(zoned.classes, zoned.wanted, strict=True):
+        weights[zoned.weights == weight] *= 1.0 if wish is None else KEPT
+    return weights

@@ -24,7 +24,7 @@ from patrol.ground.ways import framed, lengths_along
 if TYPE_CHECKING:
     from patrol.ground.tour.round import Round
 
-STRETCH = 0.3
+STRETCH = 0.05
 """Length of a station, as a share of the sensor's range."""
 
 NEAR = 4.0

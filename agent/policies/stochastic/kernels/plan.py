@@ -16,7 +16,7 @@ NUMBERS = types.Array(types.int64, 1, "C", readonly=True)
 NEAR = types.Array(types.int64, 2, "C", readonly=True)
 ROW = types.Array(types.float64, 1, "C", readonly=True)
 TIMES = types.Array(types.float64, 2, "C", readonly=True)
-FACTS = (TIMES, TIMES, ROW, ROW, NEAR)
+FACTS = (TIMES, TIMES, ROW, NEAR)
 PINNED = types.Array(types.boolean, 1, "C", readonly=True)
 PLANS = types.Array(types.int64, 3, "C")
 PLAN_COUNTS = types.Array(types.int64, 2, "C")
@@ -38,13 +38,13 @@ def _draw(state, below):
 
 
 @njit(cache=True, nogil=True)
-def _cost(route, count, lead, apart, ages, weights):
-    """Return the cost of a route: the sum of the eighth powers of the stations' weighted ages when it visits them."""
+def _cost(route, count, lead, apart, ages):
+    """Return the cost of a route: the sum of the eighth powers of the stations' ages when it visits them."""
     cost, at = 0.0, 0.0
     for i in range(count):
         here = route[i]
         at = lead[here] if i == 0 else at + apart[route[i - 1], here]
-        age = ages[here] + weights[here] * at
+        age = ages[here] + at
         square = age * age
         fourth = square * square
         cost += fourth * fourth  # the oldest stations count most, and do not count alone
@@ -52,7 +52,7 @@ def _cost(route, count, lead, apart, ages, weights):
 
 
 @njit(cache=True, nogil=True)
-def _improve(routes, counts, pinned, leads, apart, ages, weights, near, moves, state):
+def _improve(routes, counts, pinned, leads, apart, ages, near, moves, state):
     """Change routes in place by random small moves, each of which is kept if the plan costs no more; return its cost.
 
     A move puts up to three stations of a route beside a near one, reverses what lies between two stations of one route,
@@ -62,7 +62,7 @@ def _improve(routes, counts, pinned, leads, apart, ages, weights, near, moves, s
     cost = np.zeros(robots)
     owner, place = np.zeros(size, np.int64), np.zeros(size, np.int64)
     for r in range(robots):
-        cost[r] = _cost(routes[r], counts[r], leads[r], apart, ages, weights)
+        cost[r] = _cost(routes[r], counts[r], leads[r], apart, ages)
         for i in range(counts[r]):
             owner[routes[r, i]], place[routes[r, i]] = r, i
     first, second = np.zeros(size, np.int64), np.zeros(size, np.int64)
@@ -115,11 +115,11 @@ def _improve(routes, counts, pinned, leads, apart, ages, weights, near, moves, s
                 two += 1
         if two == 0 or (r != q and one == 0):
             continue  # a robot without a route would get none again
-        new = _cost(second, two, leads[q], apart, ages, weights)
+        new = _cost(second, two, leads[q], apart, ages)
         old = cost[q]
         other = 0.0
         if r != q:
-            other = _cost(first, one, leads[r], apart, ages, weights)
+            other = _cost(first, one, leads[r], apart, ages)
             old += cost[r]
         if new + other > old:
             continue
@@ -143,7 +143,7 @@ def _improve(routes, counts, pinned, leads, apart, ages, weights, near, moves, s
     cache=True,
     nogil=True,
 )
-def improve(routes, counts, pinned, leads, apart, ages, weights, near, moves, seed):
+def improve(routes, counts, pinned, leads, apart, ages, near, moves, seed):
     """Improve a plan.
 
     Args:
@@ -152,14 +152,13 @@ def improve(routes, counts, pinned, leads, apart, ages, weights, near, moves, se
         pinned: bool (robots,), whether the first station of each route stays.
         leads: float64 (robots, stations), time until each robot could be at each station, s.
         apart: float64 (stations, stations), time that a robot takes from each station to each, s.
-        ages: float64 (stations,), weighted age of each station, s.
-        weights: float64 (stations,), by how much it grows in a second, s.
+        ages: float64 (stations,), weighted age of each station now, s.
         near: int64 (stations, n), the nearest stations of each.
         moves: How many moves are tried.
         seed: Of the draws.
     """
     state = np.array([seed], dtype=np.uint64)
-    _improve(routes, counts, pinned, leads, apart, ages, weights, near, moves, state)
+    _improve(routes, counts, pinned, leads, apart, ages, near, moves, state)
 
 
 @njit(
@@ -176,7 +175,6 @@ def compare(
     leads,
     apart,
     ages,
-    weights,
     near,
     moves,
     seed,
@@ -195,13 +193,12 @@ def compare(
         leads: As for `improve`.
         apart: As for `improve`.
         ages: As for `improve`.
-        weights: As for `improve`.
         near: As for `improve`.
         moves: How many moves are tried for each.
         seed: Of the draws, which are the same for each.
         plans: int64 (n, robots, stations), overwritten: the routes.
         plan_counts: int64 (n, robots), overwritten.
-        costs: float64 (n,), overwritten: the plan's cost, the POWER-th root of the sum of powers of ages, s.
+        costs: float64 (n,), overwritten: the plan's cost, the eighth root of the sum of powers of ages, s.
     """
     stays = pinned.copy()
     stays[robot] = True
@@ -219,5 +216,5 @@ def compare(
         plans[c, robot, 0] = choices[c]
         plan_counts[c, robot] = own + 1
         state = np.array([seed], dtype=np.uint64)
-        cost = _improve(plans[c], plan_counts[c], stays, leads, apart, ages, weights, near, moves, state)
+        cost = _improve(plans[c], plan_counts[c], stays, leads, apart, ages, near, moves, state)
         costs[c] = math.sqrt(math.sqrt(math.sqrt(cost)))

@@ -25,12 +25,11 @@ class Fleet:
     leads: NDArray[np.float64]
     apart: NDArray[np.float64]
     ages: NDArray[np.float64]
-    weights: NDArray[np.float64]
     near: Whole
 
     @property
     def facts(self) -> Facts:
-        return self.leads, self.apart, self.ages, self.weights, self.near
+        return self.leads, self.apart, self.ages, self.near
 
     def cost(self, routes: Whole, counts: Whole) -> float:
         """The cost of a plan, in plain Python."""
@@ -40,7 +39,7 @@ class Fleet:
             for i, station in enumerate(routes[robot, :count]):
                 before = routes[robot, i - 1]
                 at_s = self.leads[robot, station] if i == 0 else at_s + self.apart[before, station]
-                total += float(self.ages[station] + self.weights[station] * at_s) ** 8
+                total += float(self.ages[station] + at_s) ** 8
         return total
 
 
@@ -49,7 +48,7 @@ def fleet_of(dice: np.random.Generator, robots: int, stations: int) -> Fleet:
     apart = np.sqrt(((spots[:, None] - spots[None]) ** 2).sum(axis=2))
     leads = np.sqrt(((places[:, None] - spots[None]) ** 2).sum(axis=2))
     near = np.ascontiguousarray(np.argsort(apart, axis=1)[:, 1:9])
-    return Fleet(leads, apart, dice.uniform(0, 60, stations), dice.uniform(0.5, 3, stations), near)
+    return Fleet(leads, apart, dice.uniform(0, 60, stations), near)
 
 
 def plan_of(dice: np.random.Generator, robots: int, stations: int) -> tuple[Whole, Whole]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agent.policies.committed.division import LEAST_MEMORY_S, Crew, Division
+from agent.policies.commitment.division import LEAST_MEMORY_S, Crew, Division
 from patrol.ground.tour.round import Round
 from patrol.ground.tour.zoned import ZonedGround
 
