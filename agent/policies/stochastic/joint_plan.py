@@ -49,6 +49,10 @@ robots on the tour, for each station that a robot visits in that time; times `un
 CHOICES = 8
 """Number of the nearest stations that are compared."""
 
+CROWDED = 0.25
+"""Least ground for each robot, as a share of what a sensor sees around it on open ground: with less, most of what a
+robot would plan to see another one sees before."""
+
 STALE = 0.35
 """Share of the time between two robots on the tour, or of the stalest point's age, from which on a station is worth a
 visit."""
@@ -135,7 +139,7 @@ class JointPlan:
     """The plan of one robot for all robots that share its ground.
 
     Attributes:
-        parts: By robot number; empty before the first tick.
+        parts: By robot number; empty before the first tick, and where there are too many robots for a plan.
         robots: Numbers of the robots that share the stations.
     """
 
@@ -164,13 +168,15 @@ class JointPlan:
         self._spots = np.array([setup.terrain.centre(*divmod(spot, self._width)) for spot in stations.spots.tolist()])
         self._stands = RoundStands(setup, laid_out)
         self._weights = NO_WEIGHTS if weights is None else weights / weights.reshape(-1)[laid_out.points].min()
+        ground_m2 = len(laid_out.points) * setup.terrain.point_area
+        self._most_robots = ground_m2 / (CROWDED * math.pi * setup.sight.range_m**2)
         self._period = -1
         self._interval_s = math.inf
         self._least_s = 0.0
 
     @property
     def station(self) -> int | None:
-        """Number of the robot's own next station; None before the first tick."""
+        """Number of the robot's own next station; None without one."""
         own = self.parts.get(self._number)
         return own.route[0] if own is not None and own.route else None
 
@@ -182,6 +188,9 @@ class JointPlan:
         """
         robots = sorted({self._number, *(number for number in view.peers if number in self.robots)})
         period = int(view.tick * self._step / PERIOD_S)
+        if len(robots) > self._most_robots:
+            self.parts = {}
+            return
         self._interval_s = self._round.length_m * self._pace / len(robots)
         if robots != sorted(self.parts) or period != self._period:
             self._period = period

@@ -6,7 +6,7 @@ has been seen (`agent.policies.commitment.commitment`). With a fleet key the dra
 compute them (`agent.chance`).
 
 Where there is no tour, because the ground is too large for one or the sensor does not look all around, each choice is
-free; so are those of a robot for which no station is left.
+free. So it is where robots are crowded (`CROWDED`), and for a robot for which no station is left.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class Stochastic(SharedRound):
         self.plan.update(view)
         if self.plan.station != self._station:
             self._station, self.target = self.plan.station, None
-        return False
+        return self._station is None
 
     def _chosen(self, view: View, start: Element) -> Way | None:
         self.target = None

@@ -102,13 +102,27 @@ def test_where_there_is_no_tour_each_choice_is_free() -> None:
     robots.until(lambda: fog.seen > 0.9 * fog.points, 900)
 
 
-def test_more_robots_than_stations_go_on() -> None:
-    small = plan((9.0, 6.0), (0.0, 0.0, 4.0, 6.0), (4.0, 2.0, 5.0, 4.0), (5.0, 0.0, 9.0, 6.0))
+def small(range_m: float) -> Robots:
+    """Four robots in two rooms of 12 m^2 for each."""
+    rooms = plan((9.0, 6.0), (0.0, 0.0, 4.0, 6.0), (4.0, 2.0, 5.0, 4.0), (5.0, 0.0, 9.0, 6.0))
     starts = [Pose(1.0 + 2.0 * i, 3.0, 0.0) for i in range(4)]
-    prepared = prepared_in(small, starts, BASE, patrol={"policy": "stochastic"}, sensor={"range": 4.0})
-    robots = Robots(prepared)
+    return Robots(prepared_in(rooms, starts, BASE, patrol={"policy": "stochastic"}, sensor={"range": range_m}))
+
+
+def test_more_robots_than_stations_go_on() -> None:
+    robots = small(3.0)
     parts = policy_of(robots).plan
     assert parts is not None
     for _ in range(200):
         robots.tick()
     assert 0 < len({part.route[0] for part in parts.parts.values() if part.route}) <= 4
+
+
+@pytest.mark.parametrize(("range_m", "crowded"), [(3.0, False), (5.0, True)])
+def test_where_robots_are_crowded_each_choice_is_free(range_m: float, crowded: bool) -> None:
+    """A quarter of what a sensor sees around it is 7 or 20 m^2."""
+    robots = small(range_m)
+    for _ in range(100):
+        robots.tick()
+    plans = [policy_of(robots, number).plan for number in range(4)]
+    assert all(plan_ is None or plan_.station is None for plan_ in plans) == crowded
