@@ -4,8 +4,8 @@
     python tests/accept/trace_cases.py --check FILE.json                # run every case and name those that moved
     python tests/accept/trace_cases.py --check --only "site car" FILE.json    # those whose name contains a text
 
-Each terrain is patrolled by the paper's policy with two bodies under every variant, at 1 m points, and by the tour with
-three bodies under a few, at 0.5 m points, for 200 simulated seconds. A hash holds on
+Each terrain is patrolled by the paper's policy with two bodies under every variant, at 1 m points, and by the tour
+and by the default patrol with three bodies under a few, at 0.5 m points, for 200 simulated seconds. A hash holds on
 x86-64 processors with AVX2 and FMA, with one Python, C library and lock file.
 """
 
@@ -111,12 +111,12 @@ VARIANTS: Mapping[str, Mapping[str, Any]] = {
     "surround-faults": {"intruders": "somewhere", "faults": FAULTS[:5]},
 }
 
-TOUR: Mapping[str, Any] = {"point": 0.5, "duration": 200, "robots.count": 4, "patrol.policy": "committed"}
+TARGETS: Mapping[str, Any] = {"point": 0.5, "duration": 200, "robots.count": 4, "patrol.policy": "committed"}
 """The tour, with nothing else set."""
 
-TOUR_BODIES = ("holonomic", "differential", "car")
+TARGETS_BODIES = ("holonomic", "differential", "car")
 
-TOUR_VARIANTS: Mapping[str, Mapping[str, Any]] = {
+TARGETS_VARIANTS: Mapping[str, Mapping[str, Any]] = {
     "committed": {},
     "committed-alone": {"patrol.options.separation": "none"},
     "committed-separations": {"patrol.options.separation": ["claims", "artificial-obstacles", "semaphores"]},
@@ -124,6 +124,14 @@ TOUR_VARIANTS: Mapping[str, Mapping[str, Any]] = {
     "committed-blind-angle": {"sensor.angle": 120, "sensor.range": 14},
     "committed-quality": {"sensor.quality": [[4, 1.0], [10, 0.5]]},
     "committed-small": {"robots.radius": 0.3, "robots.speed": 1, "robots.turning_radius": 1},
+    "stochastic": {"patrol.policy": "stochastic"},
+    "stochastic-faults": {"patrol.policy": "stochastic", "faults": FAULTS},
+    "stochastic-small": {
+        "patrol.policy": "stochastic",
+        "robots.radius": 0.3,
+        "robots.speed": 1,
+        "robots.turning_radius": 1,
+    },
 }
 
 PLACES = {"open": [45, 40], "yards": [40, 22], "clutter": [50, 50], "site": [230, 127]}
@@ -139,13 +147,13 @@ def cases() -> Iterator[tuple[str, dict[str, Any]]]:
                 if "intruders" in chosen:
                     chosen["intruders"] = [{"place": PLACES[terrain], "at": 10, "for": 60}]
                 yield f"{terrain} {body} {variant}", {"terrain": terrain, **chosen}
-        for body in TOUR_BODIES:
-            for variant, settings in TOUR_VARIANTS.items():
+        for body in TARGETS_BODIES:
+            for variant, settings in TARGETS_VARIANTS.items():
                 yield (
                     f"{terrain} {body} {variant}",
                     {
                         "terrain": terrain,
-                        **TOUR,
+                        **TARGETS,
                         "robots.model": body,
                         **settings,
                     },
