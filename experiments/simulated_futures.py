@@ -16,24 +16,19 @@ import traceback
 import warnings
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from experiments.inprocess import check_in_process, fleet_of
+from experiments.sweeps.game_log import GameLog
 from patrol.errors import BadInput
-from patrol.journal.records import Status
 from patrol.measures.infiltration.game import CODE, Game
 from patrol.measures.infiltration.predictors import SIMILAR, code_predictor
 from patrol.measures.sightings import Sightings
-from patrol.pose import Pose
 from patrol.prepare import Prepared, sensor_footprint
 from worldsim.fleet.loop import run_ticks
 from worldsim.world import World
-
-if TYPE_CHECKING:
-    from patrol.journal import TickRecord
 
 FUTURES = SIMILAR
 """Futures of each attempt: as many as there are similar moments, so that the two predictors can be compared."""
@@ -76,18 +71,18 @@ def simulated_futures(
     check_in_process(prepared.scenario)
     world = World(prepared, footprint=sensor_footprint(prepared.scenario, prepared.terrain))
     fleet = fleet_of(world, world.truth.footprint)
-    assert fleet.chance is not None
-    sightings = Sightings(prepared, world.truth.footprint, None, world.ticks, game.infiltrator)
+    log = GameLog(game.infiltrator)
+    look = log.watch(world)
+    sightings = log.sightings
+    assert sightings is not None, "the game has been played on such a run"
+    chance = fleet.chance
+    assert chance is not None
     moments = {now for now, _ in game.trials}
     shape = game.within, game.watch.words.shape[1]
     futures: Futures = {now: np.zeros((len(secrets), *shape), dtype=np.uint64) for now in moments}
     copies: deque[tuple[NDArray[np.uint64], int, int]] = deque()
     processors = len(os.sched_getaffinity(0))
     ends, output = max(moments) + 1, -1
-
-    def look(record: TickRecord) -> None:
-        alive = (row for row in record.robots if row.status is Status.ALIVE)
-        sightings.look(record.k, ((row.number, Pose(row.x, row.y, row.heading)) for row in alive))
 
     def fork_or_end() -> bool:
         """Fork before an attempt's first tick; return True at the end, in a copy that of its future."""
@@ -100,8 +95,9 @@ def simulated_futures(
                     _take_in(*copies.popleft())
                 source, sink = os.pipe()
                 if (process := _fork()) == 0:
+                    os.close(source)
                     ends, output = now + 1 + game.within, sink
-                    fleet.chance.key = secret or fleet.chance.key
+                    chance.key = secret or chance.key
                     return False
                 os.close(sink)
                 copies.append((futures[now][number], process, source))
@@ -136,9 +132,10 @@ def _check_repeated(game: Game, sightings: Sightings, now: int) -> None:
     """Refuse a run in which robots have been elsewhere than they are when its scenario is run again."""
     differs = (sightings.watched().places[: now + 1] != game.watch.places[: now + 1]).any(axis=(1, 2))
     if differs.any():
+        since_s = differs.argmax() * game.watch.step
         raise BadInput(
-            f"the run cannot be simulated: its scenario gives another run from {differs.argmax() * game.watch.step:g} s "
-            "on; take a run in lockstep that this version has made"
+            f"the run cannot be simulated: its scenario now gives another run from {since_s:g} s on; take a run in "
+            "lockstep that this version has made"
         )
 
 

@@ -180,8 +180,8 @@ class Run:
 
         Args:
             again: Whether it also plans again every second from what is then seen, which takes minutes.
-            code: Whether one plays too that has the scenario and the code, but not the secret of the draws. The scenario
-                is run again for that, with its policy and its key.
+            code: Whether one plays too that has the scenario and the code, but not the secret of the draws. For that,
+                the scenario is run again, with its policy and its key.
             settings: Of the intruder, as `patrol.measures.infiltration.game.Infiltrator` has them: speed, stay_s,
                 within_s, depth_m, attempts, seed, entries, zone.
 

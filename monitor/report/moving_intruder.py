@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-REPORTED = Infiltrator(attempts=50)
+REPORTED = Infiltrator(attempts=30)
 """The intruder of reports: fewer attempts, as a report is written at the end of every run."""
 
 

@@ -2,7 +2,7 @@
 
 - *future*: what will be seen. Nothing predicts better; it is also what somebody knows who has the scenario, the code,
   and the seed or the key of the draws.
-- *code*: several futures that somebody simulates who has the scenario and the code, but draws of its own in place of the
+- *code*: 5 futures that somebody simulates who has the scenario and the code, with draws of its own in place of the
   fleet's (`experiments.simulated_futures`); the mean of what is seen in them. It plays only where it was asked for.
 - *similar*: the 5 moments of the past whose sighting, now and 3 s before, differs in the fewest points (joint analogs);
   the mean of what was seen after them.
@@ -26,7 +26,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.measures.infiltration.infiltrator import BEGIN_S
-from patrol.measures.infiltration.kernels.alike import differences
 from patrol.measures.infiltration.kernels.footprints import seen_by_none
 from patrol.measures.infiltration.watch import Watch
 
@@ -136,8 +135,9 @@ def _future(past: Past, now: int, ahead: int) -> Chances:
 def _similar(past: Past, now: int, ahead: int) -> Chances:
     watch, first, last = past.watch, past.first, now - past.within
     differ = np.zeros(last - first, dtype=np.int32)
-    differences(watch.words, now, first, last, differ)
-    differences(watch.words, now - past.lag, first - past.lag, last - past.lag, differ)
+    for lag in (0, past.lag):
+        off = np.bitwise_count(watch.words[first - lag : last - lag] ^ watch.words[now - lag])
+        differ += off.sum(axis=1, dtype=np.int32)
     after: list[int] = []
     for _ in range(SIMILAR):
         moment = int(differ.argmin())
