@@ -16,6 +16,8 @@ import traceback
 import warnings
 from collections import deque
 from collections.abc import Callable, Sequence
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,38 +82,38 @@ def simulated_futures(
     moments = {now for now, _ in game.trials}
     shape = game.within, game.watch.words.shape[1]
     futures: Futures = {now: np.zeros((len(secrets), *shape), dtype=np.uint64) for now in moments}
-    copies: deque[tuple[NDArray[np.uint64], int, int]] = deque()
+    copies: deque[tuple[NDArray[np.uint64], int, Connection]] = deque()
     processors = len(os.sched_getaffinity(0))
-    ends, output = max(moments) + 1, -1
+    ends = max(moments) + 1
+    output: Connection | None = None  # of a copy
 
     def fork_or_end() -> bool:
         """Fork before an attempt's first tick; return True at the end, in a copy that of its future."""
         nonlocal ends, output
         now = world.tick - 1
-        if output < 0 and now in moments:
+        if output is None and now in moments:
             _check_repeated(game, sightings, now)
             for number, secret in enumerate(secrets):
                 if len(copies) == processors:
                     _take_in(*copies.popleft())
-                source, sink = os.pipe()
+                source, sink = Pipe(duplex=False)
                 if (process := _fork()) == 0:
-                    os.close(source)
+                    source.close()
                     ends, output = now + 1 + game.within, sink
                     chance.key = secret or chance.key
                     return False
-                os.close(sink)
+                sink.close()
                 copies.append((futures[now][number], process, source))
             advance(now / max(moments))
         return world.tick >= ends
 
     try:
         run_ticks(world, fleet, look, lambda _event: None, fork_or_end, fleet)
-        if output >= 0:
-            with open(output, "wb") as sent:
-                sent.write(sightings.watched().words[ends - game.within :].tobytes())
+        if output is not None:
+            output.send_bytes(sightings.watched().words[ends - game.within :].tobytes())
             os._exit(0)
     except BaseException as error:
-        if output < 0:
+        if output is None:
             raise
         if isinstance(error, Exception):
             traceback.print_exc()
@@ -139,10 +141,13 @@ def _check_repeated(game: Game, sightings: Sightings, now: int) -> None:
         )
 
 
-def _take_in(future: NDArray[np.uint64], process: int, source: int) -> None:
+def _take_in(future: NDArray[np.uint64], process: int, source: Connection) -> None:
     """Write down the future that a copy of this process sends."""
-    with open(source, "rb") as sent:
-        words = np.frombuffer(sent.read(), dtype=np.uint64).reshape(-1, future.shape[1])
-    if os.waitpid(process, 0)[1] != 0:
-        raise RuntimeError("a simulated future has failed")
+    try:
+        words = np.frombuffer(source.recv_bytes(), dtype=np.uint64).reshape(-1, future.shape[1])
+    except EOFError:
+        raise RuntimeError("a copy of this process has failed to simulate a future") from None
+    finally:
+        os.waitpid(process, 0)
+        source.close()
     future[: len(words)] = words
