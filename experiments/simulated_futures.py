@@ -1,9 +1,9 @@
 """A fleet's future as an intruder computes it that has the scenario and the code, but not the secret of the draws.
 
 Such an intruder runs the whole fleet in its own computer. At the moment of an attempt it knows the state of every
-robot's mind and of the world, as if all draws so far had told it; from then on it draws with a secret of its own. So it
-knows more than anybody outside can, and its success is an upper limit. The world's own chance, such as that of lost
-frames, stays that of the run. With the fleet's secret the simulated future is the true one.
+robot's mind and of the world, as if it had been told all draws so far; from then on it draws with a secret of its own.
+So it knows more than anybody outside can. The world's own chance, such as that of lost frames, stays that of the run.
+With the fleet's secret the simulated future is the true one.
 
 The scenario is run once. Before an attempt's first tick this process is forked for each future: the copy draws with
 another secret (`agent.chance`), goes on for as long as an attempt lasts, sends what is seen meanwhile, and ends.

@@ -16,7 +16,6 @@ from patrol.measures.infiltration.game import Game
 from patrol.measures.infiltration.infiltrator import Infiltrator
 from patrol.measures.infiltration.predictors import code_predictor
 from patrol.prepare import Prepared, prepare
-from patrol.radio.fleet_key import new_key
 from patrol.scenario import load_scenario
 
 INTRUDER = Infiltrator(speed=4.0, within_s=20.0, stay_s=5.0, attempts=4)
@@ -25,7 +24,7 @@ INTRUDER = Infiltrator(speed=4.0, within_s=20.0, stay_s=5.0, attempts=4)
 @pytest.fixture(scope="module")
 def prepared(tmp_path_factory: pytest.TempPathFactory) -> Prepared:
     key = tmp_path_factory.mktemp("fleet") / "fleet.key"
-    new_key(key)
+    key.write_text("a key that is the same in each test run", encoding="ascii")
     scenario = {
         "terrain": {"builtin": "open"},
         "point": 2.0,
@@ -60,7 +59,7 @@ def test_the_key_gives_the_true_future_and_another_secret_does_not(game: Game, p
 
 def test_a_run_that_its_scenario_does_not_repeat_is_refused(game: Game, prepared: Prepared) -> None:
     other = replace(prepared, scenario=prepared.scenario.model_copy(update={"seed": 2}))
-    with pytest.raises(BadInput, match=r"its scenario now gives another run from 0\.?5? s on"):
+    with pytest.raises(BadInput, match=r"its scenario now gives another run from [\d.]+ s on"):
         add_code(game, other)
 
 
