@@ -8,6 +8,9 @@ hash of the question: the robots, which hold the key, agree on it without a word
     own = fleet.of_robot(2, incarnation=1)
     own(Purpose.POLICY, 10, 0)               0.94, which r2 draws in tick 10 for its question 0
 
+The same key and seed give the same draws in every run, because robots share nothing else that differs from run to run.
+So each run needs another seed, which may be public.
+
 All minds of a process draw from one `Chance`. A new `key` in it replaces all their draws from then on.
 """
 

@@ -47,7 +47,11 @@ def moving_metric(predictor: str) -> str:
 
 
 class GameLog:
-    """Writes down which places are seen while a run is made, and plays intruder games on it afterwards."""
+    """Writes down which places are seen while a run is made, and plays intruder games on it afterwards.
+
+    Attributes:
+        sightings: What has been written down so far; None before a run, and with a sensor that it does not watch.
+    """
 
     def __init__(self, infiltrator: Infiltrator | None = None) -> None:
         """Begin with nothing seen.
@@ -56,7 +60,7 @@ class GameLog:
             infiltrator: The moving intruder; None for one with the default settings.
         """
         self._infiltrator = infiltrator or Infiltrator()
-        self._sightings: Sightings | None = None
+        self.sightings: Sightings | None = None
         self._ticks = 0
         self._step = math.nan
 
@@ -77,7 +81,7 @@ class GameLog:
             return lambda _: None
         graph = None if world.scenario.terrain.graph is None else world.prepared.graph  # as `nodes` in the summary
         sightings = Sightings(world.prepared, footprint, graph, world.ticks, self._infiltrator)
-        self._sightings = sightings
+        self.sightings = sightings
         self._step = world.scenario.step
 
         def on_tick(record: TickRecord) -> None:
@@ -93,9 +97,9 @@ class GameLog:
         Raises:
             BadInput: It cannot be played on this run.
         """
-        if self._sightings is None:
+        if self.sightings is None:
             raise BadInput("a moving intruder cannot be played: nothing was written down")
-        return self._sightings.game()
+        return self.sightings.game()
 
     def metrics(self) -> dict[str, float | None]:
         """Return the shares of attacks that succeed, by the names of `game_metric`, `moving_metric` and `GAINED`.
@@ -104,9 +108,9 @@ class GameLog:
         """
         from patrol.measures.infiltration.game import infiltration  # here, likewise
 
-        if self._sightings is None:
+        if self.sightings is None:
             return {}
-        places = {"ground": self._sightings.seen, "nodes": self._sightings.visited}
+        places = {"ground": self.sightings.seen, "nodes": self.sightings.visited}
         shares = {
             game_metric(intruder, successes.attack_s, on): None if share is None else 100.0 * share
             for on, seen in places.items()

@@ -172,7 +172,7 @@ class Run:
         west, south = terrain.origin
         return west, west + terrain.width * terrain.point, south, south + terrain.height * terrain.point
 
-    def infiltration(self, *, again: bool = False, **settings: Any) -> Infiltration:
+    def infiltration(self, *, again: bool = False, code: bool = False, **settings: Any) -> Infiltration:
         """Play a moving intruder that watches the patrol, predicts it, and plans a way in.
 
         For example ``run.infiltration(speed=3.0).gain.watching.percent``: how many more attempts in a hundred succeed
@@ -180,6 +180,8 @@ class Run:
 
         Args:
             again: Whether it also plans again every second from what is then seen, which takes minutes.
+            code: Whether one plays too that has the scenario and the code, but not the secret of the draws. For that,
+                the scenario is run again, with its policy and its key.
             settings: Of the intruder, as `patrol.measures.infiltration.game.Infiltrator` has them: speed, stay_s,
                 within_s, depth_m, attempts, seed, entries, zone.
 
@@ -187,8 +189,10 @@ class Run:
             The success of each predictor and the gain of watching, with their intervals.
 
         Raises:
-            BadInput: There is no such setting, or the game cannot be played on this run.
+            BadInput: There is no such setting, or the game cannot be played on this run; or its scenario does not give
+                the same run again.
         """
+        from experiments.simulated_futures import add_code
         from monitor.replay.intruder_games import moving_game
         from patrol.measures.infiltration.game import infiltration
         from patrol.measures.infiltration.infiltrator import Infiltrator
@@ -197,7 +201,10 @@ class Run:
         for name in settings:
             if name not in known:
                 raise BadInput(f"{name}: the moving intruder has no such setting; {did_you_mean(name, known)}")
-        return infiltration(moving_game(self._replayed, Infiltrator(**settings)), again)
+        game = moving_game(self._replayed, Infiltrator(**settings))
+        if code:
+            add_code(game, self._replayed.prepared)
+        return infiltration(game, again)
 
     @property
     def figure_names(self) -> list[str]:

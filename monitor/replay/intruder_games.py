@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from monitor.replay.replay import play
@@ -58,11 +58,13 @@ class Moving:
         infiltrator: The intruder.
         again: Whether it also plans again every second.
         advance: Called with the share of its work that is done.
+        prepare: Called with the game before it is played, to add predictors.
     """
 
     infiltrator: Infiltrator
     again: bool = False
     advance: Advance = lambda _share: None
+    prepare: Callable[[Game], None] = lambda _game: None
 
 
 class Looks:
@@ -117,7 +119,7 @@ def games_of(
 
     Raises:
         BadInput: A horizon of the trials is longer than the run, or too short for a prediction; or the scenario has no
-            zone of the name that the moving intruder's has.
+            zone of the name that the moving intruder's has; or what `moving.prepare` raises.
     """
     if trials is not None:
         trials.check(run.ticks, run.step)
@@ -140,9 +142,12 @@ def games_of(
     outcome, no_moving = None, ""
     if moving is not None:
         try:
-            outcome = infiltration(sightings.game(), moving.again, moving.advance)
+            game = sightings.game()
         except BadInput as why:
             no_moving = str(why)
+        else:
+            moving.prepare(game)
+            outcome = infiltration(game, moving.again, moving.advance)
     return Games(
         len(points),
         intruder_games(sightings.seen, run.step, attacks_s),

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-REPORTED = Infiltrator(attempts=50)
+REPORTED = Infiltrator(attempts=30)
 """The intruder of reports: fewer attempts, as a report is written at the end of every run."""
 
 
@@ -64,7 +64,7 @@ class MovingIntruder:
     def table(self) -> str:
         """Return the table of successes as HTML."""
         outcome, infiltrator = self.outcome, self.game.infiltrator
-        rows = [(words, *_cells(outcome.once[name])) for name, words in KNOWLEDGE.items()]
+        rows = [(words, *_cells(outcome.once[name])) for name, words in KNOWLEDGE.items() if name in outcome.once]
         gain = _cells(outcome.gain.watching)
         rows.append(("gain of watching: the better of the two that watch, less the last", *gain))
         heads = ("an intruder that", "gets in (%)", "95 % interval")

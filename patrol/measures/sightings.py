@@ -14,7 +14,7 @@ from patrol.ground.zones import points_of
 from patrol.measures.infiltration.game import Game
 from patrol.measures.infiltration.ground import IntruderGround, ground_of
 from patrol.measures.infiltration.infiltrator import Infiltrator
-from patrol.measures.infiltration.watch import PointNumbers, WatchLog
+from patrol.measures.infiltration.watch import PointNumbers, Watch, WatchLog
 from patrol.pose import Pose
 from patrol.radio.message import as_received
 from patrol.scenario.sections import VERTICES
@@ -99,15 +99,23 @@ class Sightings:
                 self.visited[k, near] = True
             self._before = here
 
+    def watched(self) -> Watch:
+        """Return what a moving intruder can have seen so far.
+
+        Raises:
+            BadInput: It cannot be played on this run; one line says why.
+        """
+        if self._log is None:
+            raise BadInput(f"a moving intruder cannot be played: {self._objection or 'it was not asked for'}")
+        return self._log.watch()
+
     def game(self) -> Game:
         """Return the moving intruder's game on what was written down.
 
         Raises:
             BadInput: It cannot be played on this run; one line says why.
         """
-        if self._log is None or self._infiltrator is None:
-            raise BadInput(f"a moving intruder cannot be played: {self._objection or 'it was not asked for'}")
-        return Game(self._log.watch(), self._infiltrator)
+        return Game(self.watched(), self._infiltrator or Infiltrator())
 
 
 def _objection(prepared: Prepared, footprint: Footprint) -> str:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from rich.progress import Progress
 
-    from patrol.measures.infiltration.game import Infiltration, Percent
+    from patrol.measures.infiltration.game import Game, Infiltration, Percent
     from patrol.measures.intruders import Successes
     from patrol.measures.learned_intruder import Learned
 
@@ -29,6 +29,7 @@ EXAMPLES = [
     "fogwatch intruder runs/yards-20260101-120000",
     "fogwatch intruder RUN --speed 3 --entries doors --zone vault",
     "fogwatch intruder RUN --again --attempts 50",
+    "fogwatch intruder RUN --code --attempts 50",
     "fogwatch intruder RUN --attacks 30,90,180 --json",
     "fogwatch intruder RUN --attacks 30,90,180 --learned --horizon 300,1200,3600",
 ]
@@ -110,6 +111,16 @@ def intruder(
             rich_help_panel=PANEL,
         ),
     ] = False,
+    code: Annotated[
+        bool,
+        typer.Option(
+            "--code",
+            help="Also play one that has the scenario and the code, but not the secret of the draws. It runs the "
+            "scenario again, with its policy and its key, so only for runs that you trust; each attempt simulates 5 "
+            "futures.",
+            rich_help_panel=PANEL,
+        ),
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Play intruder games on a run: how often could somebody stay at a place, or get in, unseen?
@@ -140,8 +151,16 @@ def intruder(
     played = Trials(tuple(horizons), trials or TRIALS) if learned else None
     with _bar() as bar:
         task = bar.add_task("learned intruder, %", total=100, visible=learned)
+        futures = bar.add_task("simulated futures, %", total=100, visible=code)
         moves = bar.add_task("moving intruder, %", total=100)
-        moving = Moving(infiltrator, again, lambda share: bar.update(moves, completed=100.0 * share))
+
+        def prepare(game: Game) -> None:
+            if code:
+                from experiments.simulated_futures import add_code
+
+                add_code(game, opened.prepared, lambda share: bar.update(futures, completed=100.0 * share))
+
+        moving = Moving(infiltrator, again, lambda share: bar.update(moves, completed=100.0 * share), prepare)
         games = games_of(opened, durations, played, lambda share: bar.update(task, completed=100.0 * share), moving)
     if as_json:
         typer.echo(json.dumps(asdict(games), indent=2))
@@ -225,9 +244,12 @@ def _print_moving(outcome: Infiltration, infiltrator: Infiltrator) -> None:
         plans.append(("again every second", outcome.again, outcome.again_gain))
     for heading, _, _ in plans:
         table.add_column(heading, justify="right")
-    for name, words in KNOWLEDGE.items():
-        table.add_row(words, *(_percent(shares.get(name)) for _, shares, _ in plans), end_section=name == "blind")
+    for name in (name for name in KNOWLEDGE if name in outcome.once):
+        shares_of_it = (_percent(shares.get(name)) for _, shares, _ in plans)
+        table.add_row(KNOWLEDGE[name], *shares_of_it, end_section=name == "blind")
     table.add_row("gain of watching, percentage points", *(_percent(gain.watching) for _, _, gain in plans))
+    if outcome.gain.code is not None:
+        table.add_row("gain of scenario and code, likewise", *(_percent(gain.code) for _, _, gain in plans))
     Console(highlight=False).print(table)
     where = f"at least {outcome.depth_m:.0f} m inside" if infiltrator.zone is None else f"in {infiltrator.zone}"
     typer.echo(

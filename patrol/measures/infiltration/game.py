@@ -36,7 +36,7 @@ WIDTH = 1.959964
 AGAIN_S = 1.0
 """Time after which an intruder plans again, s."""
 
-BLIND = "blind"
+BLIND, CODE = "blind", "code"
 
 Flags = NDArray[np.bool_]
 
@@ -64,11 +64,13 @@ class Gains:
         watching: Of the better of the predictors that watch.
         similar: Of the predictor `similar`.
         each: Of the predictor `each`.
+        code: Of the predictor `code`, which does not only watch; None where it did not play.
     """
 
     watching: Percent
     similar: Percent
     each: Percent
+    code: Percent | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,6 +130,8 @@ class Game:
         depth_m: Least length of the way from an entry to a target, m.
         targets: int64 (targets,), the points.
         trials: Tick and target of each attempt.
+        within: The ticks of an attempt.
+        past: The run as the predictors know it.
         predictors: By name; more can be added.
         planner: Plans the ways.
     """
@@ -159,9 +163,10 @@ class Game:
                 "choose another zone or other entries"
             )
         self.planner = Planner(watch.ground, watch.step, infiltrator.speed, infiltrator.stay_s)
-        self._within = watch.ticks_of(infiltrator.within_s)
-        self.predictors = predictors_of(Past(watch, self._within))
-        begin, end = watch.ticks // 2, watch.ticks - self._within
+        self.within = watch.ticks_of(infiltrator.within_s)
+        self.past = Past(watch, self.within)
+        self.predictors = predictors_of(self.past)
+        begin, end = watch.ticks // 2, watch.ticks - self.within
         self.trials = []
         for number in range(infiltrator.attempts):
             moment, target = (draw(infiltrator.seed, Purpose.INFILTRATION, number, part) for part in range(2))
@@ -177,7 +182,7 @@ class Game:
             now: The tick that it sees last.
             target: Where it wants to stay.
         """
-        way = self.planner.plan(predictor(now, self._within), OUTSIDE, target)
+        way = self.planner.plan(predictor(now, self.within), OUTSIDE, target)
         return self._tried(now, target, np.zeros(0, dtype=np.int32) if way is None else way)
 
     def again(self, predictor: Predictor, now: int, target: int) -> Attempt:
@@ -191,13 +196,13 @@ class Game:
         every = self.watch.ticks_of(AGAIN_S)
         went: list[int] = []
         at = OUTSIDE
-        while len(went) < self._within and not (went and self._seen(now + len(went), at)):
+        while len(went) < self.within and not (went and self._seen(now + len(went), at)):
             if at == target:
                 # It stays; a way that only passes its target would not have ended a second there.
                 stayed = next((n for n, point in enumerate(reversed(went)) if point != target), len(went))
-                went += [target] * min(self.planner.stay - stayed, self._within - len(went)) + [DONE]
+                went += [target] * min(self.planner.stay - stayed, self.within - len(went)) + [DONE]
                 break
-            left = self._within - len(went)
+            left = self.within - len(went)
             way = self.planner.plan(predictor(now + len(went), left), at, target)
             if way is None:
                 break
@@ -294,5 +299,5 @@ def gain_of(won: Flags, without: Flags) -> Percent:
 
 
 def _gains(won: dict[str, Flags], without: Flags) -> Gains:
-    similar, each = (gain_of(won[name], without) for name in WATCHING)
-    return Gains(max(similar, each, key=lambda gain: gain.percent), similar, each)
+    gains = {name: gain_of(won[name], without) for name in (*WATCHING, CODE) if name in won}
+    return Gains(max((gains[name] for name in WATCHING), key=lambda gain: gain.percent), **gains)

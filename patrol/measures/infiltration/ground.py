@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from heapq import heappop, heappush
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +20,9 @@ MOST_POINTS = 10_000
 
 MOVES = ((-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (-1, 1), (1, -1), (1, 1))
 """Rows and columns from a square to its neighbours, the straight moves first."""
+
+OPPOSITE = (1, 0, 3, 2, 7, 6, 5, 4)
+"""The number of the move back, by that of the move."""
 
 Points = NDArray[np.int64]
 Flags = NDArray[np.bool_]
@@ -74,11 +76,12 @@ def ground_of(
     number, rows, cols = _points(free, side)
     neighbours = np.full((len(rows), len(MOVES)), -1, dtype=np.int32)
     padded = np.pad(number, 1, constant_values=-1)
-    for k, (down, right) in enumerate(MOVES):
-        other = padded[rows // side + 1 + down, cols // side + 1 + right]
-        linked = other >= 0
-        linked[linked] = _clear(free, rows[linked], cols[linked], rows[other[linked]], cols[other[linked]])
-        neighbours[linked, k] = other[linked]
+    for k, back in ((k, back) for k, back in enumerate(OPPOSITE) if k < back):
+        down, right = MOVES[k]
+        there = padded[rows // side + 1 + down, cols // side + 1 + right]
+        here = np.flatnonzero(there >= 0)
+        here = here[_clear(free, rows[here], cols[here], rows[there[here]], cols[there[here]])]
+        neighbours[here, k], neighbours[there[here], back] = there[here], here
     apart_m = side * point_m
     squares_in = rows // side, cols // side
     entries = (_edge(number) if enters is None else _holding(enters & free, side))[squares_in]
@@ -98,17 +101,18 @@ def _holding(marks: BoolGrid, side: int) -> Flags:
 
 def _points(free: BoolGrid, side: int) -> tuple[NDArray[np.int32], Points, Points]:
     """Return the number of the point in each square, -1 for none, and the points' rows and columns."""
-    rows, cols = np.nonzero(free)
+    within = np.full((-(-free.shape[0] // side), -(-free.shape[1] // side)), -1, dtype=np.int64)
     middle = (side - 1) / 2.0
-    off = (rows % side - middle) ** 2 + (cols % side - middle) ** 2
-    height, width = -(-free.shape[0] // side), -(-free.shape[1] // side)
-    square = rows // side * width + cols // side
-    order = np.lexsort((off, square))
-    first = np.diff(square[order], prepend=-1) > 0
-    rows, cols = rows[order][first], cols[order][first]
-    number = np.full((height, width), -1, dtype=np.int32)
-    number[rows // side, cols // side] = np.arange(len(rows))
-    return number, rows, cols
+    by_distance = sorted(np.ndindex(side, side), key=lambda place: (place[0] - middle) ** 2 + (place[1] - middle) ** 2)
+    for row, col in by_distance:
+        opened = free[row::side, col::side]
+        squares = within[: opened.shape[0], : opened.shape[1]]
+        squares[opened & (squares < 0)] = row * side + col
+    number = np.full(within.shape, -1, dtype=np.int32)
+    with_point = np.nonzero(within >= 0)
+    number[with_point] = np.arange(len(with_point[0]))
+    down, right = np.divmod(within[with_point], side)
+    return number, with_point[0] * side + down, with_point[1] * side + right
 
 
 def _clear(free: BoolGrid, rows: Points, cols: Points, to_rows: Points, to_cols: Points) -> Flags:
@@ -152,18 +156,11 @@ def _edge(number: NDArray[np.int32]) -> Flags:
 
 def _depths(neighbours: NDArray[np.int32], apart_m: float, entries: Flags) -> NDArray[np.float64]:
     """Return the length of the shortest way from an entry to each point, m."""
-    depths = [math.inf] * len(entries)
-    lengths = [apart_m] * 4 + [math.sqrt(2.0) * apart_m] * 4
-    moves = neighbours.tolist()
-    queue = [(0.0, point) for point in np.flatnonzero(entries).tolist()]
-    for _, point in queue:
-        depths[point] = 0.0
-    while queue:
-        depth, point = heappop(queue)
-        if depth > depths[point]:
-            continue
-        for other, length in zip(moves[point], lengths, strict=True):
-            if other >= 0 and depth + length < depths[other]:
-                depths[other] = depth + length
-                heappush(queue, (depth + length, other))
-    return np.array(depths, dtype=np.float64)
+    lengths_m = apart_m * np.array([1.0] * 4 + [math.sqrt(2.0)] * 4)
+    # The last one is that of the neighbours that are not there, which have the number -1.
+    depths_m = np.append(np.where(entries, 0.0, np.inf), np.inf)
+    while True:
+        nearer_m: NDArray[np.float64] = np.minimum(depths_m[:-1], (depths_m[neighbours] + lengths_m).min(axis=1))
+        if np.array_equal(nearer_m, depths_m[:-1]):
+            return nearer_m
+        depths_m[:-1] = nearer_m

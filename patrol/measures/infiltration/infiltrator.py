@@ -16,12 +16,13 @@ PAST_S = 80.0
 
 KNOWLEDGE = {
     "future": "knows what will be seen: it has the seed or key",
+    "code": "has the scenario and the code, but neither seed nor key",
     "similar": "watches: expects what followed similar moments",
     "each": "watches: expects each robot's usual next turns",
     "picture": "knows what is seen now",
     "blind": "knows nothing, and takes the shortest way",
 }
-"""What an intruder with each predictor knows, in words."""
+"""What an intruder with each predictor knows, in words; `code` plays only where it was asked for."""
 
 WATCHING = ("similar", "each")
 """The predictors that only watch: nothing else is needed to play them against a real patrol."""

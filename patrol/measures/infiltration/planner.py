@@ -62,11 +62,9 @@ class Planner:
         self.stay = max(round(stay_s / step), 1)
         count = math.prod(ground.shape)
         self._bars = np.full((8, count), np.inf, dtype=np.float32)
-        for k, opposite in enumerate((1, 0, 3, 2, 7, 6, 5, 4)):
-            there = ground.neighbours[:, k] >= 0
+        for k in range(len(self._bars)):
             # From the neighbour in direction k the intruder comes in by a move in the opposite one.
-            into = ground.neighbours[ground.neighbours[there, k], opposite] == np.flatnonzero(there)
-            self._bars[k, ground.squares[there][into]] = 0.0
+            self._bars[k, ground.squares[ground.neighbours[:, k] >= 0]] = 0.0
         self._outside = np.full(count, np.inf, dtype=np.float32)
         self._outside[ground.squares[ground.entries]] = 0.0
         self._point = np.full(count, -1, dtype=np.int32)

@@ -2,6 +2,8 @@
 
 - *future*: what will be seen. Nothing predicts better; it is also what somebody knows who has the scenario, the code,
   and the seed or the key of the draws.
+- *code*: 5 futures that somebody simulates who has the scenario and the code, with draws of its own in place of the
+  fleet's (`experiments.simulated_futures`); the mean of what is seen in them. It plays only where it was asked for.
 - *similar*: the 5 moments of the past whose sighting, now and 3 s before, differs in the fewest points (joint analogs);
   the mean of what was seen after them.
 - *each*: for each robot the 10 moments of the past in which any robot was nearest to its place, now and 3 s before
@@ -17,14 +19,13 @@ every second wanders between them.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from patrol.measures.infiltration.infiltrator import BEGIN_S
-from patrol.measures.infiltration.kernels.alike import differences
 from patrol.measures.infiltration.kernels.footprints import seen_by_none
 from patrol.measures.infiltration.watch import Watch
 
@@ -95,6 +96,17 @@ class Past:
             self._rates[block] = (seen / last).astype(np.float32)
         return self._rates[block]
 
+    def mean(self, seen: Iterable[NDArray[np.uint8]], now: int) -> Chances:
+        """Return the mean of some futures and the base rate.
+
+        Args:
+            seen: uint8 (ahead, points) of each future, 1 where a point is seen.
+            now: The tick that was seen last.
+        """
+        futures = list(seen)
+        total = sum(futures[1:], start=futures[0])
+        return self.mixed(total * np.float32(1.0 / len(futures)), len(futures), now)
+
     def mixed(self, chances: Chances, moments: int, now: int) -> Chances:
         """Take in the base rate as one more moment.
 
@@ -123,14 +135,15 @@ def _future(past: Past, now: int, ahead: int) -> Chances:
 def _similar(past: Past, now: int, ahead: int) -> Chances:
     watch, first, last = past.watch, past.first, now - past.within
     differ = np.zeros(last - first, dtype=np.int32)
-    differences(watch.words, now, first, last, differ)
-    differences(watch.words, now - past.lag, first - past.lag, last - past.lag, differ)
-    seen = np.zeros((ahead, watch.size), dtype=np.uint8)
+    for lag in (0, past.lag):
+        off = np.bitwise_count(watch.words[first - lag : last - lag] ^ watch.words[now - lag])
+        differ += off.sum(axis=1, dtype=np.int32)
+    after: list[int] = []
     for _ in range(SIMILAR):
         moment = int(differ.argmin())
         differ[max(moment - past.apart, 0) : moment + past.apart + 1] = np.iinfo(np.int32).max
-        seen += watch.seen(first + moment + 1, first + moment + 1 + ahead)
-    return past.mixed(seen * np.float32(1.0 / SIMILAR), SIMILAR, now)
+        after.append(first + moment + 1)
+    return past.mean((watch.seen(tick, tick + ahead) for tick in after), now)
 
 
 def _each(past: Past, now: int, ahead: int) -> Chances:
@@ -172,3 +185,13 @@ def predictors_of(past: Past) -> dict[str, Predictor]:
         past: The run.
     """
     return {name: partial(predict, past) for name, predict in _PREDICTORS.items()}
+
+
+def code_predictor(past: Past, futures: Mapping[int, NDArray[np.uint64]]) -> Predictor:
+    """Return the predictor `code`.
+
+    Args:
+        past: The run.
+        futures: By the tick that was seen last: uint64 (futures, ticks, words), as of `Watch.words`, from the next one.
+    """
+    return lambda now, ahead: past.mean((past.watch.unpacked(words[:ahead]) for words in futures[now]), now)

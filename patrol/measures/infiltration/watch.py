@@ -64,7 +64,18 @@ class Watch:
         Returns:
             uint8 (last - first, points), 1 where a point is seen.
         """
-        return np.unpackbits(self.words[first:last].view(np.uint8), axis=1, count=self.size, bitorder="little")
+        return self.unpacked(self.words[first:last])
+
+    def unpacked(self, words: NDArray[np.uint64]) -> NDArray[np.uint8]:
+        """Return which points some words say are seen.
+
+        Args:
+            words: uint64 (n, words), as in `words`.
+
+        Returns:
+            uint8 (n, points), 1 where a point is seen.
+        """
+        return np.unpackbits(words.view(np.uint8), axis=1, count=self.size, bitorder="little")
 
     def ever_seen(self) -> NDArray[np.bool_]:
         """Return which points are seen in some tick, bool (points,)."""

@@ -34,10 +34,6 @@ def seen_by_none(looks, first, points, ticks, robots, out):
                 look = looks[ticks[r, s] + 1 + j, robots[r, s]]
                 for i in range(first[look], first[look + 1]):
                     counts[points[i]] += 1
-            for s in range(ticks.shape[1]):
-                look = looks[ticks[r, s] + 1 + j, robots[r, s]]
-                for i in range(first[look], first[look + 1]):
-                    v = points[i]
-                    if counts[v]:
-                        out[j, v] *= np.float32(1.0) - np.float32(counts[v]) * share
-                        counts[v] = 0
+            for v in range(out.shape[1]):
+                out[j, v] *= np.float32(1.0) - np.float32(counts[v]) * share
+                counts[v] = 0

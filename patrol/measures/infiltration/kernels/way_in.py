@@ -76,7 +76,6 @@ def least_detection(
     reached[0, :] = infinite
     if start >= 0:
         reached[0, squares[start]] = 0.0
-    leaving = np.empty(squares_count, np.float32)
     best, at, enough = np.inf, -1, -np.inf
     for j in range(1, instants - stayed + 1):
         tick = (j - 1) // parts
@@ -98,9 +97,9 @@ def least_detection(
             takes = straight if kind == 0 else diagonal
             if takes > j:
                 continue
-            leaving[:] = reached[j - takes]
+            leaving = reached[j - takes]
             for i in range(j - takes, j - takes + takes // 2):
-                leaving += risk[i // parts]
+                leaving = leaving + risk[i // parts]
             inner = out[rim : rim + n]
             k = 4 * kind
             a, b = rim + steps[k], rim + steps[k + 1]

@@ -121,6 +121,19 @@ def test_the_moving_intruder_gets_a_table_of_its_own(
         fogwatch.load(watched).infiltration(depth=3.0)
 
 
+def test_an_intruder_with_the_code_simulates_the_run(
+    watched: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert command("intruder", watched, *MOVING[:-1], "2", "--code") == 0
+    shown = capsys.readouterr().out
+    assert "has the scenario and the code" in shown
+    settings: dict[str, Any] = {"within_s": 20.0, "stay_s": 5.0, "speed": 4.0, "attempts": 2}
+    played = fogwatch.load(watched).infiltration(code=True, **settings)
+    assert played.gain.code is not None
+    assert played.gain.code.percent == played.once["code"].percent - played.once["blind"].percent
+    assert f"gain of scenario and code, likewise │ {played.gain.code.percent:.0f} (" in " ".join(shown.split())
+
+
 def test_a_report_shows_an_attempt_that_succeeds_and_one_that_does_not(watched: Path) -> None:
     run = open_run(watched)
     moving = MovingIntruder(run, moving_game(run, Infiltrator(speed=4.0, within_s=20.0, stay_s=5.0, attempts=40)))
