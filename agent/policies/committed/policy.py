@@ -72,7 +72,7 @@ class Committed(Commitment):
         whole = max(1, round(team))
         most_slack = math.inf if self.division is None else ZONE_SLACK
         self.spacing = Spacing.on(
-            laid_out, setup.spec.number, followers, whole, stride, setup.sight.range_m, setup.terrain, most_slack
+            laid_out, setup.spec, followers, whole, stride, setup.sight.range_m, setup.terrain, most_slack
         )
 
     def _take_zones(self, zoned: ZonedGround) -> None:
