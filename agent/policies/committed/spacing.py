@@ -32,8 +32,9 @@ if TYPE_CHECKING:
     from patrol.ground.tour.round import Round
     from patrol.scenario import RobotSpec
 
-SLACK = 0.2
-"""Difference of the gaps, as a share of an equal gap, from which on a robot waits; at least `SLACK_RANGES`."""
+SLACK, WHEELS_SLACK = 0.1, 0.2
+"""Difference of the gaps, as a share of an equal gap, from which on a robot waits; at least `SLACK_RANGES`. Bodies with
+wheels need more time for one turn than for another, so they would wait for each other too often."""
 
 SLACK_RANGES = 0.5
 """The same in sensor ranges: robots gain and lose so much by what they see from afar, and it evens out by itself."""
@@ -110,6 +111,7 @@ class Spacing:
     Attributes:
         followers: Numbers of all robots that follow it; those in other parts of the terrain do not count.
         whole: How many of them there are without the spare ones.
+        slack: Difference of the gaps from which on a robot waits, as a share of an equal gap.
         slack_m: Difference of the gaps that is left alone in any case, m.
         most_slack: Upper bound of the same, as a share of an equal gap.
         length_m: The way that a robot could have driven straight in the time that it needs for the tour, m.
@@ -124,6 +126,7 @@ class Spacing:
     followers: frozenset[int]
     whole: int
     stride: float
+    slack: float
     slack_m: float
     most_slack: float
     length_m: float
@@ -162,10 +165,10 @@ class Spacing:
             most_slack: Of the round, as the attribute.
         """
         spots = np.array([terrain.centre(*divmod(int(place), terrain.width)) for place in laid_out.places])
-        lost = np.zeros(len(spots) + 1)
+        lost, slack = np.zeros(len(spots) + 1), SLACK
         if spec.model != "holonomic":
             turns = _turns(spots, laid_out, TURNING_STRIDES * stride)
-            lost[1:] = TURNING_RADII * spec.radius * np.cumsum(turns)
+            lost[1:], slack = TURNING_RADII * spec.radius * np.cumsum(turns), WHEELS_SLACK
         length_m = laid_out.length_m + float(lost[-1])
         count = max(4, min(int(length_m / stride), len(laid_out.places)))
         at = np.searchsorted(laid_out.along + lost[:-1], np.arange(count) * (length_m / count))
@@ -181,6 +184,7 @@ class Spacing:
             followers,
             whole,
             stride,
+            slack,
             slack_m,
             most_slack,
             length_m,
@@ -352,7 +356,7 @@ class Spacing:
         equal = self.count / len(self.robots)
         per_m = self.count / self.length_m
         places = min(self.slack_m * per_m, max(self.most_slack * equal, LEAST_STRIDES * self.stride * per_m))
-        return ahead < behind - max(SLACK * equal, places)
+        return ahead < behind - max(self.slack * equal, places)
 
 
 def _turns(spots: NDArray[np.float64], laid_out: Round, stretch_m: float) -> NDArray[np.float64]:
