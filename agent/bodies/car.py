@@ -373,6 +373,14 @@ class CarBody(BodyBase):
             moves = car_moves(setup.spec, setup.step, setup.ground.terrain.point)
             self._manoeuvres = Manoeuvres(moves, setup.spec, setup.ground.terrain, self._steering.is_free, setup.step)
 
+    def obey(self, intent: Intent, view: View) -> Choice:
+        """Return the command that best carries out an intent, and remember it for the way back."""
+        choice = super().obey(intent, view)
+        assert isinstance(choice.command, Drive)
+        if self._retreat is not None:
+            self._retreat.remember(choice.command)
+        return choice
+
     def _choose(self, intent: Intent, view: View) -> Choice:
         tick, pose = view.tick, view.pose
         if self._retreat is None:
@@ -387,10 +395,7 @@ class CarBody(BodyBase):
             back = self._retreat.next(tick, pose)
             if back is None:
                 self._after(Event.OVER, tick)
-        choice = self._carry_out(intent, view) if back is None else Choice(back, intent.state)
-        assert isinstance(choice.command, Drive)
-        self._retreat.remember(choice.command)
-        return choice
+        return self._carry_out(intent, view) if back is None else Choice(back, intent.state)
 
     def _after(self, event: Event, tick: int) -> None:
         """Enter the mode that follows, and end what belongs to the one before. Arcs end with a bump."""

@@ -12,11 +12,18 @@ that, and would touch within a few steps, both keep right:
 - At first each tries to leave the other all the room that it needs; where walls do not allow that, half of it, so that
   two robots fit through a corridor of little more than two bodies.
 - A robot that stands still is gone round on either side.
-- Where no way leads past, or only a long one, robots go on, and settle it as in `agent.bodies.passing`.
+- Where no way leads past, or only a long one, the robots settle at once which of them goes back
+  (`agent.bodies.passing`).
 
-A step that would touch another robot, if that goes on as before, is not taken. The body then does what it does after
-a bump. So robots that cannot pass, or whose guess was wrong, mostly stop before they touch. After a few such stops in a
-row it drives, because positions that are wrong or forged must not hold it for good.
+Each step keeps to the robot's own side of a line between it and each other robot that is near. Both find the same line
+from the last movements of both, so two robots that do so never touch, whatever each does next:
+
+    1 >  .  |   < 2      1 and 2 come towards each other with a gap of 0.6 m between their bodies, each 0.5 m a tick.
+                         There is no room for both to go on, so each may come nearer by half of the gap, 0.3 m.
+
+A step that would lead farther is shortened. Where nothing of it is left, the body stands, and does what it does after a
+bump. After a few such stops in a row it drives, because positions that are wrong or forged must not hold it for good;
+a bump shows that the other robot is there, and it stops again.
 
 All this is as good as what is heard. In lockstep, on a channel without delay or loss, where all robots send in each
 tick, a robot decides on where the others are now. With delay or loss, and where the fleet saves on its radio
@@ -35,7 +42,6 @@ from agent.bodies.giveway import disc_round
 from agent.routes.ground import Ground
 from agent.routes.routes import Routes
 from patrol.ground.swept_path import advance
-from patrol.pose import is_halt
 
 if TYPE_CHECKING:
     from agent.ports import Place
@@ -65,7 +71,10 @@ LONGER = 2.0
 """A way past another robot may be longer than the direct one by so many times the width of a body."""
 
 SAMPLES = 8
-"""Number of moments of a step at which two bodies are looked at."""
+"""Number of moments of a step at which a body is looked at."""
+
+HEARD_M = 0.02
+"""Largest error of the distance between two robots that hear each other's positions to the centimetre, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,12 +86,14 @@ class Meeting:
         other: The other robot's number.
         here: Where this robot would be then, x and y in m.
         there: Where the other one would be.
+        comes: Whether the other one drives towards this robot.
     """
 
     ticks: float
     other: int
     here: Spot
     there: Spot
+    comes: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,6 +150,7 @@ class KeepingRight:
         self._step = step
         self._strides = strides
         self._stride = strides[number]
+        self._own = Motion(0, 0, (0.0, 0.0))
         self._others: dict[int, Motion] = {}
         self._expected: int | None = None
 
@@ -148,34 +160,60 @@ class KeepingRight:
         Args:
             view: Of this tick.
         """
+        here = view.reported.x, view.reported.y
+        self._own = self._own.after(view.tick, here, self._stride)
         before, self._others = self._others, {}
         for number, peer in view.peers.items():
             place = peer.pose.x, peer.pose.y
             was = before.get(number) or Motion(peer.sequence, peer.sequence, place)
             self._others[number] = was.after(peer.sequence, place, self._strides[number])
 
-    def touches(self, command: Command, view: View) -> bool:
-        """Return True if a command would bring the body into another one that goes on as before.
+    def room(self, command: Command, view: View) -> float:
+        """Return the share of a step that stays on this robot's side of a line between it and each other one.
+
+        Both robots find the same line, so two that do so never touch, whatever each of them does next.
 
         Args:
             command: For the next step.
             view: Of this tick.
         """
-        if is_halt(command):
-            return False
+        free, x, y = SAMPLES, view.pose.x, view.pose.y
         for number, other in self._others.items():
-            both, (x, y), (right, up) = self._both(number), other.place, other.moved
-            reach = both + self._stride + math.hypot(right, up)
-            if math.dist((view.pose.x, view.pose.y), (x, y)) > reach:
+            if math.dist((x, y), other.place) >= self._both(number) + self._stride + self._strides[number]:
                 continue
-            for sample in range(1, SAMPLES + 1):
-                share = sample / SAMPLES
-                end = advance(view.pose, command, share * self._step)
-                if math.dist((end.x, end.y), (x + share * right, y + share * up)) < both:
-                    return True
-        return False
+            across, up, most = self._side(number, other)
+            for sample in range(1, free + 1):
+                end = advance(view.pose, command, sample / SAMPLES * self._step)
+                if (end.x - x) * across + (end.y - y) * up > most:
+                    free = sample - 1
+                    break
+        return free / SAMPLES
 
-    def past(self, place: Place, view: View) -> Place:
+    def _side(self, number: int, other: Motion) -> tuple[float, float, float]:
+        """Return the direction (x, y) to the line between this robot and another, and how far it may go there, m.
+
+        The line is square to where the robots would be nearest to each other in the next step if both went on, or to
+        where they are if they would touch. Each may go on as before if there is room for both, and half of the rest.
+        """
+        own, both = self._own, self._both(number) + HEARD_M
+        x, y = other.place[0] - own.place[0], other.place[1] - own.place[1]
+        right, up = other.moved[0] - own.moved[0], other.moved[1] - own.moved[1]
+        speed = right**2 + up**2
+        when = min(max(-(x * right + y * up) / speed, 0.0), 1.0) if speed > 0.0 else 0.0
+        across, along = x + when * right, y + when * up
+        if math.hypot(across, along) < both:
+            across, along = x, y
+        length = math.hypot(across, along)
+        if length == 0.0:
+            return 0.0, 0.0, 0.0
+        across, along = across / length, along / length
+        gap = max(0.0, x * across + y * along - both)
+        mine = max(0.0, own.moved[0] * across + own.moved[1] * along)
+        others = max(0.0, -other.moved[0] * across - other.moved[1] * along)
+        rest = gap - mine - others
+        return across, along, mine + 0.5 * rest if rest >= 0.0 else gap * mine / (mine + others)
+
+    def past(self, place: Place, view: View) -> Place | int:
         """Return a place with the way to it that leads past a robot which comes towards this one.
 
         Args:
@@ -183,7 +221,8 @@ class KeepingRight:
             view: Of this tick. What keeps the way on the right is closed on its ground.
 
         Returns:
-            The same place where no robot is about to be met, or no short way leads past.
+            The number of a robot that comes towards this one where no short way leads past it. The same place where no
+            robot is about to be met, or one that does not come.
         """
         meeting = self._next_meeting(place, view)
         if meeting is None or view.start is None:
@@ -204,7 +243,7 @@ class KeepingRight:
             if way.place == direct.place == ground.centre(*target) and way.length <= longest:
                 ground.close(discs)
                 return replace(place, bend=way.bend)
-        return place
+        return meeting.other if meeting.comes else place
 
     def _next_meeting(self, place: Place, view: View) -> Meeting | None:
         """Return the robot that would be met first on the way to a place; None for none."""
@@ -228,7 +267,8 @@ class KeepingRight:
                     (x + ticks * across, y + ticks * up),
                     (other_x + ticks * moved_x, other_y + ticks * moved_y),
                 )
-                meetings.append(Meeting(ticks, number, here, there))
+                comes = apart_x * moved_x + apart_y * moved_y < 0.0
+                meetings.append(Meeting(ticks, number, here, there, comes))
         return min(meetings, key=lambda meeting: meeting.ticks, default=None)
 
     def _barriers(self, meeting: Meeting, here: Spot) -> Iterator[list[Disc]]:

@@ -137,7 +137,22 @@ class Passing:
         if self.role is not None and self._is_over(view):
             self.role = None
         if view.bumped and self.role is not Role.GOES_BACK:
-            self._settle(place, view)
+            self._settle(place, view, self._in_reach(view.pose, view.peers))
+        return self._act(place, view)
+
+    def meet(self, place: Place, other: int, view: View) -> Place:
+        """Settle with a robot that comes towards this one where they cannot pass, and return where to go.
+
+        Args:
+            place: Where the robot would go otherwise.
+            other: The other robot's number.
+            view: Of this tick.
+        """
+        self._settle(place, view, other)
+        return self._act(place, view)
+
+    def _act(self, place: Place, view: View) -> Place:
+        """Return where to go in the role that the robot has."""
         if self.role is None:
             return place
         if self.role is Role.GOES_BACK:
@@ -163,9 +178,8 @@ class Passing:
             return True
         return view.tick - self._moved_at > STILL_S / self._step
 
-    def _settle(self, place: Place, view: View) -> None:
-        """Take a role if the nearest robot blocks the way to a place."""
-        other = self._in_reach(view.pose, view.peers)
+    def _settle(self, place: Place, view: View, other: int | None) -> None:
+        """Take a role if another robot blocks the way to a place."""
         if other is None:
             return
         peer = view.peers[other].pose

@@ -18,7 +18,7 @@ from agent.bodies.passing import Passing
 from agent.ports import Bearing, Choice, Intent, Place, PolicyFailed, State, Stay, Steer
 from agent.routes.ground import Disc, Ground
 from agent.routes.way_back import WayBack
-from patrol.pose import halted
+from patrol.pose import halted, is_halt, slowed
 from patrol.random import Purpose
 
 if TYPE_CHECKING:
@@ -115,24 +115,23 @@ class BodyBase(ABC):
 
     def obey(self, intent: Intent, view: View) -> Choice:
         """Return the command that best carries out an intent (`agent.ports.Body.obey`)."""
+        bumped = view.bumped
         if self._stops:
             view = replace(view, bumped=True)
         self.way_back.note(view.pose.x, view.pose.y)
         if self._keeping_right is not None:
             self._keeping_right.note(view)
         choice = self._choose(self._led(intent, view), view)
-        if not self._stops_short(intent, choice, view):
+        right = self._keeping_right
+        if right is None or is_halt(choice.command) or not (isinstance(intent, Place) and intent.gives_room):
             self._stops = 0
             return choice
-        self._stops += 1
-        return replace(choice, command=halted(self.spec.model))
-
-    def _stops_short(self, intent: Intent, choice: Choice, view: View) -> bool:
-        """Return True if the body stops before it touches another one; one that has stopped for long drives on."""
-        right = self._keeping_right
-        if right is None or self._stops >= MOST_STOPS or not (isinstance(intent, Place) and intent.gives_room):
-            return False
-        return right.touches(choice.command, view)
+        room = right.room(choice.command, view)
+        if room > 0.0:
+            self._stops = 0
+            return replace(choice, command=slowed(choice.command, room * choice.command.speed_mps))
+        self._stops = 1 if bumped else self._stops + 1
+        return choice if self._stops > MOST_STOPS else replace(choice, command=halted(self.spec.model))
 
     def _choose(self, intent: Intent, view: View) -> Choice:
         """Return the command for an intent that has been led past others."""
@@ -143,9 +142,10 @@ class BodyBase(ABC):
         if self._passing is None or self._keeping_right is None:
             return intent
         led = self._passing.lead(intent, view)
-        if self._passing.role is None and isinstance(led, Place) and led.gives_room:
-            return self._keeping_right.past(led, view)
-        return led
+        if self._passing.role is not None or not isinstance(led, Place) or not led.gives_room:
+            return led
+        past = self._keeping_right.past(led, view)
+        return self._passing.meet(led, past, view) if isinstance(past, int) else past
 
     def _carry_out(self, intent: Intent, view: View) -> Choice:
         match intent:

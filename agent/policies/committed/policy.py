@@ -65,7 +65,7 @@ class Committed(SharedRound):
         self.target = None
         self.ahead = RoundAhead(setup, laid_out)
         self.spacing = Spacing.on(
-            laid_out, setup.spec.number, robots, whole, stride, setup.sight.range_m, setup.terrain, most_slack
+            laid_out, setup.spec, robots, whole, stride, setup.sight.range_m, setup.terrain, most_slack
         )
         if view is not None and self._round is not None:
             self.ahead.go_to(self.spacing.along_m(self.spacing.nearest((view.reported.x, view.reported.y))))

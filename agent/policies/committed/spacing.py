@@ -4,7 +4,8 @@ Robots tell each other where they are, not how far along the tour. Where the tou
 alone does not say which way the robot is going. So each robot follows all others along the tour: of all ways along it
 that fit the positions heard so far, it takes the likeliest (`agent.policies.committed.kernels.track`).
 
-- *Beginning*: all robots work out the same places, at equal distances on the tour, and which robot goes to which.
+- *Places* lie a step of driving apart: a body with wheels needs longer where the tour turns, so there they are closer.
+- *Beginning*: all robots work out the same places, equally far apart on the tour, and which robot goes to which.
 - *Waiting*: once all are there, a robot that is nearer to the one ahead than to the one behind stands still until it
   no longer is. So gaps become equal again after a death, and open for a newcomer.
 
@@ -29,9 +30,11 @@ if TYPE_CHECKING:
     from agent.view import View
     from patrol.ground.terrain import Terrain
     from patrol.ground.tour.round import Round
+    from patrol.scenario import RobotSpec
 
-SLACK = 0.1
-"""Difference of the gaps, as a share of an equal gap, from which on a robot waits; at least `SLACK_RANGES`."""
+SLACK, WHEELS_SLACK = 0.1, 0.2
+"""Difference of the gaps, as a share of an equal gap, from which on a robot waits; at least `SLACK_RANGES`. Bodies with
+wheels need more time for one turn than for another, so they would wait for each other too often."""
 
 SLACK_RANGES = 0.5
 """The same in sensor ranges: robots gain and lose so much by what they see from afar, and it evens out by itself."""
@@ -41,6 +44,12 @@ ZONE_SLACK = 0.15
 
 LEAST_STRIDES = 3.0
 """Lower bound of that bound, in strides: robots that wait for less go by fits and starts."""
+
+TURNING_RADII = 2.0
+"""Way that a body which does not move sideways loses for each radian by which the tour turns, in radii of the body."""
+
+TURNING_STRIDES = 2.0
+"""Length of the stretches of the tour whose directions are compared for that, in strides."""
 
 OFFSETS = 24
 """Positions of the equally spaced places on the tour that are compared."""
@@ -102,8 +111,12 @@ class Spacing:
     Attributes:
         followers: Numbers of all robots that follow it; those in other parts of the terrain do not count.
         whole: How many of them there are without the spare ones.
+        slack: Difference of the gaps from which on a robot waits, as a share of an equal gap.
         slack_m: Difference of the gaps that is left alone in any case, m.
         most_slack: Upper bound of the same, as a share of an equal gap.
+        length_m: The way that a robot could have driven straight in the time that it needs for the tour, m.
+        along: float64 (n,), length of the tour up to each place, m.
+        tour: float64 (n, 4), x and y of each place in m, and the direction of the tour there, of length 1.
         robots: Those that are followed, by number; the robot itself is one.
         heard: The last positions of this robot and of those heard lately, by number.
     """
@@ -113,8 +126,11 @@ class Spacing:
     followers: frozenset[int]
     whole: int
     stride: float
+    slack: float
     slack_m: float
     most_slack: float
+    length_m: float
+    along: NDArray[np.float64]
     tour: NDArray[np.float64]
     robots: dict[int, Followed] = field(default_factory=dict)
     heard: dict[int, Heard] = field(default_factory=dict)
@@ -128,7 +144,7 @@ class Spacing:
     def on(
         cls,
         laid_out: Round,
-        number: int,
+        spec: RobotSpec,
         followers: frozenset[int],
         whole: int,
         stride: float,
@@ -136,11 +152,11 @@ class Spacing:
         terrain: Terrain,
         most_slack: float = math.inf,
     ) -> Spacing:
-        """Lay places a stride apart along a round.
+        """Lay places a stride of driving apart along a round.
 
         Args:
             laid_out: The round.
-            number: Of the robot itself.
+            spec: Of the robot itself.
             followers: Numbers of all robots that follow it.
             whole: How many of them there are without the spare ones.
             stride: Its way in a tick, m.
@@ -148,15 +164,34 @@ class Spacing:
             terrain: The terrain.
             most_slack: Of the round, as the attribute.
         """
-        count = max(4, min(int(laid_out.length_m / stride), len(laid_out.places)))
-        at = np.searchsorted(laid_out.along, np.arange(count) * (laid_out.length_m / count))
-        chosen = laid_out.places[np.minimum(at, len(laid_out.places) - 1)]
-        spots = np.array([terrain.centre(*divmod(int(place), terrain.width)) for place in chosen])
+        spots = np.array([terrain.centre(*divmod(int(place), terrain.width)) for place in laid_out.places])
+        lost, slack = np.zeros(len(spots) + 1), SLACK
+        if spec.model != "holonomic":
+            turns = _turns(spots, laid_out, TURNING_STRIDES * stride)
+            lost[1:], slack = TURNING_RADII * spec.radius * np.cumsum(turns), WHEELS_SLACK
+        length_m = laid_out.length_m + float(lost[-1])
+        count = max(4, min(int(length_m / stride), len(laid_out.places)))
+        at = np.searchsorted(laid_out.along + lost[:-1], np.arange(count) * (length_m / count))
+        at = np.minimum(at, len(laid_out.places) - 1)
+        spots = spots[at]
         course = np.roll(spots, -1, axis=0) - np.roll(spots, 1, axis=0)
         length = np.sqrt((course**2).sum(axis=1))[:, None]
         tour = np.ascontiguousarray(np.hstack([spots, course / np.maximum(length, 1e-9)]))
-        slack_m = SLACK_RANGES * range_m
-        return cls(laid_out, number, followers, whole, stride, slack_m, most_slack, tour, _scratch=np.zeros(count))
+        slack_m, along = SLACK_RANGES * range_m, laid_out.along[at]
+        return cls(
+            laid_out,
+            spec.number,
+            followers,
+            whole,
+            stride,
+            slack,
+            slack_m,
+            most_slack,
+            length_m,
+            along,
+            tour,
+            _scratch=np.zeros(count),
+        )
 
     def follow_with(self, followers: frozenset[int]) -> None:
         """Follow the round with other robots than before; those of them that are known stay known."""
@@ -179,7 +214,7 @@ class Spacing:
         Args:
             view: Of this tick.
         """
-        memory = MEMORY * self.round.length_m / view.stride / self.whole
+        memory = MEMORY * self.length_m / view.stride / self.whole
         self.heard = {
             number: heard
             for number, heard in self.heard.items()
@@ -192,7 +227,7 @@ class Spacing:
 
     def along_m(self, place: int) -> float:
         """Return the length of the tour up to a place, m."""
-        return place * self.round.length_m / self.count
+        return float(self.along[place])
 
     @property
     def own_place(self) -> int:
@@ -282,7 +317,7 @@ class Spacing:
             robot.course = across / driven, up / driven
             robot.spot = spot
         robot.heard = heard
-        spacing = self.round.length_m / self.count
+        spacing = self.length_m / self.count
         robot.place = follow(robot.costs, self._scratch, self.tour, spacing, ticks, *spot, *robot.course)
 
     def waits(self, view: View) -> bool:
@@ -294,7 +329,7 @@ class Spacing:
             view: Of this tick.
         """
         tick_s = view.stride / view.spec.speed
-        longest = min(PATIENCE * self.round.length_m / view.stride / max(len(self.robots), 1), LONGEST_WAIT_S / tick_s)
+        longest = min(PATIENCE * self.length_m / view.stride / max(len(self.robots), 1), LONGEST_WAIT_S / tick_s)
         if self._waited >= longest:
             self._rests = False
         elif self._waited <= 0:
@@ -313,15 +348,33 @@ class Spacing:
         for number, robot in self.robots.items():
             if number == self.number:
                 continue
-            driven = round((view.tick - robot.heard) * view.stride * self.count / self.round.length_m)
+            driven = round((view.tick - robot.heard) * view.stride * self.count / self.length_m)
             gap = (robot.place + driven - own.place) % self.count
             if gap == 0 and number > self.number:
                 gap = self.count
             ahead, behind = min(ahead, gap), min(behind, self.count - gap)
         equal = self.count / len(self.robots)
-        per_m = self.count / self.round.length_m
+        per_m = self.count / self.length_m
         places = min(self.slack_m * per_m, max(self.most_slack * equal, LEAST_STRIDES * self.stride * per_m))
-        return ahead < behind - max(SLACK * equal, places)
+        return ahead < behind - max(self.slack * equal, places)
+
+
+def _turns(spots: NDArray[np.float64], laid_out: Round, stretch_m: float) -> NDArray[np.float64]:
+    """Return by how much the tour turns from each of its places to the next, rad, float64 (n,).
+
+    Args:
+        spots: float64 (n, 2), x and y of the places, m.
+        laid_out: The round.
+        stretch_m: Length before and after a place over which its directions are taken: a tour on points is jagged.
+    """
+    along, whole = laid_out.along, laid_out.length_m
+    ahead = np.searchsorted(along, (along + stretch_m) % whole) % len(along)
+    behind = np.searchsorted(along, (along - stretch_m) % whole) % len(along)
+    onward, before = spots[ahead] - spots, spots - spots[behind]
+    cross = onward[:, 1] * before[:, 0] - onward[:, 0] * before[:, 1]
+    turned = np.array([abs(math.atan2(*sides)) for sides in zip(cross, (onward * before).sum(axis=1), strict=True)])
+    steps = np.diff(along, append=whole)
+    return np.asarray(turned * steps / stretch_m)
 
 
 def _pairs(ways: NDArray[np.float64]) -> list[int]:

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import math
+from types import SimpleNamespace
+
 import pytest
 
+from agent.bodies.keeping_right import KeepingRight
 from agent.ports import Place
-from patrol.pose import Pose
+from agent.routes.ground import Ground
+from patrol.pose import Pose, Velocity
+from patrol.random import Purpose, draw
 from tests.agent.plans import Robots, Says, plan, prepared_in
 
 RADIUS = 0.2
@@ -55,10 +61,10 @@ def test_robots_that_are_heard_in_every_second_tick_pass_as_well(model: str) -> 
 
 
 @pytest.mark.parametrize("model", ["holonomic", "differential", "car"])
-def test_where_they_cannot_pass_one_goes_back_and_they_hardly_touch(model: str) -> None:
+def test_where_they_cannot_pass_one_goes_back_and_they_do_not_touch(model: str) -> None:
     robots = meeting(model, 1.5)
     robots.until(lambda: robots.bodies[0].pose.x > robots.bodies[1].pose.x, 200)
-    assert collisions(robots) <= 4
+    assert collisions(robots) == 0
 
 
 def test_a_robot_that_does_not_give_room_bumps_first() -> None:
@@ -81,3 +87,37 @@ def test_a_wrong_position_in_the_way_does_not_hold_a_robot_for_good() -> None:
     robots.bodies[1].pose = Pose(8.0, 2.0, 0.0)
     robots.minds[1].policy = Says(Place(8.0, 2.0))
     robots.until_near(RIGHT, 0.5, 400)
+
+
+def test_steps_that_are_cut_never_touch_whatever_robots_did_before() -> None:
+    terrain = plan((20.0, 20.0), (0.0, 0.0, 20.0, 20.0))
+    ground, strides, radii = Ground(terrain, terrain.passable), {1: 0.5, 2: 0.5}, {1: 0.3, 2: 0.3}
+    for number in range(400):
+        share = [draw(number, Purpose.START, index) for index in range(6)]
+        gap, turns = 0.6 + 0.05 + 0.8 * share[0], [math.tau * part for part in share[1:5]]
+        before = [Pose(5.0, 5.0, 0.0), Pose(5.0 + gap, 5.0, 0.0)]
+        here = [moved(pose, 0.5 * share[5], turn) for pose, turn in zip(before, turns[:2], strict=True)]
+        if math.dist((here[0].x, here[0].y), (here[1].x, here[1].y)) < 0.65:
+            continue
+        ends = []
+        for own, other in ((0, 1), (1, 0)):
+            right = KeepingRight(own + 1, radii, strides, ground, 0.5)
+            views = [
+                SimpleNamespace(
+                    tick=tick,
+                    pose=poses[own],
+                    reported=poses[own],
+                    peers={other + 1: SimpleNamespace(pose=poses[other], sequence=tick)},
+                )
+                for tick, poses in enumerate((before, here), 1)
+            ]
+            for view in views:
+                right.note(view)  # type: ignore[arg-type]
+            bearing = turns[2 + own]
+            part = right.room(Velocity(math.cos(bearing), math.sin(bearing)), views[-1])  # type: ignore[arg-type]
+            ends.append(moved(here[own], 0.5 * part, bearing))
+        assert math.dist((ends[0].x, ends[0].y), (ends[1].x, ends[1].y)) >= 0.6, number
+
+
+def moved(pose: Pose, way: float, bearing: float) -> Pose:
+    return Pose(pose.x + way * math.cos(bearing), pose.y + way * math.sin(bearing), bearing)

@@ -34,8 +34,10 @@ class Heard(NamedTuple):
 class Spec:
     """The part of the robot's own specification that it reads."""
 
+    number: int = 1
     radius: float = 0.1
     speed: float = 1.0
+    model: str = "holonomic"
 
 
 FIELD = Terrain("field", np.ones((20, 40), dtype=np.bool_), 1.0)
@@ -83,8 +85,16 @@ DEAD_END = round_through((0, 0), (30, 0))
 """There and back: 60 m."""
 
 
-def spacing_on(laid_out: tuple[Round, Terrain], number: int = 1) -> Spacing:
-    return Spacing.on(laid_out[0], number, frozenset(range(1, 9)), 8, STRIDE, RANGE, laid_out[1])
+def spacing_on(
+    laid_out: tuple[Round, Terrain],
+    number: int = 1,
+    robots: int = 8,
+    range_m: float = RANGE,
+    most_slack: float = math.inf,
+    spec: Spec = Spec(),
+) -> Spacing:
+    own, followers = replace(spec, number=number), frozenset(range(1, robots + 1))
+    return Spacing.on(laid_out[0], own, followers, robots, STRIDE, range_m, laid_out[1], most_slack)  # type: ignore[arg-type]
 
 
 def at(tick: int, places: Mapping[int, tuple[float, float]], own: int = 1) -> Seen:
@@ -140,6 +150,15 @@ def test_all_robots_find_the_same_equally_spaced_places() -> None:
     assert gaps == pytest.approx([20.0] * 3, abs=1.0)
     # The pair that stands together is parted, and the others stay near to where they are.
     assert abs(chosen[1] - chosen[2]) > 15.0
+
+
+@pytest.mark.parametrize(("model", "is_closer"), [("holonomic", False), ("differential", True), ("car", True)])
+def test_places_of_bodies_with_wheels_are_closer_where_the_tour_turns(model: str, is_closer: bool) -> None:
+    turns = [(col, row) for col in range(18, 0, -2) for row in (14, 18)]
+    laid_out, terrain = round_through((0, 0), (39, 0), (39, 18), *turns)
+    spacing = spacing_on((laid_out, terrain), spec=Spec(radius=1.0, model=model))
+    # The tour is straight at first, so half of the places reach farther than half of its length.
+    assert (spacing.along_m(spacing.count // 2) > 0.55 * laid_out.length_m) is is_closer
 
 
 def test_who_is_nearer_to_the_one_ahead_waits_until_the_gaps_are_equal() -> None:
@@ -203,14 +222,14 @@ def test_gaps_that_differ_by_less_than_half_a_sensor_range_are_left_alone(
     range_m: float, most_slack: float, waited: bool
 ) -> None:
     places = {1: (10.5, 0.5), 2: (20.5, 0.5), 3: (10.5, 10.5)}  # 10 m ahead of robot 1, 30 m behind
-    spacing = Spacing.on(RING[0], 1, frozenset({1, 2, 3}), 3, STRIDE, range_m, RING[1], most_slack)
+    spacing = spacing_on(RING, robots=3, range_m=range_m, most_slack=most_slack)
     for tick in range(6):
         note(spacing, at(tick, places))
     assert waits(spacing, at(6, places)) is waited
 
 
 def test_robots_in_other_parts_of_the_terrain_do_not_count() -> None:
-    spacing = Spacing.on(RING[0], 1, frozenset({1, 2}), 2, STRIDE, RANGE, RING[1])
+    spacing = spacing_on(RING, robots=2)
     seen = at(0, {1: (0.5, 0.5), 2: (1.5, 0.5), 3: (35.5, 15.5)})
     own_m = begin(spacing, seen)
     note(spacing, seen)
@@ -221,7 +240,7 @@ def test_robots_in_other_parts_of_the_terrain_do_not_count() -> None:
 
 def test_a_robot_that_is_not_heard_for_a_while_is_expected_to_go_on() -> None:
     apart = {1: (10.5, 0.5), 2: (20.5, 0.5), 3: (10.5, 10.5)}
-    spacing = Spacing.on(RING[0], 1, frozenset({1, 2, 3}), 3, STRIDE, RANGE, RING[1])
+    spacing = spacing_on(RING, robots=3)
     for tick in range(6):
         note(spacing, at(tick, apart))
     assert waits(spacing, at(6, apart))
