@@ -9,8 +9,9 @@ so each can work out what *all* will do, and take its own part:
 - *The draw*: once a robot has seen its station, the plans are compared in which it goes to each of the near ones next.
   Each is improved by small moves (`agent.policies.stochastic.kernels.plan`). One is drawn; the less it is behind the
   best, the likelier.
-- *Beginning anew*: at the begin of a period, and whenever other robots are heard, all plan from where the robots are.
-  So robots that have believed different things agree again.
+- *Agreeing again*: a lost position makes robots believe different things. So a draw stays the same for a while, and a
+  robot that is seen to go elsewhere than was worked out is worked out anew. Where that happens often, this robot
+  chooses freely. At the begin of a period, and whenever other robots are heard, all plan from where the robots are.
 
 For example, the best plan costs 40.0 s (the root of its cost) and begins with the first of three stations; with the
 second one first it would cost 0.2 s more, with the third one 2 s. With a spread of 0.4 s they are drawn with 62, 38 and
@@ -21,8 +22,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from hashlib import blake2b
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +31,6 @@ from agent.policies.commitment.commitment import Target
 from agent.policies.commitment.stands import RoundStands
 from agent.policies.stochastic.kernels.ages import weighted_ages
 from agent.policies.stochastic.kernels.plan import compare, improve
-from patrol.kernels.elementary import exp
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -78,11 +77,22 @@ NO_WAY_M = 1e6
 PERIOD_S = 300.0
 """Time after which all robots begin anew, s."""
 
+SPELL = 0.1
+"""Time for which the draw of a robot and a station stays the same, as a share of the time between two robots on the
+tour. So robots that believe slightly different things still draw the same."""
+
+TURNED = 0.4
+"""A robot whose way to its station has become so much longer again, in ranges of the sensor, has drawn another one."""
+
+MOST_WRONG, LEAST_SEEN = 0.4, 20
+"""Share of the stations of other robots, and of so many at least, from which the robots may turn before this one takes
+it that their plans differ, and chooses freely for the rest of the period."""
+
+STUCK_S = 30.0
+"""Time for which a robot has to stand still to be left out of the plan, s."""
+
 LATE, LATE_S = 3.0, 15.0
 """A station that is not seen after so many times the way there, and so many seconds, is taken as given up."""
-
-MOST_KNOWN = 64
-"""Draws that a process remembers: its robots often work out the same ones."""
 
 Routes = NDArray[np.int64]
 Ages = NDArray[np.float64]
@@ -98,6 +108,7 @@ class Part:
         route: Its stations in order; it is on the way to the first.
         age_s: Weighted age of that one when it was drawn, s.
         until: Tick from which on the station is taken as given up.
+        least_way_s: Shortest way to the station that the robot has had since, s.
         oldest: Number of a point of the station among those of the round, the oldest one when all were looked at last.
     """
 
@@ -105,34 +116,7 @@ class Part:
     age_s: float = 0.0
     until: int = 0
     oldest: int = 0
-
-
-class Question(NamedTuple):
-    """The draw of one robot's next station: all that it depends on but for chance.
-
-    Attributes:
-        routes: int64 (robots, stations), the plan.
-        counts: int64 (robots,), how many stations are in each route.
-        pinned: bool (robots,), the robots that are on the way to a station.
-        row: Of the robot.
-        choices: int64 (n,), stations to choose from.
-        facts: What the kernels know.
-    """
-
-    routes: Routes
-    counts: Routes
-    pinned: NDArray[np.bool_]
-    row: int
-    choices: Routes
-    facts: Facts
-
-    @property
-    def digest(self) -> bytes:
-        """A hash of all of it."""
-        asked = blake2b(repr((self.row, len(self.choices))).encode(), digest_size=16)
-        for array in (self.routes, self.counts, self.pinned, self.choices, *self.facts):
-            asked.update(array.tobytes())
-        return asked.digest()
+    least_way_s: float = math.inf
 
 
 class JointPlan:
@@ -169,10 +153,14 @@ class JointPlan:
         self._stands = RoundStands(setup, laid_out)
         self._weights = NO_WEIGHTS if weights is None else weights / weights.reshape(-1)[laid_out.points].min()
         ground_m2 = len(laid_out.points) * setup.terrain.point_area
-        self._most_robots = ground_m2 / (CROWDED * math.pi * setup.sight.range_m**2)
+        # Free choices are not bound to the ground of a zone.
+        self._most_robots = ground_m2 / (CROWDED * math.pi * setup.sight.range_m**2) if weights is None else math.inf
+        self._turned_s = TURNED * setup.sight.range_m * self._pace
         self._period = -1
         self._interval_s = math.inf
         self._least_s = 0.0
+        self._stood: dict[int, tuple[float, float, int]] = {}
+        self._right = self._wrong = 0
 
     @property
     def station(self) -> int | None:
@@ -186,9 +174,13 @@ class JointPlan:
         Args:
             view: Of this tick.
         """
-        robots = sorted({self._number, *(number for number in view.peers if number in self.robots)})
+        others = [number for number in view.peers if number in self.robots and not self._is_stuck(view, number)]
+        robots = sorted({self._number, *others})
         period = int(view.tick * self._step / PERIOD_S)
-        if len(robots) > self._most_robots:
+        if period != self._period:
+            self._right = self._wrong = 0
+        differs = self._wrong > MOST_WRONG * max(self._right + self._wrong, LEAST_SEEN)
+        if differs or len(robots) > self._most_robots:
             self.parts = {}
             return
         self._interval_s = self._round.length_m * self._pace / len(robots)
@@ -197,8 +189,12 @@ class JointPlan:
             self._begin(view, robots)
             return
         done = [number for number in robots if self._is_done(view, self.parts[number])]
-        if done:
-            self._draw(view, done, self._oldest_s(view), self._leads_s(view, robots))
+        turned = [number for number in robots if number not in done and self._turned(view, number)]
+        self._right += len(set(done) - {self._number})
+        self._wrong += len(set(turned) - {self._number})
+        drawing = sorted({*done, *turned})
+        if drawing:
+            self._draw(view, drawing, done, self._oldest_s(view), self._leads_s(view, robots))
 
     def visit(self, view: View, given_up: GivenUp) -> Target | None:
         """Return the oldest point of the robot's station that it has not given up; None where there is none.
@@ -250,6 +246,23 @@ class JointPlan:
                 return False
         return True
 
+    def _is_stuck(self, view: View, number: int) -> bool:
+        """Return True if another robot has stood still for long: it will not see what is left to it."""
+        pose, (x, y, since) = view.peers[number].pose, self._stood.get(number, (math.inf, math.inf, 0))
+        if math.hypot(pose.x - x, pose.y - y) > view.stride:
+            self._stood[number] = pose.x, pose.y, view.tick
+            return False
+        return (view.tick - since) * self._step > STUCK_S
+
+    def _turned(self, view: View, number: int) -> bool:
+        """Return True if a robot goes away from its station, as where its fog differs and it has drawn another one."""
+        part = self.parts[number]
+        if not part.route:
+            return False
+        way_s = float(self._ways_s(view, number)[part.route[0]])
+        part.least_way_s = min(part.least_way_s, way_s)
+        return way_s > part.least_way_s + self._turned_s
+
     def _begin(self, view: View, robots: Sequence[int]) -> None:
         """Make a new plan: always the robot that is free first goes to the best station that is left."""
         ages, leads = self._oldest_s(view), self._leads_s(view, robots)
@@ -264,29 +277,37 @@ class JointPlan:
             rows[row].append(best)
             free_at[row] += ways[best]
         self.parts = {number: Part(row) for number, row in zip(robots, rows, strict=True)}
-        self._draw(view, robots, ages, leads, MOVES_FIRST * len(ages))
+        self._draw(view, robots, (), ages, leads, MOVES_FIRST * len(ages))
 
     def _leads_s(self, view: View, robots: Sequence[int]) -> NDArray[np.float64]:
         """float64 (robots, stations), about how long each robot takes to each station, s."""
-        leads = np.empty((len(robots), len(self._spots)))
-        for row, number in enumerate(robots):
-            pose = view.reported if number == self._number else view.peers[number].pose
-            away = np.sqrt((self._spots[:, 0] - pose.x) ** 2 + (self._spots[:, 1] - pose.y) ** 2)
-            here = int(self._stations.around[view.point_of((pose.x, pose.y))])
-            here = here if here >= 0 else int(away.argmin())
-            # The way by the station from which the place is seen, and the shortest that there could be.
-            longest = np.minimum(self._apart_m[here] + away[here], NO_WAY_M)
-            leads[row] = 0.5 * (longest + np.maximum(away, self._apart_m[here] - away[here]))
-        return leads * self._pace
+        return np.array([self._ways_s(view, number) for number in robots])
+
+    def _ways_s(self, view: View, number: int) -> NDArray[np.float64]:
+        """float64 (stations,), about how long one robot takes to each station, s."""
+        pose = view.reported if number == self._number else view.peers[number].pose
+        away = np.sqrt((self._spots[:, 0] - pose.x) ** 2 + (self._spots[:, 1] - pose.y) ** 2)
+        here = int(self._stations.around[view.point_of((pose.x, pose.y))])
+        here = here if here >= 0 else int(away.argmin())
+        # The way by the station from which the place is seen, and the shortest that there could be.
+        longest = np.minimum(self._apart_m[here] + away[here], NO_WAY_M)
+        return np.asarray(0.5 * (longest + np.maximum(away, self._apart_m[here] - away[here])) * self._pace)
 
     def _draw(
-        self, view: View, done: Sequence[int], ages: Ages, leads: NDArray[np.float64], moves_first: int = 0
+        self,
+        view: View,
+        drawing: Sequence[int],
+        done: Sequence[int],
+        ages: Ages,
+        leads: NDArray[np.float64],
+        moves_first: int = 0,
     ) -> None:
         """Draw the next station of some robots, one after the other.
 
         Args:
             view: Of this tick.
-            done: Numbers of the robots.
+            drawing: Numbers of the robots.
+            done: Of those that have seen their station, or given it up.
             ages: float64 (stations,), weighted, s.
             leads: Of `_leads_s`, for all robots.
             moves_first: Moves by which the plan is improved before.
@@ -296,24 +317,29 @@ class JointPlan:
         self._least_s = STALE * min(self._interval_s, float(ages.max()))
         for row, number in enumerate(robots):
             route = self.parts[number].route
-            route = _gone_on(route, ages, self._least_s) if number in done and not moves_first else route
+            route = _gone_on(route, ages, self._least_s) if number in done else route
             routes[row, : len(route)], counts[row] = route, len(route)
         _fill(routes, counts)
-        pinned = np.array([number not in done for number in robots])
+        pinned = np.array([number not in drawing for number in robots])
         facts = (leads, self._apart_s, ages, self._near)
         if moves_first:
             improve(routes, counts, pinned, *facts, moves_first, self._seed(view, 0))
-        for number in done:
-            row, seen = robots.index(number), self.parts[number].route[:1]
-            taken = [*routes[pinned, 0].tolist(), *([] if moves_first else seen)]
+        spread_s = self._spread * self._interval_s * len(robots) / len(self._spots)
+        for number in drawing:
+            row, seen = robots.index(number), self.parts[number].route[:1] if number in done else []
+            taken = [*routes[pinned, 0].tolist(), *seen]
             choices = np.union1d(self._choices(ages, leads, row, taken), routes[row, : counts[row]][:1])
             if not choices.size:
                 continue  # there are fewer stations than robots
-            drawn = self._drawn(view, number, Question(routes, counts, pinned.copy(), row, choices, facts))
-            station, routes, counts = int(choices[drawn[0]]), drawn[1].copy(), drawn[2].copy()
+            plans = np.zeros((len(choices), *routes.shape), dtype=np.int64)
+            plan_counts, costs = np.zeros((len(choices), len(routes)), dtype=np.int64), np.zeros(len(choices))
+            seed = self._seed(view, number)
+            compare(routes, counts, pinned, row, choices, *facts, MOVES, seed, plans, plan_counts, costs)
+            drawn = int((costs + spread_s * self._chances(view, number, choices)).argmin())
+            station, routes, counts = int(choices[drawn]), plans[drawn], plan_counts[drawn]
             pinned[row] = True
             late_s = LATE * float(leads[row, station]) + LATE_S
-            self.parts[number].age_s = float(ages[station])
+            self.parts[number].age_s, self.parts[number].least_way_s = float(ages[station]), math.inf
             self.parts[number].until = view.tick + math.ceil(late_s / self._step)
         for row, number in enumerate(robots):
             self.parts[number].route = routes[row, : counts[row]].tolist()
@@ -325,33 +351,17 @@ class JointPlan:
         stations = np.flatnonzero(worth)
         return stations[np.argsort(leads[row, stations], kind="stable")[:CHOICES]]
 
+    def _chances(self, view: View, number: int, choices: Routes) -> NDArray[np.float64]:
+        """float64, the draws of one robot's choices: less their Gumbel-distributed worth, in spreads."""
+        drawn = [self._chance(self._spell(view), number, choice + 1) for choice in choices.tolist()]
+        return np.array([math.log(-math.log(0.5**54 + share)) for share in drawn])
+
     def _seed(self, view: View, number: int) -> int:
-        return int(self._chance(view.tick, number, 0) * 2.0**53)
+        return int(self._chance(self._spell(view), number, 0) * 2.0**53)
 
-    def _drawn(self, view: View, number: int, question: Question) -> tuple[int, Routes, Routes]:
-        """Draw one of the choices: its number, its routes and how many stations are in each."""
-        spread_s = max(self._spread * self._interval_s * len(self.parts) / len(self._spots), 1e-9)
-        chance = spread_s, self._seed(view, number), self._chance(view.tick, number, 1)
-        known = question.digest, *chance
-        if known not in _known:
-            if len(_known) >= MOST_KNOWN:
-                _known.clear()
-            _known[known] = _draw_one(question, *chance)
-        return _known[known]
-
-
-_known: dict[tuple[bytes, float, int, float], tuple[int, Routes, Routes]] = {}
-"""Draws of this process by all that they depend on."""
-
-
-def _draw_one(question: Question, spread_s: float, seed: int, share: float) -> tuple[int, Routes, Routes]:
-    routes, counts, pinned, row, choices, facts = question
-    plans = np.zeros((len(choices), *routes.shape), dtype=np.int64)
-    plan_counts, costs = np.zeros((len(choices), len(routes)), dtype=np.int64), np.zeros(len(choices))
-    compare(routes, counts, pinned, row, choices, *facts, MOVES, seed, plans, plan_counts, costs)
-    shares = np.cumsum([exp(-behind / spread_s) for behind in (costs - costs.min()).tolist()])
-    drawn = int(np.searchsorted(shares[:-1], share * shares[-1], side="right"))
-    return drawn, plans[drawn], plan_counts[drawn]
+    def _spell(self, view: View) -> int:
+        """Return the number of the time in which draws stay the same."""
+        return int(view.tick * self._step * len(self.robots) / (SPELL * self._round.length_m * self._pace))
 
 
 def _gone_on(route: list[int], ages: Ages, least_s: float) -> list[int]:

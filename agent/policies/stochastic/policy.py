@@ -5,8 +5,9 @@ each next station from good plans for the whole fleet (`agent.policies.stochasti
 has been seen (`agent.policies.commitment.commitment`). With a fleet key the draws come from the key, so nobody else can
 compute them (`agent.chance`).
 
-Where there is no tour, because the ground is too large for one or the sensor does not look all around, each choice is
-free. So it is where robots are crowded (`CROWDED`), and for a robot for which no station is left.
+Where there is no tour (`patrol.measures.best_tour`), as in a fleet of several speeds or with a sensor that does not
+look all around, each choice is free. So it is where robots are crowded (`CROWDED`), where plans differ too often, and
+for a robot for which no station is left.
 """
 
 from __future__ import annotations
@@ -50,6 +51,7 @@ class Stochastic(SharedRound):
         setup = self._setup
         if laid_out is not self._round:
             weights = None if setup.zoned is None else _with_margin(setup.zoned(self._weighing))
+            self._station = self.target = None
             self.plan = None if laid_out.stations is None else JointPlan(setup, laid_out, laid_out.stations, weights)
         if self.plan is not None:
             self.plan.robots = robots
@@ -58,7 +60,7 @@ class Stochastic(SharedRound):
         return zoned.rounds[group.classes]  # what weighs more is visited more often without being there twice
 
     def _leave_round(self) -> None:
-        self.plan = None
+        self.plan = self._station = None
 
     def _take_note(self, view: View, goes_on: bool) -> bool:
         super()._take_note(view, goes_on)

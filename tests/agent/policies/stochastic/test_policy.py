@@ -76,23 +76,32 @@ def test_other_draws_give_another_order_and_the_same_ones_the_same() -> None:
     assert orders[0] != orders[2]
 
 
-def test_without_a_spread_the_best_plan_is_kept_to() -> None:
-    """With equal draws of moves, the draw of the station decides nothing."""
-    robots = Robots(patrol(options={"unpredictability": 0.0}))
-    fog = robots.minds[0].belief.fog
-    robots.until(lambda: fog.seen == fog.points, 600)
+def mean_oldest(robots: Robots, ticks: int = 800) -> float:
+    """The mean age of the stalest point after half of the time, ticks."""
+    fog, stalest = robots.minds[0].belief.fog, []
+    for _ in range(ticks):
+        robots.tick()
+        stalest.append(fog.mfow(robots.k))
+    return float(np.mean(stalest[ticks // 2 :]))
+
+
+def test_ground_gets_older_the_less_predictable_robots_are() -> None:
+    steady, wild = (Robots(patrol(options={"unpredictability": value})) for value in (0.0, 20.0))
+    assert mean_oldest(steady) < 0.9 * mean_oldest(wild)
+
+
+def test_robots_that_hear_each_other_hold_the_same_plan() -> None:
+    robots = Robots(patrol())
+    for _ in range(300):
+        robots.tick()
+        plans = [policy_of(robots, number).plan for number in range(2)]
+        parts = [plan_.parts for plan_ in plans if plan_ is not None]
+        assert [part.route for part in parts[0].values()] == [part.route for part in parts[1].values()]
 
 
 def test_robots_share_the_stations_out() -> None:
     one, two = Robots(patrol(STARTS[:1])), Robots(patrol())
-    ages = []
-    for robots in (one, two):
-        fog, stalest = robots.minds[0].belief.fog, []
-        for _ in range(800):
-            robots.tick()
-            stalest.append(fog.mfow(robots.k))
-        ages.append(np.mean(stalest[400:]))
-    assert ages[1] < 0.75 * ages[0]
+    assert mean_oldest(two) < 0.75 * mean_oldest(one)
 
 
 def test_where_there_is_no_tour_each_choice_is_free() -> None:
