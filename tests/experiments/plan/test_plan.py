@@ -150,7 +150,7 @@ def test_where_doors_close_only_open_ground_counts(rooms: Path) -> None:
     """The east room is closed from 100 s on. A run that ends before is one with open doors."""
     door = {"name": "door", "polygon": [[21, 4], [21.5, 4], [21.5, 7], [21, 7]], "closed": [[100, 2000]]}
     east = {"name": "east", "polygon": [[21, 0], [33, 0], [33, 11], [21, 11]], "age": 80}
-    scenario = ground(rooms, closures=[door], zones=[east])
+    scenario = ground(rooms, closures=[door], zones=[east], patrol={"policy": "committed"})  # nobody is shut in
     plan = make_plan(scenario, 90.0, range(2, 3), Silent(), duration_s=400.0, seeds=1)
     kept = plan.size(2).simulated
     assert kept is not None
