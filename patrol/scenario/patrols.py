@@ -36,7 +36,7 @@ class NamedPatrol(NamedTuple):
     price: str
 
 
-PREDICTABLE = "predictable: an intruder that watches learns when no robot will come (docs/security.md)"
+PREDICTABLE = "predictable: an intruder that watches gets in two to three times as often (docs/security.md)"
 """The warning of the tour, at the start and the end of each run."""
 
 PATROLS: Mapping[str, NamedPatrol] = MappingProxyType(

@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.policies.commitment.commitment import Target
+from agent.policies.commitment.commitment import STILL_STALE, Target
 from agent.policies.commitment.stands import RoundStands
 from agent.policies.stochastic.kernels.ages import weighted_ages
 from agent.policies.stochastic.kernels.plan import compare, improve
@@ -55,9 +55,6 @@ robot would plan to see another one sees before."""
 STALE = 0.35
 """Share of the time between two robots on the tour, or of the stalest point's age, from which on a station is worth a
 visit."""
-
-STILL_STALE = 0.5
-"""A station counts as seen once its age is below this share of what it was when it was drawn."""
 
 MOVES_FIRST = 400
 """Moves by which a new plan is improved, times the number of stations."""
@@ -192,8 +189,9 @@ class JointPlan:
         turned = [number for number in robots if number not in done and self._turned(view, number)]
         self._right += len(set(done) - {self._number})
         self._wrong += len(set(turned) - {self._number})
-        drawing = sorted({*done, *turned})
-        if drawing:
+        if done or turned:
+            idle = [number for number in robots if not self.parts[number].route]
+            drawing = sorted([*done, *turned, *idle])
             self._draw(view, drawing, done, self._oldest_s(view), self._leads_s(view, robots))
 
     def visit(self, view: View, given_up: GivenUp) -> Target | None:
@@ -233,7 +231,9 @@ class JointPlan:
 
     def _is_done(self, view: View, part: Part) -> bool:
         """Return True if a robot's station has been seen, or is taken as given up."""
-        if view.tick >= part.until or not part.route:
+        if not part.route:
+            return False
+        if view.tick >= part.until:
             return True
         whole = self._points_of(part.route[0])
         # Most often a look at one point shows that the station is not done.
