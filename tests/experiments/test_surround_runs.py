@@ -81,7 +81,7 @@ def test_when_it_is_gone_robots_patrol_on() -> None:
 
 
 def test_only_those_who_see_it_report_it_and_the_same_seed_repeats() -> None:
-    first, again = (run("open", (50.0, 40.0), 4, 30.0) for _ in range(2))
+    first, again = (run("open", (50.0, 40.0), 4, 60.0) for _ in range(2))
     assert first.summary.trace_hash == again.summary.trace_hash
     reports = 0
     for record in records(first):

@@ -122,6 +122,7 @@ class JointPlan:
     Attributes:
         parts: By robot number; empty before the first tick, and where there are too many robots for a plan.
         robots: Numbers of the robots that share the stations.
+        team: How many there are of them without spare ones.
     """
 
     def __init__(
@@ -137,6 +138,7 @@ class JointPlan:
         """
         self.parts: dict[int, Part] = {}
         self.robots: frozenset[int] = frozenset()
+        self.team = 1.0
         self._round, self._stations = laid_out, stations
         self._number, self._step, self._width = setup.spec.number, setup.step, setup.terrain.width
         self._pace = 1.0 / setup.spec.speed
@@ -361,7 +363,7 @@ class JointPlan:
 
     def _spell(self, view: View) -> int:
         """Return the number of the time in which draws stay the same."""
-        return int(view.tick * self._step * len(self.robots) / (SPELL * self._round.length_m * self._pace))
+        return int(view.tick * self._step * self.team / (SPELL * self._round.length_m * self._pace))
 
 
 def _gone_on(route: list[int], ages: Ages, least_s: float) -> list[int]:

@@ -55,6 +55,8 @@ class Stochastic(SharedRound):
             self.plan = None if laid_out.stations is None else JointPlan(setup, laid_out, laid_out.stations, weights)
         if self.plan is not None:
             self.plan.robots = robots
+            spare_too = len(setup.radii) / setup.team if self.division is None else 1.0
+            self.plan.team = len(robots) / spare_too
 
     def _round_of(self, zoned: ZonedGround, group: Group) -> Round:
         return zoned.rounds[group.classes]  # what weighs more is visited more often without being there twice

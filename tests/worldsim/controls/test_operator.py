@@ -207,7 +207,7 @@ DOORS: dict[str, Any] = {
     "closures": [
         {"name": "gate", "polygon": [[30, 0], [32, 0], [32, 60], [30, 60]], "closed": [[4, 9]]},
         {"name": "door", "polygon": [[50, 20], [52, 20], [52, 60], [50, 60]], "closes": 0.2, "opens": 0.2},
-        {"name": "crate", "polygon": [[55, 56], [85, 56], [85, 62], [55, 62]]},
+        {"name": "crate", "polygon": [[88, 54], [98, 54], [98, 62], [88, 62]]},
     ],
 }
 
