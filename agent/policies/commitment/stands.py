@@ -1,4 +1,4 @@
-"""Where a robot stands to see the points of a round."""
+"""The places from which a robot sees the points of a round."""
 
 from __future__ import annotations
 

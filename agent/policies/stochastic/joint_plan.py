@@ -188,13 +188,15 @@ class JointPlan:
             self._begin(view, robots)
             return
         done = [number for number in robots if self._is_done(view, self.parts[number])]
-        turned = [number for number in robots if number not in done and self._turned(view, number)]
+        leads = self._leads_s(view, robots)
+        ways = dict(zip(robots, leads, strict=True))
+        turned = [number for number in robots if number not in done and self._turned(self.parts[number], ways[number])]
         self._right += len(set(done) - {self._number})
         self._wrong += len(set(turned) - {self._number})
         if done or turned:
             idle = [number for number in robots if not self.parts[number].route]
             drawing = sorted([*done, *turned, *idle])
-            self._draw(view, drawing, done, self._oldest_s(view), self._leads_s(view, robots))
+            self._draw(view, drawing, done, self._oldest_s(view), leads)
 
     def visit(self, view: View, given_up: GivenUp) -> Target | None:
         """Return the oldest point of the robot's station that it has not given up; None where there is none.
@@ -256,12 +258,11 @@ class JointPlan:
             return False
         return (view.tick - since) * self._step > STUCK_S
 
-    def _turned(self, view: View, number: int) -> bool:
+    def _turned(self, part: Part, ways_s: NDArray[np.float64]) -> bool:
         """Return True if a robot goes away from its station, as where its fog differs and it has drawn another one."""
-        part = self.parts[number]
         if not part.route:
             return False
-        way_s = float(self._ways_s(view, number)[part.route[0]])
+        way_s = float(ways_s[part.route[0]])
         part.least_way_s = min(part.least_way_s, way_s)
         return way_s > part.least_way_s + self._turned_s
 
