@@ -200,7 +200,7 @@ class Game:
             if at == target:
                 # It stays; a way that only passes its target would not have ended a second there.
                 stayed = next((n for n, point in enumerate(reversed(went)) if point != target), len(went))
-                went += [target] * min(self.planner.stay - stayed, self.within - len(went)) + [DONE]
+                went += [target] * min(self.planner.stay + 1 - stayed, self.within - len(went)) + [DONE]
                 break
             left = self.within - len(went)
             way = self.planner.plan(predictor(now + len(went), left), at, target)
@@ -221,7 +221,8 @@ class Game:
             if self._seen(tick, point):
                 return Attempt(now, target, way[: tick - now], tick, succeeded=False)
             stayed = stayed + 1 if point == target else 0
-        return Attempt(now, target, way[way != DONE], None, stayed >= self.planner.stay)
+        # The stay begins when the intruder has come, at the end of a tick.
+        return Attempt(now, target, way[way != DONE], None, stayed > self.planner.stay)
 
     def _seen(self, tick: int, point: int) -> bool:
         if point < 0:
