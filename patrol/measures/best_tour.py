@@ -250,15 +250,23 @@ def _sensor_for_tours(prepared: Prepared) -> tuple[Footprint, tuple[str, ...]] |
     return footprint, identity
 
 
-def _sensor_for_rounds(prepared: Prepared) -> tuple[Footprint, tuple[str, ...]] | None:
-    """Return the same of a fleet that follows rounds; None for one that is large, or of several speeds.
-
-    Fast robots would wait for slow ones.
-    """
+def why_no_rounds(prepared: Prepared) -> str:
+    """Return why a fleet follows no rounds; empty where it does, unless the ground is too large for a tour."""
     roster = prepared.scenario.roster
-    if len(roster) > MOST_ROBOTS or len({spec.speed for spec in roster}) > 1:
-        return None
-    return _sensor_for_tours(prepared)
+    if len(roster) > MOST_ROBOTS:
+        return f"the fleet has more than {MOST_ROBOTS} robots"
+    if len({spec.speed for spec in roster}) > 1:
+        return "its robots have several speeds"  # fast robots would wait for slow ones
+    if _sensor_for_tours(prepared) is None:
+        return (
+            "its sensor does not look all around, leaves some of a point's age, or is a class of an installed package"
+        )
+    return ""
+
+
+def _sensor_for_rounds(prepared: Prepared) -> tuple[Footprint, tuple[str, ...]] | None:
+    """Return the same of a fleet that follows rounds; None for one that does not."""
+    return None if why_no_rounds(prepared) else _sensor_for_tours(prepared)
 
 
 def _tour(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -143,7 +144,11 @@ def intruder(
         if value is not None and not learned:
             raise BadInput(f"{option} {value}: only the learned intruder has it; add --learned")
     horizons = _seconds("--horizon", horizon or HORIZONS, HORIZONS)
-    infiltrator = Infiltrator(speed, stay, within, depth, attempts, seed, _entries(entries), zone)
+    try:
+        infiltrator = Infiltrator(speed, stay, within, depth, attempts, seed, _entries(entries), zone)
+    except BadInput as error:
+        # Fields have the names of their options, with a unit.
+        raise BadInput(re.sub(r"^([a-z]+)(_s|_m)? = ", r"--\1 ", str(error))) from None
     opened, going = open_folder(run)
     from monitor.replay.intruder_games import Moving, games_of
     from patrol.measures.learned_intruder import Trials

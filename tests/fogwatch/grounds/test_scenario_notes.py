@@ -1,0 +1,32 @@
+"""Notes on a scenario that are shown before a run."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from fogwatch.grounds.scenario_notes import scenario_notes
+from patrol.prepare import prepare
+from patrol.scenario import load_scenario
+
+GROUND = {"terrain": {"builtin": "open"}, "point": 1.0}
+FREE = "chooses its next place freely, without a plan"
+
+
+@pytest.mark.parametrize(
+    ("settings", "why"),
+    [
+        ({"robots": {"count": 25, "radius": 0.1}}, "the fleet has more than 24 robots"),
+        ({"robots": [{"speed": 1.0}, {"speed": 2.0}]}, "its robots have several speeds"),
+        ({"sensor": {"kind": "sector", "angle": 90.0}}, "its sensor does not look all around"),
+    ],
+)
+def test_a_patrol_without_a_plan_says_why(settings: dict[str, Any], why: str) -> None:
+    (note,) = scenario_notes(prepare(load_scenario({**GROUND, **settings})))
+    assert note.startswith(f"patrol.policy stochastic: each robot {FREE}: {why}")
+
+
+@pytest.mark.parametrize("policy", ["stochastic", "committed", "even-tour"])
+def test_a_patrol_with_a_plan_says_nothing(policy: str) -> None:
+    assert not scenario_notes(prepare(load_scenario({**GROUND, "patrol": {"policy": policy}})))
