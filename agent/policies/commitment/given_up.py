@@ -22,6 +22,7 @@ MOST_PLACES = 64
 NONE: NDArray[np.int64] = np.zeros((0, 3), dtype=np.int64)
 
 Point = tuple[int, int]
+"""Row and column of the terrain."""
 
 
 class GivenUp:
