@@ -104,12 +104,7 @@ ROUNDED_M = 0.01
 
 
 class _Seen(NamedTuple):
-    """A place at which a robot was heard.
-
-    Attributes:
-        tick: At which it was heard.
-        spot: x and y in m.
-    """
+    """A place at which a robot was heard, and the tick."""
 
     tick: int
     spot: Spot
@@ -117,27 +112,16 @@ class _Seen(NamedTuple):
 
 @dataclass(slots=True)
 class _Dock:
-    """A dock as one robot knows it.
-
-    Attributes:
-        place: x and y in m.
-        radius: m.
-        ways: float32 (h, w), lengths of the ways to it, m; infinity where none leads.
-        slow_ways: What slow zones cost on these.
-        point: Row and column of its place.
-        clear: bool (h, w), the points beside it that are clear of all docks.
-        exit: Where a robot goes that leaves it without another aim, x and y in m.
-        used_since: Tick since which something has been at it; None while nothing is.
-    """
+    """A dock as one robot knows it."""
 
     place: Spot
     radius: float
-    ways: NDArray[np.float32]
-    slow_ways: SlowWays
-    point: tuple[int, int]
-    clear: NDArray[np.bool_]
-    exit: Spot
-    used_since: int | None = None
+    ways: NDArray[np.float32]  # (h, w), lengths of the ways to it, m; infinity where none leads
+    slow_ways: SlowWays  # the cost of slow zones on these
+    point: tuple[int, int]  # row and column of its place
+    clear: NDArray[np.bool_]  # (h, w), the points beside it that are clear of all docks
+    exit: Spot  # where a robot goes that leaves it without another aim
+    used_since: int | None = None  # tick since which something has been at it
 
     def holds(self, spot: Spot) -> bool:
         """Return True if a robot whose centre is heard there is at the dock."""
@@ -146,44 +130,23 @@ class _Dock:
 
 @dataclass(slots=True)
 class _Heard:
-    """A robot as it was heard.
+    """A robot as it was heard."""
 
-    Attributes:
-        course: Where it was over the last seconds, oldest first.
-        at: Index of the dock at which it is, or None.
-        since: Tick since which it is there.
-        rests: Index of the dock at which it has stood last, while it stays near; None otherwise.
-        still_since: Tick since which it has not moved.
-        charge: Share of the capacity that its battery holds by reckoning.
-    """
-
-    course: deque[_Seen] = field(default_factory=deque)
-    at: int | None = None
-    since: int = 0
-    rests: int | None = None
-    still_since: int = 0
-    charge: float = 1.0
+    course: deque[_Seen] = field(default_factory=deque)  # oldest first, over `COURSE_S`
+    at: int | None = None  # index of the dock at which it is
+    since: int = 0  # tick since which `at` holds
+    rests: int | None = None  # index of the dock at which it stood last, while it stays near
+    still_since: int = 0  # tick since which it has not moved
+    charge: float = 1.0  # by reckoning, as a share of the battery's capacity
 
 
 class Charging:
-    """A policy that charges the robot's battery, and otherwise leaves the decision to another policy.
-
-    Attributes:
-        otherwise: The other policy.
-        goes: Whether the robot is on its way to a dock, waits for one or charges.
-    """
+    """A policy that charges the robot's battery, and otherwise leaves the decision to another policy."""
 
     def __init__(self, setup: PolicySetup, otherwise: Policy, speed_limits: SpeedLimits) -> None:
-        """Watch a robot of a fleet that has docks.
-
-        Args:
-            setup: As for every policy.
-            otherwise: Decides while there is charge enough.
-            speed_limits: Of the scenario's slow zones.
-        """
         spec, terrain = setup.spec, setup.terrain
         self.otherwise = otherwise
-        self.goes = False
+        self.goes = False  # on the way to a dock, waiting for one, or charging
         self._number = spec.number
         self._battery = spec.battery
         self._speed = spec.speed

@@ -53,23 +53,16 @@ POLICIES = ClassSort(
 
 @dataclass(frozen=True, slots=True)
 class PolicyKind:
-    """A scenario's policy.
-
-    Attributes:
-        name: As the scenario has it.
-        make: Makes the policy of one robot.
-        options: The scenario's options as the policy's own model; an empty mapping where it has none.
-        ours: It comes with fogwatch, so that its failures are bugs.
-    """
+    """A scenario's policy, as the scenario names it, and how one is made for a robot."""
 
     name: str
     make: Callable[[PolicySetup], Policy]
-    options: Any
-    ours: bool
+    options: Any  # the scenario's, as the policy's own model; an empty mapping where it has none
+    ours: bool  # it comes with fogwatch, so that its failures are bugs
 
 
 def policy_named(scenario: Scenario) -> NamedClass:
-    """The policy as a scenario names it; nothing of it is imported."""
+    """Return the policy as a scenario names it; nothing of it is imported."""
     patrol = scenario.patrol
     options = {} if isinstance(patrol.options, Section) else patrol.options or {}
     return NamedClass(POLICIES, patrol.policy, patrol.policy_sha256, options)
@@ -78,9 +71,8 @@ def policy_named(scenario: Scenario) -> NamedClass:
 def policy_of(scenario: Scenario) -> PolicyKind:
     """Return the policy that a scenario names, with its options.
 
-    Raises:
-        BadInput: It cannot be found or loaded, its file is not the one that the scenario was resolved with, or it does
-            not take the options.
+    It raises `BadInput` where the policy cannot be found or loaded, its file is not the one that the scenario was
+    resolved with, or it does not take the options.
     """
     named, options = policy_named(scenario), scenario.patrol.options
     found = find(named)

@@ -12,22 +12,13 @@ if TYPE_CHECKING:
 
 
 class RandomSteps:
-    """Draws the random steps of one robot."""
+    """Draws the random steps of one robot, with the same probability in each tick."""
 
     def __init__(self, probability: float) -> None:
-        """Take the probability.
-
-        Args:
-            probability: Of a random step in a tick.
-        """
         self._probability = probability
 
     def draw(self, view: View) -> float | None:
-        """Return the direction of a random step, rad, or None in most ticks.
-
-        Args:
-            view: Of this tick.
-        """
+        """Return the direction of a random step, rad, or None in most ticks."""
         if self._probability > 0.0 and view.draw(0, Purpose.RANDOM_MOVE) < self._probability:
             return TAU * view.draw(1, Purpose.RANDOM_MOVE)
         return None

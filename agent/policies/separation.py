@@ -30,20 +30,11 @@ NO_RIVALS: NDArray[np.float64] = np.zeros((0, 2), dtype=np.float64)
 
 
 class Separation:
-    """The separation of one robot from the others, as the policy's setting `separation` says.
-
-    Attributes:
-        claims: Points are left to the robot that has the shorter way to them.
-    """
+    """The separation of one robot from the others, as the policy's `separations` and `critical_areas` say."""
 
     def __init__(self, setup: PolicySetup) -> None:
-        """Find the critical areas where there are semaphores.
-
-        Args:
-            setup: As for every policy, with options that have `separations` and `critical_areas`.
-        """
         options, terrain, lengths = setup.options, setup.terrain, setup.lengths
-        self.claims = "claims" in options.separations
+        self.claims = "claims" in options.separations  # points are left to the robot that has the shorter way to them
         self._obstacle_radius = lengths.obstacle_radius if "artificial-obstacles" in options.separations else None
         self._point = terrain.point
         self._areas: list[Area] = []
@@ -57,9 +48,6 @@ class Separation:
         """Close artificial obstacles and occupied critical areas for this tick.
 
         Robots that surround an intruder have to stand near each other, so nothing is closed while one is known.
-
-        Args:
-            view: Of this tick.
         """
         if view.contacts:
             return
@@ -74,25 +62,14 @@ class Separation:
             view.ground.close(discs, areas)
 
     def rivals(self, view: View) -> NDArray[np.float64]:
-        """Return x and y in m of the robots that have claims on ground, float64 (n, 2); none without claims.
-
-        Args:
-            view: Of this tick.
-        """
+        """Return x and y in m of the robots that have claims on ground, float64 (n, 2); none without claims."""
         return places_of(view.peers) if self.claims else NO_RIVALS
 
 
 def artificial_obstacles(pose: Pose, peers: Mapping[int, Peer], radius: float, point: float) -> list[Disc]:
-    """A virtual obstacle at each peer, small enough not to cover the robot's own point (paper, "Artificial Obstacles").
+    """Return a virtual obstacle at each peer (paper, "Artificial Obstacles").
 
-    Args:
-        pose: The robot's own.
-        peers: The robots heard so far, by number.
-        radius: Of the obstacles, m.
-        point: Side of the terrain's points, m.
-
-    Returns:
-        Discs (x, y, radius) in m.
+    An obstacle is small enough not to cover the robot's own point.
     """
     discs = []
     for x, y in places_of(peers).tolist():
@@ -103,16 +80,9 @@ def artificial_obstacles(pose: Pose, peers: Mapping[int, Peer], radius: float, p
 
 
 def critical_areas(polygons: Polygons | None, terrain: Terrain, reach: BoolGrid, width: float) -> list[BoolGrid]:
-    """The semaphores' areas: the scenario's polygons, or the narrow passages where it gives none (paper, "Semaphores").
+    """Return the semaphores' areas: the scenario's polygons, or the narrow passages (paper, "Semaphores").
 
-    Args:
-        polygons: Those of the scenario, m, or None.
-        terrain: The map.
-        reach: bool (h, w), the points on which the robot's centre may be.
-        width: Passages narrower than this count as narrow, m.
-
-    Returns:
-        bool (h, w) for each area.
+    Without polygons, passages narrower than `width` m count.
     """
     if polygons is None:
         return narrow_passages(terrain, reach, width)
@@ -120,17 +90,7 @@ def critical_areas(polygons: Polygons | None, terrain: Terrain, reach: BoolGrid,
 
 
 def occupied_areas(areas: NDArray[np.int32], terrain: Terrain, pose: Pose, peers: Mapping[int, Peer]) -> list[int]:
-    """Return the critical areas that a peer is in and this robot is not.
-
-    Args:
-        areas: int32 (h, w), the number of each point's critical area, 0 for none.
-        terrain: The map.
-        pose: The robot's own.
-        peers: The robots heard so far, by number.
-
-    Returns:
-        The areas' numbers, ascending.
-    """
+    """Return which `numbered` areas a peer is in and this robot is not, ascending."""
     own = _area_at(areas, terrain, pose.x, pose.y)
     taken = {_area_at(areas, terrain, x, y) for x, y in places_of(peers).tolist()}
     return sorted(taken - {0, own})
@@ -142,14 +102,9 @@ def _area_at(areas: NDArray[np.int32], terrain: Terrain, x: float, y: float) -> 
 
 
 def numbered(areas: list[BoolGrid], shape: tuple[int, int]) -> NDArray[np.int32]:
-    """Critical areas as one grid of numbers.
+    """Return critical areas as one grid of numbers from 1, with 0 for no area.
 
-    Args:
-        areas: bool (h, w) for each area.
-        shape: (h, w).
-
-    Returns:
-        int32 (h, w), numbers from 1, 0 for no area; where two areas overlap the later one counts.
+    Where two areas overlap the later one counts.
     """
     grid = np.zeros(shape, dtype=np.int32)
     for number, area in enumerate(areas, start=1):

@@ -56,50 +56,27 @@ Point = tuple[int, int]
 
 
 class Best(NamedTuple):
-    """The best point that a search has found.
-
-    Attributes:
-        point: The point to be seen.
-        stand: The point to go to: the same, or its post where no body fits.
-        length: Of the way there, and a little more, in hundredths of a point.
-    """
+    """The best point that a search has found."""
 
     point: Point
-    stand: Point
-    length: int
+    stand: Point  # the point to go to: the same, or its post where no body fits
+    length: int  # of the way there, and a little more, in hundredths of a point
 
 
 class Ages(NamedTuple):
-    """The ages of the points, as far as a choice is concerned; a point in view has none.
+    """The ages of the points, as far as a choice is concerned; a point in view has none."""
 
-    Attributes:
-        patrolled: bool (h, w), the points that have an age.
-        last_seen: int32 (h, w), when each point was last seen.
-        looked: int32 (h, w), when each point was last in view.
-        tick: Now.
-        oldest: The greatest age, ticks.
-    """
-
-    patrolled: NDArray[np.bool_]
-    last_seen: NDArray[np.int32]
-    looked: NDArray[np.int32]
+    patrolled: NDArray[np.bool_]  # (h, w), the points that have an age
+    last_seen: NDArray[np.int32]  # (h, w), ticks
+    looked: NDArray[np.int32]  # (h, w), ticks when last in view
     tick: int
-    oldest: int
+    oldest: int  # the greatest age, ticks
 
 
 class TargetChoice:
-    """The search for a robot's targets.
-
-    Attributes:
-        posts: Where to stand for points where no body fits.
-    """
+    """The search for a robot's targets."""
 
     def __init__(self, setup: PolicySetup) -> None:
-        """Take what the search needs to know of the robot and the terrain.
-
-        Args:
-            setup: The policy's.
-        """
         point = setup.terrain.point
         self.posts = setup.posts
         self._near = 100.0 * NEAR_M / point
@@ -114,16 +91,9 @@ class TargetChoice:
         rivals: NDArray[np.float64],
         given_up: GivenUp,
     ) -> Best | None:
-        """Find the point that counts most.
+        """Find the point that counts most, or return None where nothing is stale.
 
-        Args:
-            view: Of this tick.
-            start: The element of the ground on which the robot stands.
-            rivals: float64 (n, 2), x and y in m of the other robots.
-            given_up: What is left out, unless nothing else is left.
-
-        Returns:
-            The point, or None where nothing is stale.
+        What was given up is left out, unless nothing else is left.
         """
         left_out = given_up.now(view.tick)
         ages = self._ages(view)

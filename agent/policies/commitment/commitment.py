@@ -58,31 +58,19 @@ STILL_STALE = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """A place that a robot goes to see.
-
-    Attributes:
-        point: Row and column of the point to be seen.
-        stand: Row and column of the point to go to: the point itself, or its post where no body fits.
-        age: Of the point when it was chosen, ticks.
-    """
+    """A place that a robot goes to see."""
 
     point: Point
-    stand: Point
-    age: int
+    stand: Point  # the point to go to: the same, or its post where no body fits
+    age: int  # of the point when it was chosen, ticks
 
 
 class Commitment:
-    """Chooses freely and keeps to the target; the base of policies that say which one is next.
-
-    Attributes:
-        target: Where it is going; None for nowhere.
-        given_up: The places that it leaves out for a while.
-    """
+    """Chooses freely and keeps to the target; the base of policies that say which one is next."""
 
     Options: type[CommitmentOptions] = CommitmentOptions
 
     def __init__(self, setup: PolicySetup) -> None:
-        """Start without a target."""
         spec, terrain = setup.spec, setup.terrain
         self._setup = setup
         self._step = setup.step
@@ -133,9 +121,7 @@ class Commitment:
     def _take_note(self, view: View, goes_on: bool) -> bool:
         """Take note of what has changed; return True if the robot makes random steps now.
 
-        Args:
-            view: Of this tick.
-            goes_on: Whether the robot decided in the last tick as well.
+        ``goes_on`` is True if the robot decided in the last tick as well.
         """
         del view, goes_on
         return True

@@ -28,12 +28,7 @@ LEAST_MEMORY_S = 30.0
 
 
 class Crew(NamedTuple):
-    """The robots on one round.
-
-    Attributes:
-        classes: Of the round's ground.
-        robots: Their numbers.
-    """
+    """The robots on one round, by number, and the classes of its ground."""
 
     classes: Classes
     robots: frozenset[int]
@@ -45,22 +40,10 @@ class Crew(NamedTuple):
 
 
 class Division:
-    """The division of the robots that one robot hears.
-
-    Attributes:
-        zoned: The ground and its rounds.
-    """
+    """The division of the robots that one robot hears."""
 
     def __init__(self, zoned: ZonedGround, number: int, robots: frozenset[int], team: int, step: float) -> None:
-        """Begin with nobody heard.
-
-        Args:
-            zoned: The ground and its rounds, at least one.
-            number: Of the robot itself.
-            robots: Numbers of all robots.
-            team: How many of them there are without the spare ones.
-            step: s per tick.
-        """
+        """Begin before any robot is heard; ``robots`` are all robots, and ``team`` counts them without spare ones."""
         self._number = number
         self._robots = robots
         self._team = team
@@ -69,22 +52,14 @@ class Division:
         self.divide(zoned)
 
     def divide(self, zoned: ZonedGround) -> None:
-        """Divide robots between other rounds from now on.
-
-        Args:
-            zoned: The ground and its rounds, at least one.
-        """
+        """Divide robots between the rounds of ``zoned``, one or more, from now on."""
         self.zoned = zoned
         whole = zoned.rounds[0, len(zoned.classes) - 1]
         self._memory = max(MEMORY * whole.length_m / (self._team * zoned.speed), LEAST_MEMORY_S) / self._step
         self._crews: dict[frozenset[int], Crew] = {}
 
     def crew(self, view: View) -> Crew:
-        """Return the robots that follow the same round as this robot, and which round that is.
-
-        Args:
-            view: Of this tick.
-        """
+        """Return the robots that follow the same round as this robot, and which round that is."""
         self._heard = {number: at for number, at in self._heard.items() if view.tick - at <= self._memory}
         for number in self._robots & view.peers.keys():
             self._heard[number] = view.peers[number].tick

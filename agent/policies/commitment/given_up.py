@@ -22,34 +22,20 @@ MOST_PLACES = 64
 NONE: NDArray[np.int64] = np.zeros((0, 3), dtype=np.int64)
 
 Point = tuple[int, int]
+"""Row and column of the terrain."""
 
 
 class GivenUp:
-    """The places that one robot leaves out.
-
-    Attributes:
-        places: Row and column of each place, the tick until which it is left out, and for how many ticks.
-    """
+    """The places that one robot leaves out."""
 
     def __init__(self, radius: float, point: float, step: float) -> None:
-        """Leave nothing out.
-
-        Args:
-            radius: Of the robot, m.
-            point: Side of the terrain's points, m.
-            step: s per tick.
-        """
+        # Row, column, the tick until which it is left out, and for how many ticks.
         self.places: list[tuple[int, int, int, int]] = []
         self._around = math.ceil((AROUND_RADII * max(radius, point) / point) ** 2)
         self._least, self._most = (round(bound / step) for bound in (LEFT_OUT_S, LONGEST_S))
 
     def add(self, tick: int, point: Point) -> None:
-        """Leave a point and its surroundings out.
-
-        Args:
-            tick: Now.
-            point: Row and column of the terrain.
-        """
+        """Leave a point and its surroundings out from now on."""
         remembered = [place for place in self.places if tick < place[2] + self._most]
         before = max((place[3] for place in remembered if self._is_beside(place, point)), default=0)
         spell = min(max(2 * before, self._least), self._most)
@@ -57,11 +43,7 @@ class GivenUp:
         self.places = [*others, (*point, tick + spell, spell)][-MOST_PLACES:]
 
     def forgive(self, point: Point) -> None:
-        """Forget what is around a point.
-
-        Args:
-            point: Row and column of the terrain.
-        """
+        """Forget what is around a point."""
         self.places = [place for place in self.places if not self._is_beside(place, point)]
 
     def clear(self) -> None:
@@ -69,28 +51,12 @@ class GivenUp:
         self.places = []
 
     def now(self, tick: int) -> NDArray[np.int64]:
-        """Return what is left out at a tick.
-
-        Args:
-            tick: Now.
-
-        Returns:
-            int64 (n, 3), row, column and squared radius in points.
-        """
+        """Return what is left out at a tick: int64 (n, 3), row, column and squared radius in points."""
         rows = [(row, col, self._around) for row, col, until, _ in self.places if tick < until]
         return np.array(rows, dtype=np.int64).reshape(-1, 3) if rows else NONE
 
     def covers(self, tick: int, stands: NDArray[np.int64], width: int) -> NDArray[np.bool_]:
-        """Return which points lie within what is left out at a tick.
-
-        Args:
-            tick: Now.
-            stands: int64, flat indices of points.
-            width: Of the terrain, points.
-
-        Returns:
-            bool, like stands.
-        """
+        """Return which of some flat indices lie within what is left out at a tick; ``width`` is that of the terrain."""
         rows, cols = stands // width, stands % width
         out = np.zeros(stands.shape, dtype=np.bool_)
         for row, col, squared in self.now(tick).tolist():

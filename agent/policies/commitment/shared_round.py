@@ -20,16 +20,11 @@ if TYPE_CHECKING:
 
 
 class SharedRound(Commitment):
-    """Shares a round with other robots; the base of policies that say what is next on it.
-
-    Attributes:
-        division: Which robots share which round; None where there is at most one.
-    """
+    """Shares a round with other robots; the base of policies that say what is next on it."""
 
     def __init__(self, setup: PolicySetup) -> None:
-        """Start without a target."""
         super().__init__(setup)
-        self.division: Division | None = None
+        self.division: Division | None = None  # None where there is at most one round
         self._weighing = setup.weighing
         self._round: Round | None = None
         if setup.zoned is not None:
@@ -38,12 +33,9 @@ class SharedRound(Commitment):
             self._share(laid_out, setup.followers(), None)
 
     def _share(self, laid_out: Round, robots: frozenset[int], view: View | None) -> None:
-        """Share a round with some robots from now on.
+        """Share a round with some robots, this one among them, from now on.
 
-        Args:
-            laid_out: The round; `_round` is still the one before, None for none.
-            robots: Numbers of the robots, this one among them.
-            view: Of this tick; None before the first.
+        Meanwhile `_round` is still the one before, None for none. ``view`` is None before the first tick.
         """
         raise NotImplementedError
 

@@ -24,12 +24,7 @@ class RoundStands:
     """
 
     def __init__(self, setup: PolicySetup, laid_out: Round) -> None:
-        """Find out for each point where the robot stands on it, or at its post.
-
-        Args:
-            setup: The policy's.
-            laid_out: The round.
-        """
+        """Find the point itself, or its post, for each point of the round."""
         points = laid_out.points
         own = np.where(setup.fields.reach.reshape(-1)[points], points, setup.fields.proxy.reshape(-1)[points])
         self._round = laid_out
@@ -37,15 +32,9 @@ class RoundStands:
         self._width = setup.terrain.width
 
     def of(self, view: View, given_up: GivenUp, part: slice) -> tuple[Flat, NDArray[np.bool_]]:
-        """Return where to see some points of the round from now.
+        """Return the flat indices from which to see some of `Round.points` now, and which of them are usable.
 
-        Args:
-            view: Of this tick.
-            given_up: Where not to stand.
-            part: Of `Round.points`.
-
-        Returns:
-            int64, flat index of each stand, and bool, whether the robot gets there and has not given it up.
+        Usable are those that the robot gets to and has not given up.
         """
         stands, own = self._round.stands[part], self._own[part]
         usable = np.ones(stands.shape, dtype=np.bool_)

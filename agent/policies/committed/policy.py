@@ -35,19 +35,13 @@ the others."""
 
 
 class Committed(SharedRound):
-    """Follows the round together with the others.
-
-    Attributes:
-        ahead: The round ahead of it; None where each choice is free.
-        spacing: The robots on the round; None likewise.
-    """
+    """Follows the round together with the others."""
 
     Options = CommittedOptions
 
     def __init__(self, setup: PolicySetup) -> None:
-        """Start without a target."""
-        self.ahead: RoundAhead | None = None
-        self.spacing: Spacing | None = None
+        self.ahead: RoundAhead | None = None  # None where each choice is free
+        self.spacing: Spacing | None = None  # likewise
         self._rounds_since = 0
         self._blocked_since: int | None = None
         super().__init__(setup)

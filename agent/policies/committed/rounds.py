@@ -37,41 +37,24 @@ OVERDUE, NEAR = 3.0, 2.0
 no longer than so many times the length on which targets are looked for."""
 
 Point = tuple[int, int]
+"""Row and column of the terrain."""
 
 
 class Stop(NamedTuple):
-    """The next stop on a round.
+    """The next stop on a round."""
 
-    Attributes:
-        point: Row and column of the point to be seen; of the place itself where nothing is stale.
-        stand: Row and column of where to see it from.
-        age: Of the point, ticks; 0 where nothing is stale.
-        place: Number of the round's place.
-    """
-
-    point: Point
-    stand: Point
-    age: int
-    place: int
+    point: Point  # to be seen; that of the place itself where nothing is stale
+    stand: Point  # where to see it from
+    age: int  # of the point, ticks; 0 where nothing is stale
+    place: int  # number among the round's places
 
 
 class RoundAhead:
-    """The part of a round that lies ahead of one robot.
-
-    Attributes:
-        round: The round.
-        cursor: Number of the place that the robot has come to; None before it has begun.
-    """
+    """The part of a round that lies ahead of one robot."""
 
     def __init__(self, setup: PolicySetup, laid_out: Round) -> None:
-        """Begin nowhere.
-
-        Args:
-            setup: The policy's.
-            laid_out: The round.
-        """
         self.round = laid_out
-        self.cursor: int | None = None
+        self.cursor: int | None = None  # number of the place that the robot has come to; None before it has begun
         self._width = setup.terrain.width
         self._step = setup.step
         self._speed = setup.spec.speed
@@ -82,11 +65,7 @@ class RoundAhead:
         self._times = times[index]
 
     def interval(self, team: float) -> float:
-        """Return the time between two robots of an evenly spaced round, ticks.
-
-        Args:
-            team: Number of robots on the round.
-        """
+        """Return the time between two robots of an evenly spaced round, ticks."""
         return self.round.length_m / (team * self._speed * self._step)
 
     def go_to(self, along_m: float) -> None:
@@ -99,13 +78,7 @@ class RoundAhead:
             self.go_to(along_m)
 
     def next(self, view: View, team: int, given_up: GivenUp) -> Stop:
-        """Return the next stop.
-
-        Args:
-            view: Of this tick.
-            team: Number of robots on the round.
-            given_up: Where not to stand.
-        """
+        """Return the next stop of a robot on a round of ``team`` robots."""
         cursor = self._reachable(view, self.cursor or 0)
         end = float(self.round.along[cursor]) + self._ahead_m
         last = int(np.searchsorted(self.round.along, end))
@@ -124,20 +97,16 @@ class RoundAhead:
         return Stop(spot, spot, 0, place)
 
     def _reachable(self, view: View, place: int) -> int:
-        """Return the first place from one on that the robot gets to, and this one where there is none."""
+        """Return the first place that the robot gets to, from ``place`` on; ``place`` where there is none."""
         if view.fog.stands is None:
             return place
         reached = view.fog.stands[self.round.places] == self.round.places
         return (place + int(np.roll(reached, -place).argmax())) % len(reached)
 
     def _orphan(self, view: View, cursor: int, least: float, stands: Flat) -> Stop | None:
-        """Return the nearest old point close by that the tour shows from a place to which the robot does not get now.
+        """Return a stop at the nearest point close by whose place on the tour the robot does not get to now.
 
-        Args:
-            view: Of this tick.
-            cursor: Stays where it is.
-            least: Age from which on a point counts, ticks.
-            stands: Of `FogView.stands`.
+        The point is ``least`` ticks old or older. The cursor stays where it is.
         """
         reached = stands[self.round.places] == self.round.places
         points = self.round.points[~reached[self.round.place_of]]

@@ -67,19 +67,14 @@ MEMORY = 0.5
 """Time for which a robot that is not heard is expected to go on, as a share of the time between two robots."""
 
 ON_THE_WAY = 2.0
-"""After a beginning nobody waits for so many times the time of the longest way to a first place, as the crow flies."""
+"""Time after a beginning in which no robot waits, in times of the longest straight way to a first place."""
 
 LONG_BUMPED_S = 5.0
 """Time after a bump in which a robot does not wait, so that it does not block others, s."""
 
 
 class Heard(NamedTuple):
-    """The last position of a robot that was heard.
-
-    Attributes:
-        spot: x and y in m.
-        tick: At which it was heard there.
-    """
+    """The last position of a robot that was heard, and the tick."""
 
     spot: Spot
     tick: int
@@ -87,53 +82,32 @@ class Heard(NamedTuple):
 
 @dataclass(slots=True)
 class Followed:
-    """A robot that is followed along the tour.
+    """A robot that is followed along the tour."""
 
-    Attributes:
-        place: Number of the tour's place where it is.
-        heard: Tick at which it was heard last.
-        spot: Where it was then, x and y in m.
-        course: Direction in which it last drove, x and y; (0, 0) before it has.
-        costs: float64, of each place (`agent.policies.committed.kernels.track.follow`).
-    """
-
-    place: int
-    heard: int
-    spot: Spot
-    course: Spot
-    costs: NDArray[np.float64]
+    place: int  # number of the tour's place where it is
+    heard: int  # tick at which it was heard last
+    spot: Spot  # where it was then
+    course: Spot  # direction in which it last drove; (0, 0) before it has
+    costs: NDArray[np.float64]  # of each place (`agent.policies.committed.kernels.track.follow`)
 
 
 @dataclass(slots=True)
 class Spacing:
-    """The robots on a round, as one of them knows them.
-
-    Attributes:
-        followers: Numbers of all robots that follow it; those in other parts of the terrain do not count.
-        whole: How many of them there are without the spare ones.
-        slack: Difference of the gaps from which on a robot waits, as a share of an equal gap.
-        slack_m: Difference of the gaps that is left alone in any case, m.
-        most_slack: Upper bound of the same, as a share of an equal gap.
-        length_m: The way that a robot could have driven straight in the time that it needs for the tour, m.
-        along: float64 (n,), length of the tour up to each place, m.
-        tour: float64 (n, 4), x and y of each place in m, and the direction of the tour there, of length 1.
-        robots: Those that are followed, by number; the robot itself is one.
-        heard: The last positions of this robot and of those heard lately, by number.
-    """
+    """The robots on a round, as one of them knows them."""
 
     round: Round
     number: int
-    followers: frozenset[int]
-    whole: int
-    stride: float
-    slack: float
-    slack_m: float
-    most_slack: float
-    length_m: float
-    along: NDArray[np.float64]
-    tour: NDArray[np.float64]
-    robots: dict[int, Followed] = field(default_factory=dict)
-    heard: dict[int, Heard] = field(default_factory=dict)
+    followers: frozenset[int]  # numbers of all robots that follow it; those in other parts of the terrain do not count
+    whole: int  # how many of them there are without the spare ones
+    stride: float  # way in a tick, m
+    slack: float  # difference of the gaps from which on a robot waits, as a share of an equal gap
+    slack_m: float  # difference of the gaps that is left alone in any case
+    most_slack: float  # upper bound of the same, as a share of an equal gap
+    length_m: float  # the way that a robot could have driven straight in the time that it needs for the tour
+    along: NDArray[np.float64]  # length of the tour up to each place, m
+    tour: NDArray[np.float64]  # (n, 4), x and y of each place in m, and the direction of the tour there, of length 1
+    robots: dict[int, Followed] = field(default_factory=dict)  # those that are followed, this one too
+    heard: dict[int, Heard] = field(default_factory=dict)  # of this robot and of those heard lately
     _scratch: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     _bumped: int = -(2**30)
     _all_there: int = -(2**30)
@@ -144,26 +118,15 @@ class Spacing:
     def on(
         cls,
         laid_out: Round,
-        spec: RobotSpec,
+        spec: RobotSpec,  # of the robot itself
         followers: frozenset[int],
         whole: int,
         stride: float,
-        range_m: float,
+        range_m: float,  # of its sensor
         terrain: Terrain,
         most_slack: float = math.inf,
     ) -> Spacing:
-        """Lay places a stride of driving apart along a round.
-
-        Args:
-            laid_out: The round.
-            spec: Of the robot itself.
-            followers: Numbers of all robots that follow it.
-            whole: How many of them there are without the spare ones.
-            stride: Its way in a tick, m.
-            range_m: Of its sensor, m.
-            terrain: The terrain.
-            most_slack: Of the round, as the attribute.
-        """
+        """Lay places a stride of driving apart along a round."""
         spots = np.array([terrain.centre(*divmod(int(place), terrain.width)) for place in laid_out.places])
         lost, slack = np.zeros(len(spots) + 1), SLACK
         if spec.model != "holonomic":
@@ -209,11 +172,7 @@ class Spacing:
         return len(self.heard)
 
     def listen(self, view: View) -> None:
-        """Take note of the positions of the robots on the tour.
-
-        Args:
-            view: Of this tick.
-        """
+        """Take note of the positions of the robots on the tour."""
         memory = MEMORY * self.length_m / view.stride / self.whole
         self.heard = {
             number: heard
@@ -243,11 +202,8 @@ class Spacing:
 
         Of some positions of equally spaced places that one is taken in which the robot with the longest way, as the
         crow flies, has the shortest; pairs that are nearest to each other go first. On ground with one-way zones the
-        lengths of ways count instead. A robot that hears nobody takes the place that its number has among those of all
-        robots, and is where the others leave a gap.
-
-        Args:
-            view: Of this tick.
+        lengths of ways count instead. A robot that hears no other takes the place that its number has among those of
+        all robots, and is where the others leave a gap.
         """
         heard = self.heard
         numbers = sorted(heard)
@@ -283,11 +239,7 @@ class Spacing:
         return np.where(np.isfinite(along), along, ways)
 
     def note(self, view: View) -> None:
-        """Follow the robots to where they were heard.
-
-        Args:
-            view: Of this tick.
-        """
+        """Follow the robots to where they were heard."""
         if view.bumped:
             self._bumped = view.tick
         for number in [number for number in self.robots if number not in self.heard]:
@@ -324,9 +276,6 @@ class Spacing:
         """Return True if this robot should stand still, because it is nearer to the one ahead than to the one behind.
 
         A robot behind that does not come, because it is stuck or has something else to see, is not waited for long.
-
-        Args:
-            view: Of this tick.
         """
         tick_s = view.stride / view.spec.speed
         longest = min(PATIENCE * self.length_m / view.stride / max(len(self.robots), 1), LONGEST_WAIT_S / tick_s)
@@ -360,12 +309,9 @@ class Spacing:
 
 
 def _turns(spots: NDArray[np.float64], laid_out: Round, stretch_m: float) -> NDArray[np.float64]:
-    """Return by how much the tour turns from each of its places to the next, rad, float64 (n,).
+    """Return by how much the tour turns from each of its places to the next, rad.
 
-    Args:
-        spots: float64 (n, 2), x and y of the places, m.
-        laid_out: The round.
-        stretch_m: Length before and after a place over which its directions are taken: a tour on points is jagged.
+    Its direction is taken over ``stretch_m`` before and after a place, because a tour on points is jagged.
     """
     along, whole = laid_out.along, laid_out.length_m
     ahead = np.searchsorted(along, (along + stretch_m) % whole) % len(along)

@@ -41,25 +41,14 @@ Action = int | NDArray[np.float32]
 
 
 class Decisions:
-    """The decisions of one robot, one after the other.
-
-    Attributes:
-        observer: Makes its observations.
-        choices: Number of actions to choose from; None where an action is two numbers.
-    """
+    """The decisions of one robot, one after the other."""
 
     def __init__(self, setup: PolicySetup, options: LearnedOptions) -> None:
-        """Nothing is decided yet.
-
-        Args:
-            setup: The policy's.
-            options: What is seen and decided.
-        """
         self.observer = Observer(setup.terrain, options, setup.step)
         self._kind, self._lasts = options.actions, options.decide == "arrival"
         self._patience = NO_NEARER_S / setup.step
         self._nodes: list[Spot] = []
-        self.choices: int | None = None
+        self.choices: int | None = None  # number of actions; None where an action is two numbers
         if options.actions == "node":
             places = on_reach(setup.graph(), setup.terrain, setup.fields.reach).places
             self._nodes = [(x, y) for x, y in places.tolist()]
@@ -73,11 +62,7 @@ class Decisions:
         self._last_way: tuple[int, Way | None] | None = None
 
     def is_due(self, view: View) -> bool:
-        """Return True if an action must be taken before `intent` is asked for; it changes nothing.
-
-        Args:
-            view: Of this tick.
-        """
+        """Return True if an action must be taken before `intent` is asked for; it changes nothing."""
         if not self._lasts or self._place is None:
             return True
         way = self._way(view, self._place)
@@ -87,22 +72,13 @@ class Decisions:
         return is_stuck or way.length <= 0.5 * view.stride
 
     def observe(self, view: View) -> Observation:
-        """Return what there is to decide by.
-
-        Args:
-            view: Of this tick.
-        """
+        """Return the observation to decide by."""
         return self.observer.observe(view)
 
     def mask(self, view: View) -> NDArray[np.int8] | None:
-        """Return which actions lead anywhere.
+        """Return 1 for each action that leads anywhere, 0 for others; None where an action is two numbers.
 
-        Args:
-            view: Of this tick.
-
-        Returns:
-            int8 (choices,), 1 for those that do: bearings of which the next point is open, and always to stay; all
-            bearings where there is no such one. None where an action is two numbers.
+        A bearing leads somewhere if the next point is open, and staying always does. If no bearing does, all count.
         """
         if self.choices is None:
             return None
@@ -114,12 +90,7 @@ class Decisions:
         return mask
 
     def take(self, action: Action, view: View) -> None:
-        """Decide.
-
-        Args:
-            action: See the module's table; of integers any kind, of two numbers any sequence.
-            view: Of this tick.
-        """
+        """Decide on an action of the module's table: any kind of integer, or any sequence of two numbers."""
         self._least, self._since, self._last_way = math.inf, view.tick, None
         if self._kind == "node":
             self._place = self._nodes[int(action)]
@@ -130,11 +101,7 @@ class Decisions:
             self._place = view.pose.x + across, view.pose.y + up
 
     def intent(self, view: View) -> Intent:
-        """Return what the last action means, once in a tick.
-
-        Args:
-            view: Of this tick.
-        """
+        """Return the intent that the last action means, once in a tick."""
         if self._place is None:
             return Stay() if self._bearing is None else Bearing((self._bearing,))
         if not self._lasts:

@@ -44,35 +44,23 @@ def bearing_of(sector: int) -> float:
 
 
 class Observer:
-    """Makes the observations of one robot.
-
-    Attributes:
-        shapes: Of each part of an observation, in the order of `patrol.options.inputs`.
-        half_m: Distance from the robot to the side of its window, m.
-    """
+    """Makes the observations of one robot."""
 
     def __init__(self, terrain: Terrain, options: LearnedOptions, step: float) -> None:
-        """Take what never changes.
-
-        Args:
-            terrain: The ground.
-            options: What is to be seen.
-            step: s per tick.
-        """
         self._half = options.window // 2
         self._heard = options.heard
         self._step = step
         x0, y0, x1, y1 = terrain.bounds
         self._middle, self._span = ((x0 + x1) / 2.0, (y0 + y1) / 2.0), (x1 - x0, y1 - y0)
         self._longest = max(self._span)
-        self.half_m = (self._half + 0.5) * terrain.point
+        self.half_m = (self._half + 0.5) * terrain.point  # from the robot to the side of its window
         shapes: dict[str, tuple[int, ...]] = {
             "fog": (2, options.window, options.window),
             "pose": (4,),
             "heard": (options.heard, 4),
             "sectors": (SECTORS, 5),
         }
-        self.shapes = {name: shapes[name] for name in options.inputs}
+        self.shapes = {name: shapes[name] for name in options.inputs}  # in the order of `patrol.options.inputs`
         makers = {"fog": self._fog, "pose": self._pose, "heard": self._others, "sectors": self._sectors}
         self._makers = [(name, makers[name]) for name in options.inputs]
         # The points from the robot's own to the side of its window, in each direction.
@@ -93,25 +81,11 @@ class Observer:
         return sum(math.prod(shape) for shape in self.shapes.values())
 
     def observe(self, view: View) -> Observation:
-        """Make an observation.
-
-        Args:
-            view: Of this tick.
-
-        Returns:
-            New arrays by name, in the order of `shapes`.
-        """
+        """Make an observation: new arrays by name, in the order of `shapes`."""
         return {name: make(view) for name, make in self._makers}
 
     def free_ways(self, view: View) -> NDArray[np.int64]:
-        """Count the open points from the robot towards the side of its window.
-
-        Args:
-            view: Of this tick.
-
-        Returns:
-            int64 (8,), by sector, 0 to half a window.
-        """
+        """Count the open points from the robot towards the side of its window, in each of the 8 sectors."""
         if self._ways_at != view.tick:
             row, col = view.ground.terrain.point_at(view.pose.x, view.pose.y)
             count_free(view.ground.open_now, row, col, self._rays, self._ways)

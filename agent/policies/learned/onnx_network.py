@@ -21,17 +21,9 @@ _TYPES = {"tensor(float)": np.float32, "tensor(double)": np.float64}
 def onnx_network(
     content: bytes, path: Path
 ) -> tuple[Callable[[NDArray[np.float64]], NDArray[np.float64]], tuple[int, int]]:
-    """Load a network with one input and one output, each (1, n).
+    """Return a network with one input and one output, each (1, n), and how many values it takes and gives.
 
-    Args:
-        content: Of the file.
-        path: The file, for errors.
-
-    Returns:
-        The network, and how many values it takes and gives.
-
-    Raises:
-        BadInput: onnxruntime is not installed, or does not take the file.
+    It raises `BadInput` where onnxruntime is not installed, or does not take the file.
     """
     try:
         import onnxruntime

@@ -20,14 +20,7 @@ class Learned:
     """Asks a network whenever a decision is due."""
 
     def __init__(self, setup: PolicySetup) -> None:
-        """Read the network.
-
-        Args:
-            setup: The policy's.
-
-        Raises:
-            BadInput: There is none, or it cannot be used.
-        """
+        """Read the network, or raise `BadInput` where there is none that can be used."""
         options = setup.options
         content = options.read_weights()
         self._decisions = Decisions(setup, options)

@@ -20,16 +20,10 @@ from patrol.scenario import PotentialFieldOptions
 
 
 def sector_table(sectors: int, reach: int) -> NDArray[np.uint16]:
-    """Return the sector of every bearing, by offset in rows and columns.
+    """Return the sector of every bearing, by offset in rows and columns from -``reach`` to ``reach`` points.
 
-    Sector s is centred on the bearing s * 2 pi / sectors; a bearing on the border belongs to the later sector.
-
-    Args:
-        sectors: Number of sectors.
-        reach: Largest offset, in points.
-
-    Returns:
-        uint16 (2 * reach + 1, 2 * reach + 1), indexed by the offsets plus ``reach``.
+    The indices are the offsets plus ``reach``. Sector s is centred on the bearing s * 2 pi / sectors; a bearing on the
+    border belongs to the later sector.
     """
     up, across = np.mgrid[-reach : reach + 1, -reach : reach + 1].astype(np.float64)
     table: NDArray[np.uint16] = (np.floor(arctan2(up, across) / (TAU / sectors) + 0.5) % sectors).astype(np.uint16)
@@ -37,13 +31,9 @@ def sector_table(sectors: int, reach: int) -> NDArray[np.uint16]:
 
 
 def bearings_by_force(sums: NDArray[np.float64]) -> list[float]:
-    """Mode method: the bisectors of the sectors that exert force, strongest first.
+    """Mode method: return the bisectors of the sectors that exert force, rad, strongest first.
 
-    Args:
-        sums: float64 (sectors,), the sum of moduli in each sector.
-
-    Returns:
-        Bearings in rad; of equally strong sectors the lowest comes first.
+    Of equally strong sectors the lowest comes first.
     """
     forces = sums.tolist()
     order = sorted(range(len(forces)), key=forces.__getitem__, reverse=True)
@@ -53,26 +43,15 @@ def bearings_by_force(sums: NDArray[np.float64]) -> list[float]:
 
 @cache
 def bisectors(sectors: int) -> tuple[float, ...]:
-    """Return the bearings on which the sectors are centred, rad.
-
-    Args:
-        sectors: Their number.
-    """
+    """Return the bearings on which the sectors are centred, rad."""
     return tuple(wrap(sector * TAU / sectors) for sector in range(sectors))
 
 
 def bearings_by_vector(x: float, y: float, turns: int) -> list[float]:
-    """Vector-sum method: the bearing of the sum, then alternatives turned ever further to either side.
+    """Vector-sum method: return the bearing of the sum, then alternatives turned ever further to either side, rad.
 
-    The alternatives are for a robot that cannot move in the direction of the sum.
-
-    Args:
-        x: x component of the sum.
-        y: y component of the sum.
-        turns: Number of bearings.
-
-    Returns:
-        Bearings in rad; none when the sum is zero.
+    The alternatives are for a robot that cannot move in the direction of the sum. With them there are ``turns``
+    bearings, and none when the sum is zero.
     """
     if x == 0.0 and y == 0.0:
         return []
@@ -84,20 +63,14 @@ def bearings_by_vector(x: float, y: float, turns: int) -> list[float]:
 class FuzzySectors:
     """Obstacle avoidance inspired by fuzzy logic (paper, c_x): sectors with an obstacle close by count less.
 
-    Scales each sector's sum by min(1, R_c / R_0), R_c being the distance to the closest obstacle in the sector.
+    Scales each sector's sum by min(1, R_c / R_0), R_c being the distance to the closest obstacle in the sector, and R_0
+    the given distance, m.
 
     Distances run from the centre of the robot's point to the centres of obstacle points. Everything beyond the terrain
     is an obstacle.
     """
 
     def __init__(self, terrain: Terrain, sectors: int, distance: float) -> None:
-        """Tabulate the distances and sectors of the points around a robot.
-
-        Args:
-            terrain: The map.
-            sectors: Number of sectors.
-            distance: R_0, m.
-        """
         reach = math.ceil(distance / terrain.point)
         self._distance = distance
         self._reach = reach
@@ -112,15 +85,7 @@ class FuzzySectors:
         self._sectors = sectors
 
     def coefficients(self, row: int, col: int) -> NDArray[np.float64]:
-        """c_x of every sector.
-
-        Args:
-            row: Row of the robot's point in the terrain.
-            col: Column of the same point.
-
-        Returns:
-            float64 (sectors,), in [0, 1].
-        """
+        """Return c_x of every sector, in [0, 1], at a robot's point of the terrain."""
         side = 2 * self._reach + 1
         blocked = self._blocked[row : row + side, col : col + side].reshape(-1)[self._near] != 0
         closest = np.full(self._sectors, self._distance)
@@ -129,16 +94,10 @@ class FuzzySectors:
 
 
 def repel(sums: NDArray[np.float64], pose: Pose, peers: Mapping[int, Peer], options: PotentialFieldOptions) -> None:
-    """Add repulsive forces from the peers.
+    """Add repulsive forces from the peers to the sums of a `Pull`, in place.
 
     Each peer pushes straight away with ``repulsion`` times the sum of all attraction, times exp(-(d /
     repulsion_reach)^2). The paper gives no formula; this one is relative to the attraction, whatever its scale.
-
-    Args:
-        sums: The sums of an `agent.policies.potential_field.field.Pull`; changed in place.
-        pose: The robot's own.
-        peers: The robots heard so far, by number.
-        options: The policy's.
     """
     as_vector = options.direction == "vector"
     total = float(sums[2] if as_vector else sums.sum())

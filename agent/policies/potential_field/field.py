@@ -49,19 +49,14 @@ WIDTHS = 40.0
 
 @dataclass(frozen=True, slots=True)
 class Pull:
-    """The forces on a robot.
-
-    Attributes:
-        sums: float64 (sectors,), the sum of moduli in each sector; for the vector method float64 (3,), the sum's x and
-            y, and the sum of moduli.
-        near: The open element (row, col) of the ground, in sight of the robot, where it should stop because a place
-            close by pulls about as hard as any other (see `Field.pull`); None for none.
-        bend: The element where the path to the strongest single force first bends; None without any force.
-    """
+    """The forces on a robot."""
 
     sums: NDArray[np.float64]
+    """Of moduli, float64 (sectors,); for the vector method float64 (3,), the sum's x and y, and the sum of moduli."""
     near: tuple[int, int] | None
-    bend: tuple[int, int] | None = None
+    """The open element (row, col) of the ground, in sight of the robot, where it should stop because a place close by
+    pulls about as hard as any other (see `Field.pull`)."""
+    bend: tuple[int, int] | None = None  # the element where the path to the strongest single force first bends
 
 
 class Field:
@@ -69,10 +64,6 @@ class Field:
 
     The forces along near paths determine the horizon up to which farther ones can still change the result (see
     `ForceLaw`).
-
-    Attributes:
-        law: f and g as tables, and the horizon.
-        paths: The window of the path method.
     """
 
     def __init__(
@@ -87,18 +78,6 @@ class Field:
         lengths: BodyLengths = PAPER_LENGTHS,
         team: int = 1,
     ) -> None:
-        """Tabulate the law and allocate the window of the paths.
-
-        Args:
-            options: The policy's.
-            fields: The terrain's static fields.
-            posts: The points on which no body fits, and where to see them from.
-            point: Side of the terrain's points, m.
-            scratch: Windows shared by minds of one process that never think at the same time.
-            regions: The terrain's regions, for paths through regions; otherwise unused.
-            lengths: The lengths of the robot's patrol, m.
-            team: Number of robots that patrol the ground.
-        """
         height, width = fields.reach.shape
         sources = int(np.count_nonzero(fields.patrolled))
         self.law = ForceLaw(options, point, sources, longest=400 * (height + width), team=team)
@@ -121,37 +100,22 @@ class Field:
     def pull(
         self,
         ground: Ground,
-        row: int,
+        row: int,  # of the robot's open element in `Ground.state`
         col: int,
-        seen: NDArray[np.int32],
-        dilated: Callable[[int], NDArray[np.int32]],
+        seen: NDArray[np.int32],  # (h, w), last-seen ticks before dilatation
+        dilated: Callable[[int], NDArray[np.int32]],  # the same after it, for so many rows and columns around the robot
         tick: int,
-        mfow: int,
-        rivals: Sequence[Place] = (),
-        looked: NDArray[np.int32] | None = None,
-        aside: Aside = CENTRE,
-        key: int = 0,
+        mfow: int,  # age of the stalest point, ticks
+        rivals: Sequence[Place] = (),  # elements of the static ground; with claims only
+        looked: NDArray[np.int32] | None = None,  # ticks when last in view, for looks that leave some age
+        aside: Aside = CENTRE,  # from the element's centre to where straight paths begin
+        key: int = 0,  # of the draws between equally long paths
     ) -> Pull:
         """Return the forces on a robot.
 
         Dilatation attracts a robot to a small stale place, and close to it pulls equally from all sides. So where a
         path of at most the goal distance leads to a place that pulls, without dilatation, at least `CLOSE_ENOUGH` times
         as hard as the strongest one does with it, the result also names that place, or the first bend on the way to it.
-
-        Args:
-            ground: As it is now.
-            row: Row of the robot's open element in `Ground.state`.
-            col: Column of the same element.
-            seen: int32 (h, w), last-seen ticks before dilatation.
-            dilated: Gives last-seen ticks after dilatation, int32 (h, w), up to date for so many rows and columns
-                around the robot.
-            tick: Now.
-            mfow: Age of the stalest point, ticks.
-            rivals: The elements of the static ground where other robots stand; used with claims only.
-            looked: int32 (h, w), the tick at which each point was last in view, where a look may leave some of a
-                point's age; ``seen`` unless given.
-            aside: Rows and columns from the element's centre to the place from which straight paths are measured.
-            key: Of the draws between equally long paths.
         """
         by_age = self.law.pull(mfow)
         self._claim(ground, row, col, rivals)
@@ -213,18 +177,10 @@ class Field:
         forces: _Forces,
         looked: NDArray[np.int32] | None = None,
     ) -> None:
-        """Add the forces along paths longer than ``first`` and at most ``last`` hundredths of a point.
+        """Add the forces along paths longer than ``first`` and at most as long as ``last``, in hundredths of a point.
 
-        Args:
-            first: Exclusive lower bound of the path length.
-            last: Inclusive upper bound of the path length.
-            standing: int32 (h, w), last-seen ticks of the points where the body fits.
-            beyond: int32 (h, w), last-seen ticks of the points where it does not. These are never dilated: a point that
-                looks stale because its neighbour is would attract the robot to the wrong post.
-            tick: Now.
-            by_age: float64, f by age in ticks.
-            forces: Where the forces are added.
-            looked: As in `pull`.
+        Points where the body fits take their last-seen ticks from ``standing``, the others from ``beyond``. Those are
+        never dilated: a point that looks stale because its neighbour is would attract the robot to the wrong post.
         """
         paths = self.paths
         if last > self._settled:
@@ -259,12 +215,7 @@ class _Forces(NamedTuple):
 def share_table(width_m: float, point: float) -> NDArray[np.float64]:
     """Return the share that is left of a force, by how much farther away the robot is than its nearest rival.
 
-    Args:
-        width_m: s, m.
-        point: Side of the terrain's points, m.
-
-    Returns:
-        float64 (2 m + 1,). The index is the difference of the path lengths, d - d', in hundredths of a point, plus m.
+    It is float64 (2 m + 1,). The index is the difference of the path lengths, d - d', in hundredths of a point, plus m.
     """
     width = 100.0 * width_m / point
     reach = round(WIDTHS * width)
@@ -272,26 +223,14 @@ def share_table(width_m: float, point: float) -> NDArray[np.float64]:
 
 
 def window_of(
-    paths: str,
-    sizes: tuple[int, int, int],
+    paths: str,  # name of the path method
+    sizes: tuple[int, int, int],  # the terrain's height and width, and the window's span, in points
     scratch: dict[str, PathWindow],
-    patrolled: NDArray[np.bool_],
-    regions: RegionSplit | None,
-    ties: Ties | None = None,
+    patrolled: NDArray[np.bool_],  # (h, w), for straight paths
+    regions: RegionSplit | None,  # for paths through regions
+    ties: Ties | None = None,  # for a wave that gives first steps in place of first bends
 ) -> PathWindow:
-    """Return the window of a path method, shared where possible.
-
-    Args:
-        paths: Name of the path method.
-        sizes: The terrain's height and width, and the window's span, in points.
-        scratch: Windows made so far.
-        patrolled: bool (h, w), for straight paths.
-        regions: For paths through regions.
-        ties: For a wave that gives first steps in place of first bends, which of equally long paths count.
-
-    Raises:
-        ValueError: Paths through regions without regions.
-    """
+    """Return the window of a path method: one from ``scratch``, or a new one, which is added there."""
     key = f"{paths} {sizes} {ties}"
     make: Callable[[], PathWindow] = partial(Wave, *sizes, ties)
     # A window holds a reference to the object whose id is in its key, so no other object can get that id.

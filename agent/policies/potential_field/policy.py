@@ -70,12 +70,7 @@ class PotentialField:
         return Bearing(bearings, near, bend, wander, figures=figures)
 
     def _pull(self, view: View, start: tuple[int, int]) -> Pull:
-        """Return the forces at this tick, modified by other robots and by close obstacles.
-
-        Args:
-            view: Of this tick.
-            start: The element of the ground on which the robot stands.
-        """
+        """Return the forces at this tick, modified by other robots and by close obstacles."""
         rivals = [(row, col) for row, col in view.ground.static.join_each(self._separation.rivals(view)).tolist()]
         fog = view.fog
         dilated = partial(fog.dilated_around, (start[0] - 1, start[1] - 1))

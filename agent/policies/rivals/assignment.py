@@ -39,14 +39,9 @@ STALE = 2.0
 
 
 class GreedyAssignment(GraphPatrol):
-    """DTAG: the vertex with the best sum of idleness, way and distance to the robot's start, that nobody else takes."""
+    """DTAG: of the vertices that no other robot takes, the best by idleness, way and distance to the robot's start."""
 
     def __init__(self, setup: PolicySetup) -> None:
-        """Have no start yet, and take every vertex for stale.
-
-        Args:
-            setup: The policy's.
-        """
         super().__init__(setup)
         self.known.visited_s[:] = -IDLE_AT_FIRST_S
         self._home: tuple[float, float] | None = None
@@ -71,25 +66,20 @@ class AuctionAssignment(GraphPatrol):
     """DTAP: takes the best vertex for which no other robot would bid less.
 
     A robot's bid for a vertex is its way from the centre of the robot's tasks, times one more than their number; for
-    the vertex that it is going to it is 0. Who has won which task is not sent here: a robot's tasks are the vertices
+    the vertex that it is going to it is 0. The winners of tasks are not sent here: a robot's tasks are the vertices
     that it visited last, and the one that it is going to. The original keeps the least bid made for a vertex so far,
     and plans one vertex ahead.
     """
 
     def __init__(self, setup: PolicySetup) -> None:
-        """Take every vertex for stale.
-
-        Args:
-            setup: The policy's.
-        """
         super().__init__(setup)
         self.known.visited_s[:] = -HOPS * self.known.graph.size
 
     def route(self, known: Known) -> Sequence[int]:
         """Choose by I - 2 hops |V|, and by bids.
 
-        A vertex that another robot bids less for is taken all the same where it is a neighbour and very stale, and
-        nobody bids 0. A robot that wins none goes to the best one that nobody is going to.
+        A vertex that another robot bids less for is taken all the same where it is a neighbour and very stale, and no
+        robot bids 0. A robot that wins none goes to the best one that no other robot is going to.
         """
         graph, idle = known.graph, known.idleness
         vertices = known.reached
@@ -111,13 +101,9 @@ class AuctionAssignment(GraphPatrol):
 
 
 def bids(known: Known, number: int, at: int, aim: int | None = None) -> NDArray[np.float64]:
-    """Return what a robot would bid for each vertex, float64 (v,), m.
+    """Return what a robot would bid for each vertex, m, by the knowledge of the robot that asks.
 
-    Args:
-        known: What the robot that asks knows.
-        number: Of the robot that is asked.
-        at: The vertex that it visited last.
-        aim: The vertex that it is going to; None where that is not known.
+    ``at`` is the vertex that it visited last, ``aim`` the one that it is going to, None where that is not known.
     """
     tasks = set(np.flatnonzero(known.visitor == number).tolist()) | (set() if aim is None else {aim})
     lengths = known.graph.lengths

@@ -46,12 +46,7 @@ class GreedyBayesian(GraphPatrol):
         return [known.pick(known.neighbours, [self.chance(known, vertex) for vertex in known.neighbours])]
 
     def chance(self, known: Known, vertex: int) -> float:
-        """Return the probability of going to a neighbour, as far as its gain decides it.
-
-        Args:
-            known: What the robot knows.
-            vertex: The neighbour.
-        """
+        """Return the probability of going to a neighbour, as far as its gain decides it."""
         pixels = max(known.length(vertex) / known.graph.pixel, self.options.edge_min)
         gain = float(known.idleness[vertex]) / pixels
         return 1.0 if gain >= self.options.g2 else G1 * math.exp(math.log(1.0 / G1) / self.options.g2 * gain)
@@ -77,11 +72,6 @@ class ConcurrentBayesianLearning(GraphPatrol):
     """
 
     def __init__(self, setup: PolicySetup) -> None:
-        """Know no arc better than another.
-
-        Args:
-            setup: The policy's.
-        """
         super().__init__(setup)
         self._arcs: dict[tuple[int, int], float] = {
             (vertex, other): 1.0 for vertex, row in enumerate(self.known.graph.edges) for other, _ in row
@@ -89,7 +79,7 @@ class ConcurrentBayesianLearning(GraphPatrol):
         self._last: tuple[int, list[int], float] | None = None
 
     def route(self, known: Known) -> Sequence[int]:
-        """Choose the neighbour with the greatest prior times likelihood, among those that nobody else goes to."""
+        """Choose the neighbour with the greatest prior times likelihood, among those that no other robot goes to."""
         self._learn(known)
         aims = set(known.aims.values())
         candidates = [vertex for vertex in known.neighbours if vertex not in aims]

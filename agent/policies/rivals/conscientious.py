@@ -63,13 +63,7 @@ class HeuristicPathfinder(GraphPatrol):
 def stale_way(known: Known, goal: int, stalest: float) -> list[int]:
     """Find the way to a vertex with the least sum of (I_max - I_j) / I_max + (w_ij - w_min) / (w_max - w_min).
 
-    Args:
-        known: What the robot knows.
-        goal: The vertex.
-        stalest: I_max, s.
-
-    Returns:
-        The vertices after the one where the robot is, the goal last.
+    It begins after the vertex where the robot is, and ends with the goal. ``stalest`` is I_max, s.
     """
     graph, idle = known.graph, known.own_idleness
     lengths = [length for row in graph.edges for _, length in row]

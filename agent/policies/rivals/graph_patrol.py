@@ -41,20 +41,12 @@ class GraphOptions(Section):
 
 
 class GraphPatrol:
-    """The part that the patrols on graphs have in common; each says in `route` where to go next.
-
-    Attributes:
-        known: What the robot knows.
-    """
+    """The part that the patrols on graphs have in common; each says in `route` where to go next."""
 
     Options: ClassVar[type[GraphOptions]] = GraphOptions
 
     def __init__(self, setup: PolicySetup) -> None:
-        """Place the graph where the robot's body can go.
-
-        Args:
-            setup: The policy's.
-        """
+        """Place the graph where the robot's body can go."""
         options = setup.options if isinstance(setup.options, GraphOptions) else self.Options()
         self.options = options
         self.step = setup.step
@@ -68,14 +60,7 @@ class GraphPatrol:
         self._since = 0
 
     def route(self, known: Known) -> Sequence[int]:
-        """Choose where to go next.
-
-        Args:
-            known: What the robot knows.
-
-        Returns:
-            Vertices to be visited one after the other, at least one; none to wait for a tick.
-        """
+        """Choose the vertices to visit next, one after the other; without any the robot waits for a tick."""
         raise NotImplementedError
 
     def decide(self, view: View) -> Intent:

@@ -28,60 +28,34 @@ LEFT = 0.1
 
 @dataclass(slots=True)
 class Other:
-    """Another robot on the graph.
+    """Another robot on the graph."""
 
-    Attributes:
-        place: Where it was heard last, x and y in m.
-        tick: When.
-        at: The vertex that it visited last; the nearest one before its first visit.
-        aim: The neighbour of `at` that it is going to; None where that cannot be told.
-    """
-
-    place: tuple[float, float]
-    tick: int
-    at: int
-    aim: int | None = None
+    place: tuple[float, float]  # where it was heard last, x and y in m
+    tick: int  # when it was heard there
+    at: int  # the vertex that it visited last; the nearest one before its first visit
+    aim: int | None = None  # the neighbour of `at` that it is going to; None where that cannot be told
 
 
 @dataclass(slots=True)
 class Known:
-    """The knowledge of one robot.
+    """The knowledge of one robot; arrays have one value for each vertex."""
 
-    Attributes:
-        graph: The graph, at places that the robot can reach.
-        tolerance: Distance from a vertex within which it is visited, m.
-        step: Length of a tick, s.
-        number: The robot's.
-        team: Number of robots that patrol from the start.
-        at: The vertex that the robot visited last; the nearest one before its first visit.
-        place: Where the robot is, x and y in m.
-        now_s: Time since tick 0, s.
-        visited_s: float64 (v,), when a robot last visited each vertex, s; 0 at the start.
-        own_s: The same of this robot alone.
-        found_s: float64 (v,), the idleness that the robot found at its last arrival at each vertex, s.
-        visits: int64 (v,), visits of all robots to each vertex.
-        ended_s: float64 (v,), the sum of the idleness that these visits ended, s.
-        visitor: int64 (v,), the number of the robot that visited each vertex last; 0 for none.
-        others: The robots that are heard, by number.
-        draw: A random number in [0, 1) for a question 0, 1, ... of this tick.
-    """
-
-    graph: Graph
-    tolerance: float
-    step: float
-    number: int
-    team: int
-    at: int = -1
-    place: tuple[float, float] | None = None
-    now_s: float = 0.0
-    visited_s: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
-    own_s: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
-    found_s: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
-    ended_s: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
-    visits: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    visitor: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    others: dict[int, Other] = field(default_factory=dict)
-    draw: Callable[[int], float] = lambda _: 0.0
+    graph: Graph  # at places that the robot can reach
+    tolerance: float  # distance from a vertex within which it is visited, m
+    step: float  # length of a tick, s
+    number: int  # the robot's
+    team: int  # number of robots that patrol from the start
+    at: int = -1  # the vertex that the robot visited last; the nearest one before its first visit
+    place: tuple[float, float] | None = None  # where the robot is, x and y in m
+    now_s: float = 0.0  # since tick 0
+    visited_s: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))  # last visit by any robot; 0 at first
+    own_s: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))  # the same of this robot alone
+    found_s: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))  # idleness at its last arrival
+    ended_s: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))  # summed idleness that visits ended
+    visits: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))  # by all robots
+    visitor: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))  # last robot; 0 for none
+    others: dict[int, Other] = field(default_factory=dict)  # those that are heard, by number
+    draw: Callable[[int], float] = lambda _: 0.0  # a random number in [0, 1) for a question 0, 1, ... of this tick
     _inside: dict[int, frozenset[int]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -131,14 +105,7 @@ class Known:
         return equal[int(self.draw(0) * len(equal))]
 
     def look(self, view: View) -> list[int]:
-        """Take note of this tick's positions.
-
-        Args:
-            view: Of this tick.
-
-        Returns:
-            The vertices that the robot itself visits.
-        """
+        """Take note of this tick's positions, and return the vertices that the robot itself visits."""
         self.now_s = view.time_s
         self.draw = view.draw
         here = view.reported.x, view.reported.y
@@ -156,11 +123,7 @@ class Known:
         return visited
 
     def arrive(self, vertex: int) -> None:
-        """Take note that the robot itself visits a vertex.
-
-        Args:
-            vertex: The vertex.
-        """
+        """Take note that the robot itself visits a vertex."""
         if vertex not in self._inside.get(self.number, ()):
             self.found_s[vertex] = self.now_s - self.visited_s[vertex]
         self._visit(self.number, vertex, self.now_s)
@@ -196,7 +159,7 @@ class Known:
         other.aim = self._aim(other)
 
     def _aim(self, other: Other) -> int | None:
-        """The neighbour that a robot that has left its vertex goes to: the one with the least detour over its place."""
+        """Return the neighbour that a robot goes to, with the least detour over its place; None before it leaves."""
         best, least = None, math.inf
         away = math.dist(other.place, self.graph.places[other.at])
         for neighbour, length in self.graph.edges[other.at]:

@@ -27,21 +27,12 @@ class Tour(GraphPatrol):
     """Follows one tour with all others, in one direction, from where it is: spacing is left to chance."""
 
     def __init__(self, setup: PolicySetup) -> None:
-        """Have no tour yet.
-
-        Args:
-            setup: The policy's.
-        """
         super().__init__(setup)
         self.tour: list[int] = []
         self._next = 0
 
     def plan(self, known: Known) -> None:
-        """Find the tour through all vertices that a way leads to.
-
-        Args:
-            known: What the robot knows at its start.
-        """
+        """Find the tour through all vertices that a way leads to."""
         self.tour = closed_tour(known.graph, [known.at, *known.reached])
         self._next = self.tour.index(known.at)
 
@@ -63,11 +54,6 @@ class EvenTour(Tour):
     """
 
     def __init__(self, setup: PolicySetup) -> None:
-        """Have waited nowhere yet.
-
-        Args:
-            setup: The policy's.
-        """
         super().__init__(setup)
         self._once: set[int] = set()
         self._round_s = 0.0
@@ -108,11 +94,6 @@ class OwnTours(GraphPatrol):
     """A patrol in which each robot follows a tour through vertices of its own; `cell` says which those are."""
 
     def __init__(self, setup: PolicySetup) -> None:
-        """Have no tour yet.
-
-        Args:
-            setup: The policy's.
-        """
         super().__init__(setup)
         self._homes: dict[int, int] = {}
         self._team: frozenset[int] = frozenset()
@@ -122,10 +103,8 @@ class OwnTours(GraphPatrol):
     def cell(self, known: Known, homes: dict[int, int]) -> list[int]:
         """Return the vertices of this robot.
 
-        Args:
-            known: What the robot knows.
-            homes: The vertices at which the living robots were first heard, by robot number; only robots that are
-                on the same connected part of the graph.
+        ``homes`` has the vertices at which the living robots were first heard, by robot number; only robots that are on
+        the same connected part of the graph.
         """
         raise NotImplementedError
 
@@ -149,7 +128,7 @@ class OwnTours(GraphPatrol):
 class VoronoiTours(OwnTours):
     """AHPA: each robot follows a tour through the vertices that are nearest to its start.
 
-    The original's tour is by Christofides' method. Who is gone is known by silence.
+    The original's tour is by Christofides' method. A robot that is silent counts as gone.
     """
 
     def cell(self, known: Known, homes: dict[int, int]) -> list[int]:

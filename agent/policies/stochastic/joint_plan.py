@@ -99,46 +99,26 @@ Facts = tuple[NDArray[np.float64], NDArray[np.float64], Ages, Routes]
 
 @dataclass(slots=True)
 class Part:
-    """The part of one robot in the plan.
+    """The part of one robot in the plan."""
 
-    Attributes:
-        route: Its stations in order; it is on the way to the first.
-        age_s: Weighted age of that one when it was drawn, s.
-        until: Tick from which on the station is taken as given up.
-        least_way_s: Shortest way to the station that the robot has had since, s.
-        oldest: Number of a point of the station among those of the round, the oldest one when all were looked at last.
-    """
-
-    route: list[int]
-    age_s: float = 0.0
-    until: int = 0
-    oldest: int = 0
-    least_way_s: float = math.inf
+    route: list[int]  # its stations in order; it is on the way to the first
+    age_s: float = 0.0  # weighted age of that one when it was drawn
+    until: int = 0  # tick from which on the station is taken as given up
+    oldest: int = 0  # number in the round of the station's oldest point, when all were looked at last
+    least_way_s: float = math.inf  # shortest way to the station that the robot has had since
 
 
 class JointPlan:
-    """The plan of one robot for all robots that share its ground.
-
-    Attributes:
-        parts: By robot number; empty before the first tick, and where there are too many robots for a plan.
-        robots: Numbers of the robots that share the stations.
-        team: How many there are of them without spare ones.
-    """
+    """The plan of one robot for all robots that share its ground."""
 
     def __init__(
         self, setup: PolicySetup, laid_out: Round, stations: Stations, weights: NDArray[np.float64] | None
     ) -> None:
-        """Begin without a plan.
-
-        Args:
-            setup: The policy's.
-            laid_out: The round to which the stations belong.
-            stations: The stations.
-            weights: float64 (height, width), by how much points count more than others; None where all count the same.
-        """
+        """Begin without a plan; ``weights`` (height, width) are None where all points count the same."""
+        # By robot number; empty before the first tick, and with too many robots for a plan.
         self.parts: dict[int, Part] = {}
-        self.robots: frozenset[int] = frozenset()
-        self.team = 1.0
+        self.robots: frozenset[int] = frozenset()  # numbers of those that share the stations
+        self.team = 1.0  # how many there are of them without spare ones
         self._round, self._stations = laid_out, stations
         self._number, self._step, self._width = setup.spec.number, setup.step, setup.terrain.width
         self._pace = 1.0 / setup.spec.speed
@@ -168,11 +148,7 @@ class JointPlan:
         return own.route[0] if own is not None and own.route else None
 
     def update(self, view: View) -> None:
-        """Go on with the plan: draw the next station of each robot that has seen its own.
-
-        Args:
-            view: Of this tick.
-        """
+        """Go on with the plan: draw the next station of each robot that has seen its own."""
         others = [number for number in view.peers if number in self.robots and not self._is_stuck(view, number)]
         robots = sorted({self._number, *others})
         period = int(view.tick * self._step / PERIOD_S)
@@ -199,12 +175,7 @@ class JointPlan:
             self._draw(view, drawing, done, self._oldest_s(view), leads)
 
     def visit(self, view: View, given_up: GivenUp) -> Target | None:
-        """Return the oldest point of the robot's station that it has not given up; None where there is none.
-
-        Args:
-            view: Of this tick.
-            given_up: What is left out.
-        """
+        """Return the oldest point of the robot's station that it has not given up; None where there is none."""
         if self.station is None:
             return None
         part = self._points_of(self.station)
@@ -223,14 +194,14 @@ class JointPlan:
         return slice(*self._stations.begins[station : station + 2].tolist())
 
     def _ages_s(self, view: View, part: slice) -> Ages:
-        """float64, the weighted ages of some of the round's points, s; 0 for what is in view or out of reach now."""
+        """Return the weighted ages of some of the round's points, s; 0 for what is in view or out of reach now."""
         points, fog = self._round.points[part], view.fog
         ages = np.empty(points.size)
         weighted_ages(points, fog.patrolled, fog.last_seen, fog.looked, self._weights, view.tick, self._step, ages)
         return ages
 
     def _oldest_s(self, view: View) -> Ages:
-        """float64 (stations,), the weighted age of the oldest point of each station, s."""
+        """Return the weighted age of the oldest point of each station, s."""
         return np.maximum.reduceat(self._ages_s(view, slice(None)), self._stations.begins[:-1])
 
     def _is_done(self, view: View, part: Part) -> bool:
@@ -283,11 +254,11 @@ class JointPlan:
         self._draw(view, robots, (), ages, leads, MOVES_FIRST * len(ages))
 
     def _leads_s(self, view: View, robots: Sequence[int]) -> NDArray[np.float64]:
-        """float64 (robots, stations), about how long each robot takes to each station, s."""
+        """Return about how long each robot takes to each station, float64 (robots, stations), s."""
         return np.array([self._ways_s(view, number) for number in robots])
 
     def _ways_s(self, view: View, number: int) -> NDArray[np.float64]:
-        """float64 (stations,), about how long one robot takes to each station, s."""
+        """Return about how long one robot takes to each station, s."""
         pose = view.reported if number == self._number else view.peers[number].pose
         away = np.sqrt((self._spots[:, 0] - pose.x) ** 2 + (self._spots[:, 1] - pose.y) ** 2)
         here = int(self._stations.around[view.point_of((pose.x, pose.y))])
@@ -300,21 +271,12 @@ class JointPlan:
         self,
         view: View,
         drawing: Sequence[int],
-        done: Sequence[int],
-        ages: Ages,
-        leads: NDArray[np.float64],
-        moves_first: int = 0,
+        done: Sequence[int],  # those of them that have seen their station, or given it up
+        ages: Ages,  # of `_oldest_s`
+        leads: NDArray[np.float64],  # of `_leads_s`, for all robots
+        moves_first: int = 0,  # moves by which the plan is improved before
     ) -> None:
-        """Draw the next station of some robots, one after the other.
-
-        Args:
-            view: Of this tick.
-            drawing: Numbers of the robots.
-            done: Of those that have seen their station, or given it up.
-            ages: float64 (stations,), weighted, s.
-            leads: Of `_leads_s`, for all robots.
-            moves_first: Moves by which the plan is improved before.
-        """
+        """Draw the next station of some robots, one after the other."""
         robots, size = sorted(self.parts), len(ages)
         routes, counts = np.zeros((len(robots), size), dtype=np.int64), np.zeros(len(robots), dtype=np.int64)
         self._least_s = STALE * min(self._interval_s, float(ages.max()))
@@ -348,14 +310,14 @@ class JointPlan:
             self.parts[number].route = routes[row, : counts[row]].tolist()
 
     def _choices(self, ages: Ages, leads: NDArray[np.float64], row: int, taken: Sequence[int]) -> Routes:
-        """int64, the nearest stations that are worth a visit and to which no other robot has a shorter way."""
+        """Return the nearest stations that are worth a visit and to which no other robot has a shorter way."""
         worth = (ages > self._least_s) & (leads[row] <= leads.min(axis=0))
         worth[list(taken)] = False
         stations = np.flatnonzero(worth)
         return stations[np.argsort(leads[row, stations], kind="stable")[:CHOICES]]
 
     def _chances(self, view: View, number: int, choices: Routes) -> NDArray[np.float64]:
-        """float64, the draws of one robot's choices: less their Gumbel-distributed worth, in spreads."""
+        """Return the draws of one robot's choices: less their Gumbel-distributed worth, in spreads."""
         drawn = [self._chance(self._spell(view), number, choice + 1) for choice in choices.tolist()]
         return np.array([math.log(-math.log(0.5**54 + share)) for share in drawn])
 

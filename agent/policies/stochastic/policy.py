@@ -2,8 +2,8 @@
 
 A patrol that follows a tour is the freshest, and an intruder that watches it knows where it will be. This one draws
 each next station from good plans for the whole fleet (`agent.policies.stochastic.joint_plan`), and keeps to it until it
-has been seen (`agent.policies.commitment.commitment`). With a fleet key the draws come from the key, so nobody else can
-compute them (`agent.chance`).
+has been seen (`agent.policies.commitment.commitment`). With a fleet key the draws come from the key, so only the fleet
+can compute them (`agent.chance`).
 
 Where there is no tour (`patrol.measures.best_tour`), as in a fleet of several speeds or with a sensor that does not
 look all around, each choice is free. So it is where robots are crowded (`CROWDED`), where plans differ too often, and
@@ -32,17 +32,12 @@ if TYPE_CHECKING:
 
 
 class Stochastic(SharedRound):
-    """Draws its next station.
-
-    Attributes:
-        plan: The stations, and the plan for all; None where each choice is free.
-    """
+    """Draws its next station."""
 
     Options = StochasticOptions
 
     def __init__(self, setup: PolicySetup) -> None:
-        """Start without a target."""
-        self.plan: JointPlan | None = None
+        self.plan: JointPlan | None = None  # None where each choice is free
         self._station: int | None = None
         super().__init__(setup)
 
@@ -87,7 +82,7 @@ class Stochastic(SharedRound):
 
 
 def _with_margin(zoned: ZonedGround) -> NDArray[np.float64]:
-    """float64 (height, width), the weights of the ground; greater where an age is wanted, as distances are uneven."""
+    """Return the weights of the ground; greater where an age is wanted, as distances are uneven."""
     weights = zoned.weights.copy()
     for weight, wish in zip(zoned.classes, zoned.wanted, strict=True):
         weights[zoned.weights == weight] *= 1.0 if wish is None else KEPT

@@ -6,16 +6,10 @@ from collections.abc import Sequence
 
 
 def assign(costs: Sequence[Sequence[int]]) -> list[int]:
-    """Return the assignment of rows to columns with the least sum of costs.
+    """Return the column of each row, all different, so that the sum of costs is least.
 
-    Uses the Hungarian method by shortest augmenting paths. Sums are exact, so all robots that know the same costs find
-    the same assignment.
-
-    Args:
-        costs: Whole numbers, one row after the other; at most as many rows as columns.
-
-    Returns:
-        The column of each row, all different.
+    Uses the Hungarian method by shortest augmenting paths, for at most as many rows as columns. Sums are exact, so all
+    robots that know the same costs find the same assignment.
     """
     rows, cols = len(costs), len(costs[0]) if costs else 0
     by_row, by_col = [0] * (rows + 1), [0] * (cols + 1)

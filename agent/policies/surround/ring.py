@@ -26,17 +26,9 @@ FINE = math.radians(0.1)
 
 @dataclass(frozen=True, slots=True)
 class Stand:
-    """A place to stand.
+    """A place to stand: a point of the terrain, and x and y of its centre in m."""
 
-    Attributes:
-        bearing: From the intruder, 0 to 2 pi rad.
-        row: Row of the point in the terrain.
-        col: Column of the point in the terrain.
-        x: Of the point's centre, m.
-        y: Of the point's centre, m.
-    """
-
-    bearing: float
+    bearing: float  # from the intruder, rad, 0 to 2 pi
     row: int
     col: int
     x: float
@@ -44,17 +36,9 @@ class Stand:
 
 
 def spots_around(sight: Footprint, reach: BoolGrid, x: float, y: float, radius: float) -> list[Stand]:
-    """For each of `BEARINGS` bearings from an intruder, the place nearest to the ring.
+    """Return the place nearest to the ring for each of `BEARINGS` bearings from an intruder, by bearing.
 
-    Args:
-        sight: What can be seen from the intruder; only points in sight of it count.
-        reach: bool (h, w), the points on which a robot's centre may be; only these count.
-        x: Of the intruder, m.
-        y: Of the intruder, m.
-        radius: Of the ring, m.
-
-    Returns:
-        At most one place for each bearing, by bearing.
+    Only places in ``reach`` count, and in sight of the intruder at x and y in m, so a bearing may have none.
     """
     view = sight.visible(Pose(x, y, 0.0))
     terrain = sight.terrain
@@ -78,15 +62,10 @@ def spots_around(sight: Footprint, reach: BoolGrid, x: float, y: float, radius: 
 
 
 def spread(spots: Sequence[Stand], count: int, spacing: float) -> list[Stand]:
-    """Return the choice of spots that makes the smallest gap between their bearings as wide as possible.
+    """Return up to ``count`` spots that make the smallest gap between their bearings as wide as possible.
 
-    Args:
-        spots: By bearing.
-        count: Largest number of spots to choose.
-        spacing: Smallest distance between two of them, m.
-
-    Returns:
-        ``count`` spots, or as many as fit.
+    The spots given are in the order of their bearings. Those returned are ``spacing`` m or more apart; fewer than
+    ``count`` where no more fit.
     """
     count = min(count, len(spots))
     while count > 0 and not (chosen := _with_gap(spots, count, 0.0, spacing)):
@@ -106,7 +85,7 @@ def spread(spots: Sequence[Stand], count: int, spacing: float) -> list[Stand]:
 
 
 def _with_gap(spots: Sequence[Stand], count: int, gap: float, spacing: float) -> list[Stand]:
-    """The first ``count`` spots that keep ``gap`` rad and ``spacing`` m from each other; none if there are fewer."""
+    """Return the first ``count`` spots that are ``gap`` rad and ``spacing`` m or more apart, or none."""
     bearings = [spot.bearing for spot in spots]
     for start in range(len(spots)):
         chosen = [spots[start]]

@@ -42,19 +42,9 @@ if TYPE_CHECKING:
 
 
 class Surround:
-    """A policy that takes part in surrounding an intruder, and otherwise leaves the decision to another policy.
-
-    Attributes:
-        otherwise: The other policy.
-    """
+    """A policy that takes part in surrounding an intruder, and otherwise leaves the decision to another policy."""
 
     def __init__(self, setup: PolicySetup, otherwise: Policy) -> None:
-        """Join a patrol.
-
-        Args:
-            setup: As for every policy.
-            otherwise: Decides when there is no intruder, or no place for this robot.
-        """
         self.otherwise = otherwise
         self._number = setup.spec.number
         self._radius = setup.lengths.surround_distance
@@ -102,17 +92,9 @@ class Surround:
         routes: Routes,
         start: tuple[int, int],
     ) -> Way | None:
-        """Return the way to the robot's own place around the nearest intruder.
+        """Return the way to the robot's own place around the nearest intruder; None where none is left for it.
 
-        Args:
-            pose: The robot's own, as others hear it.
-            peers: Those heard lately, by number.
-            contacts: The intruders, x and y in m.
-            routes: Over the ground as it is now.
-            start: The open element (row, col) of the ground on which the robot stands.
-
-        Returns:
-            None when no place is left for this robot.
+        ``pose`` is the robot's own as others hear it, so that all find the same assignment.
         """
         places = {self._number: (pose.x, pose.y)} | {n: (peer.pose.x, peer.pose.y) for n, peer in peers.items()}
         target = {number: _nearest(place, contacts) for number, place in places.items()}
@@ -129,16 +111,7 @@ class Surround:
         return None
 
     def pushed(self, pose: Pose, peers: Mapping[int, Peer], bend: Spot) -> Spot:
-        """Return the next bend, shifted by the repulsion of peers close by.
-
-        Args:
-            pose: The robot's own.
-            peers: Those heard lately, by number.
-            bend: Where the way first bends, x and y in m.
-
-        Returns:
-            The point (x, y) in m, as far away as ``bend``, in the direction that the repulsion leaves.
-        """
+        """Return the next bend, turned about the robot by the repulsion of peers close by."""
         across, up = bend[0] - pose.x, bend[1] - pose.y
         distance = math.hypot(across, up)
         if distance == 0.0:
@@ -158,7 +131,7 @@ class Surround:
         return x, y
 
     def _ring_of(self, intruder: Spot, count: int) -> _Ring:
-        """The places around an intruder for ``count`` robots; recomputed when the intruder or the number changes."""
+        """Return the ring for ``count`` robots, a new one when the intruder or the number changes."""
         if self._ring is None or (self._ring.intruder, self._ring.count) != (intruder, count):
             ground = self._ring.ground if self._ring is not None else Ground(self._terrain, self._reach)
             stands = spread(spots_around(self._sight, self._reach, *intruder, self._radius), count, self._spacing)
@@ -170,21 +143,13 @@ class Surround:
 
 @dataclass(frozen=True, slots=True)
 class _Ring:
-    """The places around an intruder for ``count`` robots.
-
-    Attributes:
-        intruder: x and y in m.
-        count: Number of robots.
-        ground: The terrain with nothing closed.
-        stands: The places, by bearing.
-        lengths: For each place, int32 (h + 2, w + 2), path lengths to it in hundredths of a point.
-    """
+    """The places around an intruder for ``count`` robots."""
 
     intruder: Spot
     count: int
-    ground: Ground
-    stands: list[Stand]
-    lengths: list[NDArray[np.int32]]
+    ground: Ground  # with nothing closed
+    stands: list[Stand]  # by bearing
+    lengths: list[NDArray[np.int32]]  # (h + 2, w + 2), of the paths to each stand, in hundredths of a point
 
 
 def _nearest(place: Spot, contacts: Sequence[Spot]) -> Spot:
