@@ -36,38 +36,23 @@ class Draw(Protocol):
     """A source of random numbers in [0, 1); the same question always has the same answer."""
 
     def __call__(self, purpose: Purpose, *question: int) -> float:
-        """Draw.
-
-        Args:
-            purpose: What the draw is for.
-            question: Integers, such as a tick.
-        """
+        """Draw for a purpose and a question of integers, such as a tick."""
         ...
 
 
 class Chance:
-    """The source of all draws of a fleet's minds.
-
-    Attributes:
-        seed: The scenario's.
-        key: The fleet's key, or another secret of 1 to 64 bytes; None to draw from the seed alone.
-    """
+    """The source of all draws of a fleet's minds."""
 
     __slots__ = ("key", "seed")
 
     def __init__(self, seed: int, key: bytes | None = None) -> None:
         self.seed = seed
-        self.key = key
+        self.key = key  # 1 to 64 bytes, a fleet's or another secret; None to draw from the seed alone
 
     def draw(self, purpose: Purpose, *question: int) -> float:
-        """Draw a number that is the same for all robots of the fleet.
+        """Draw a number that is the same for all robots of the fleet, uniform over the multiples of 2^-53 in [0, 1).
 
-        Args:
-            purpose: What the draw is for.
-            question: Integers, taken modulo 2^64.
-
-        Returns:
-            Uniform over the multiples of 2^-53 in [0, 1).
+        Integers of the question are taken modulo 2^64.
         """
         if self.key is None:
             return draw(self.seed, purpose, *question)
@@ -77,12 +62,7 @@ class Chance:
         return (int.from_bytes(digest, "little") >> 11) * 2.0**-53
 
     def of_robot(self, number: int, incarnation: int) -> Draw:
-        """Return one robot's own draws.
-
-        Args:
-            number: The robot's.
-            incarnation: Its process's.
-        """
+        """Return one robot's own draws, others in each incarnation of its process."""
         return partial(self._own, number, incarnation)
 
     def _own(self, number: int, incarnation: int, purpose: Purpose, *question: int) -> float:

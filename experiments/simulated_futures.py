@@ -2,7 +2,7 @@
 
 Such an intruder runs the whole fleet in its own computer. At the moment of an attempt it knows the state of every
 robot's mind and of the world, as if it had been told all draws so far; from then on it draws with a secret of its own.
-So it knows more than anybody outside can. The world's own chance, such as that of lost frames, stays that of the run.
+So it knows more than any outsider can. The world's own chance, such as that of lost frames, stays that of the run.
 With the fleet's secret the simulated future is the true one.
 
 The scenario is run once. Before an attempt's first tick this process is forked for each future: the copy draws with
@@ -42,16 +42,7 @@ Advance = Callable[[float], None]
 
 
 def add_code(game: Game, prepared: Prepared, advance: Advance = lambda _share: None) -> None:
-    """Add the predictor `code` to a game.
-
-    Args:
-        game: The game on a run.
-        prepared: The scenario of the run.
-        advance: Called with the share of the work that is done.
-
-    Raises:
-        BadInput: The scenario does not give the same run again.
-    """
+    """Add the predictor `code` to a game; raise BadInput where the scenario does not give the same run again."""
     secrets = [f"{game.infiltrator.seed} {number} draws of an intruder's own".encode() for number in range(FUTURES)]
     game.predictors[CODE] = code_predictor(game.past, simulated_futures(game, prepared, secrets, advance))
 
@@ -59,16 +50,9 @@ def add_code(game: Game, prepared: Prepared, advance: Advance = lambda _share: N
 def simulated_futures(
     game: Game, prepared: Prepared, secrets: Sequence[bytes | None], advance: Advance = lambda _share: None
 ) -> Futures:
-    """Simulate futures of each attempt of a game.
+    """Simulate a future of each attempt for each secret from which the fleet draws then.
 
-    Args:
-        game: The game on a run.
-        prepared: The scenario of the run.
-        secrets: What the fleet draws from in each future; None for its own secret, which gives the true future.
-        advance: Called with the share of the work that is done.
-
-    Raises:
-        BadInput: The scenario does not give the same run again.
+    None stands for the fleet's own secret, which gives the true future. Raises BadInput as `add_code` does.
     """
     check_in_process(prepared.scenario)
     world = World(prepared, footprint=sensor_footprint(prepared.scenario, prepared.terrain))

@@ -25,10 +25,7 @@ INTRUDERS = ("random", "waiting", "statistical", "worst")
 def game_metric(intruder: str, attack_s: float, on: str = "ground") -> str:
     """Return the name of the metric of an intruder's successes, such as ``intruder_worst_75s_percent``.
 
-    Args:
-        intruder: One of `INTRUDERS`.
-        attack_s: Duration of the attack, s.
-        on: "ground", or "nodes" for attacks on the vertices of the graph.
+    Attacks are on the "ground", or on "nodes", the vertices of the graph.
     """
     return f"{'nodes_' if on == 'nodes' else ''}intruder_{intruder}_{attack_s:g}s_percent"
 
@@ -38,41 +35,23 @@ GAINED = "intruder_moving_gain_points"
 
 
 def moving_metric(predictor: str) -> str:
-    """Return the name of the metric of the moving intruder's successes, such as ``intruder_moving_similar_percent``.
-
-    Args:
-        predictor: One of `patrol.measures.infiltration.infiltrator.KNOWLEDGE`.
-    """
+    """Return the name of the metric of the moving intruder's successes, such as ``intruder_moving_similar_percent``."""
     return f"intruder_moving_{predictor}_percent"
 
 
 class GameLog:
-    """Writes down which places are seen while a run is made, and plays intruder games on it afterwards.
-
-    Attributes:
-        sightings: What has been written down so far; None before a run, and with a sensor that it does not watch.
-    """
+    """Writes down which places are seen while a run is made, and plays intruder games on it afterwards."""
 
     def __init__(self, infiltrator: Infiltrator | None = None) -> None:
-        """Begin with nothing seen.
-
-        Args:
-            infiltrator: The moving intruder; None for one with the default settings.
-        """
         self._infiltrator = infiltrator or Infiltrator()
-        self.sightings: Sightings | None = None
+        self.sightings: Sightings | None = None  # stays None with a sensor that it does not watch
         self._ticks = 0
         self._step = math.nan
 
     def watch(self, world: World) -> Callable[[TickRecord], None]:
-        """Begin with the world before its first tick; see `experiments.inprocess.run_in_process`.
+        """Begin with the world before its first tick; return a function for each tick's record (`run_in_process`).
 
-        Args:
-            world: The world.
-
-        Returns:
-            Takes each tick's record. It does nothing with a sensor that leaves some of a point's age: it is open then
-            what such a sensor has seen.
+        That does nothing with a sensor that leaves some of a point's age: it is open then what such a sensor has seen.
         """
         from patrol.measures.sightings import Sightings  # here: it loads kernels, and pages need names of metrics only
 
@@ -92,11 +71,7 @@ class GameLog:
         return on_tick
 
     def game(self) -> Game:
-        """Return the moving intruder's game on the run.
-
-        Raises:
-            BadInput: It cannot be played on this run.
-        """
+        """Return the moving intruder's game on the run, or raise BadInput where it cannot be played."""
         if self.sightings is None:
             raise BadInput("a moving intruder cannot be played: nothing was written down")
         return self.sightings.game()

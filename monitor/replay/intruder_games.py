@@ -25,69 +25,38 @@ MOST_LEARNED = 100
 
 @dataclass(frozen=True, slots=True)
 class Games:
-    """The games on a run.
+    """The games on a run."""
 
-    Attributes:
-        points: How many points of the ground were played on.
-        ground: On these; a point is seen when it is in a robot's view.
-        learned_points: On how many of these the learned intruder played.
-        learned_ground: Its outcomes on these.
-        vertices: How many vertices the graph has: the scenario's, or the one that is made from the ground.
-        nodes: On these; a vertex is visited when a robot comes close (`patrol.graph.graph.Graph.visit_reach`).
-        learned_nodes: The outcomes of the learned intruder on these.
-        moving: The outcome of the moving intruder; None without it.
-        no_moving: Why there is none; empty where there is one, or none was asked for.
-    """
-
-    points: int
-    ground: list[Successes]
-    learned_points: int
+    points: int  # how many points of the ground were played on
+    ground: list[Successes]  # on these; a point is seen when it is in a robot's view
+    learned_points: int  # how many of these the learned intruder played on
     learned_ground: list[Learned]
-    vertices: int
-    nodes: list[Successes]
+    vertices: int  # of the scenario's graph, or of the one that is made from the ground
+    nodes: list[Successes]  # on these; visited when a robot comes close (`patrol.graph.graph.Graph.visit_reach`)
     learned_nodes: list[Learned]
     moving: Infiltration | None = None
-    no_moving: str = ""
+    no_moving: str = ""  # why it was not played; empty where it was, or was not asked for
 
 
 @dataclass(frozen=True, slots=True)
 class Moving:
-    """The moving intruder to play.
-
-    Attributes:
-        infiltrator: The intruder.
-        again: Whether it also plans again every second.
-        advance: Called with the share of its work that is done.
-        prepare: Called with the game before it is played, to add predictors.
-    """
+    """The moving intruder to play."""
 
     infiltrator: Infiltrator
-    again: bool = False
-    advance: Advance = lambda _share: None
-    prepare: Callable[[Game], None] = lambda _game: None
+    again: bool = False  # whether it also plans again every second
+    advance: Advance = lambda _share: None  # called with the share of its work that is done
+    prepare: Callable[[Game], None] = lambda _game: None  # called before the game is played, to add predictors
 
 
 class Looks:
-    """Writes down what is in view in each tick, while a run is replayed; a `Watcher`.
-
-    Attributes:
-        footprint: The sensor, for the replay to share.
-        sightings: What was written down.
-    """
+    """Writes down what is in view in each tick, while a run is replayed; a `Watcher`."""
 
     def __init__(
         self, run: Run, graph: Graph | None, infiltrator: Infiltrator | None, footprint: Footprint | None = None
     ) -> None:
-        """Begin before the first tick.
+        """Begin before the first tick; raise BadInput as `Sightings` does.
 
-        Args:
-            run: The run.
-            graph: The graph on whose vertices to play, if any.
-            infiltrator: The moving intruder; None without it.
-            footprint: The sensor's footprint on the terrain; None to compute it.
-
-        Raises:
-            BadInput: The scenario has no zone of the name that this intruder's has.
+        Without a footprint, that of the run is computed.
         """
         self.footprint = footprint or sensor_footprint(run.prepared.scenario, run.prepared.terrain)
         self.sightings = Sightings(run.prepared, self.footprint, graph, run.ticks, infiltrator)
@@ -108,18 +77,10 @@ def games_of(
     advance: Advance = lambda _share: None,
     moving: Moving | None = None,
 ) -> Games:
-    """Play the games on a run.
+    """Play the games on a run; those of the learned intruder, which take long, only with trials.
 
-    Args:
-        run: The run.
-        attacks_s: Durations of attacks, s.
-        trials: Of the learned intruder, which takes long; None without it.
-        advance: Called with the share of the learned intruder's work that is done.
-        moving: The moving intruder; None without it.
-
-    Raises:
-        BadInput: A horizon of the trials is longer than the run, or too short for a prediction; or the scenario has no
-            zone of the name that the moving intruder's has; or what `moving.prepare` raises.
+    Raises BadInput where `Trials.check` does, for a zone that the scenario does not have, and where `moving.prepare`
+    does. `advance` is that of the learned intruder.
     """
     if trials is not None:
         trials.check(run.ticks, run.step)
@@ -162,15 +123,7 @@ def games_of(
 
 
 def moving_game(run: Run, infiltrator: Infiltrator) -> Game:
-    """Return the moving intruder's game on a run.
-
-    Args:
-        run: The run.
-        infiltrator: The intruder.
-
-    Raises:
-        BadInput: It cannot be played on this run.
-    """
+    """Return the moving intruder's game on a run, or raise BadInput where it cannot be played."""
     looks = Looks(run, None, infiltrator)
     play(run, [looks], looks.footprint)
     return looks.sightings.game()

@@ -25,20 +25,9 @@ REPORTED = Infiltrator(attempts=30)
 
 
 class MovingIntruder:
-    """The game on a run, played when it is first asked for.
-
-    Attributes:
-        run: The run.
-        game: The game.
-    """
+    """The game on a run, played when it is first asked for."""
 
     def __init__(self, run: Run, game: Game) -> None:
-        """Play nothing yet.
-
-        Args:
-            run: The run.
-            game: The game on it.
-        """
         self.run = run
         self.game = game
 

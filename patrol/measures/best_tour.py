@@ -50,28 +50,20 @@ MOST_KNOWN = 64
 
 @dataclass(frozen=True, slots=True)
 class PartTour:
-    """The tour of the robots of one radius in one part of the terrain.
+    """The tour of the robots of one radius in one part of the terrain."""
 
-    Attributes:
-        robots: Their numbers.
-        speed: Of the slowest, m/s.
-        length_m: Of the tour, m; None where the ground is too large for one.
-        way: Its corners in order, x and y in m; empty without a tour.
-    """
-
-    robots: tuple[int, ...]
-    speed: float
-    length_m: float | None
-    way: tuple[tuple[float, float], ...] = ()
+    robots: tuple[int, ...]  # their numbers
+    speed: float  # of the slowest, m/s
+    length_m: float | None  # None where the ground is too large for a tour
+    way: tuple[tuple[float, float], ...] = ()  # corners in order, x and y in m; empty without a tour
 
 
 @dataclass(frozen=True, slots=True)
 class BestTour:
     """The tours of a fleet, one for each part of the terrain.
 
-    Attributes:
-        parts: The tours; empty where the sensor does not look all around, leaves some of a point's age, or is a class
-            of an installed package.
+    There are none where the sensor does not look all around, leaves some of a point's age, or is a class of an
+    installed package.
     """
 
     parts: tuple[PartTour, ...]
@@ -83,13 +75,10 @@ class BestTour:
         return None if not lengths or None in lengths else sum(length for length in lengths if length is not None)
 
     def bound_s(self, shares: Mapping[int, float]) -> float | None:
-        """Return the MFoW that robots keep by following the tours at equal distances and the slowest's speed.
+        """Return the MFoW that robots keep by following the tours at equal distances and the slowest's speed, s.
 
-        Args:
-            shares: By robot number, for how much of the time it takes part, 0 to 1; robots that are missing do not.
-
-        Returns:
-            The longest time between two robots at a place, s; None where a part has no tour, or no robot.
+        `shares` says by robot number for how much of the time it takes part, 0 to 1; robots that are missing do not.
+        None where a part has no tour, or no robot.
         """
         bounds = []
         for part in self.parts:
@@ -100,14 +89,7 @@ class BestTour:
         return max(bounds, default=None)
 
     def bound_of_fleet_s(self, scenario: Scenario) -> float | None:
-        """Return the MFoW that all robots that are not spare keep on the tours, as if none were ever down.
-
-        Args:
-            scenario: Names the robots.
-
-        Returns:
-            The MFoW, s; None as for `bound_s`.
-        """
+        """Return `bound_s` of all robots that are not spare, as if none were ever down."""
         return self.bound_s({spec.number: 1.0 for spec in scenario.roster if not spec.spare})
 
 
@@ -115,12 +97,6 @@ def best_tour(prepared: Prepared) -> BestTour:
     """Find the tours of a fleet, or take them from the cache.
 
     In a fleet of several radii, the larger bodies see what they can, and the smaller ones the rest.
-
-    Args:
-        prepared: The scenario, its terrain and the bodies' static fields.
-
-    Returns:
-        The tours.
     """
     scenario, terrain, sensor = prepared.scenario, prepared.terrain, _sensor_for_tours(prepared)
     if sensor is None:
@@ -147,16 +123,9 @@ def best_tour(prepared: Prepared) -> BestTour:
 def round_of(prepared: Prepared, number: int) -> Round | None:
     """Find a robot's round: a short closed tour on which it sees all of its own ground, laid out.
 
-    Rounds are found for all robots at once; `Prepared.rounds` keeps them.
-
-    Args:
-        prepared: The scenario, its terrain and the bodies' static fields.
-        number: Of the robot.
-
-    Returns:
-        The round; None in a fleet of more than `MOST_ROBOTS` or of several speeds, where the ground is too large for a
-        tour, where all of it is seen from one place, or where the sensor has none (`BestTour.parts`). Robots of one
-        radius in one part of the terrain share one.
+    None in a fleet of more than `MOST_ROBOTS` or of several speeds, where the ground is too large for a tour, where all
+    of it is seen from one place, or where the sensor has none (`BestTour`). Rounds are found for all robots at once,
+    and `Prepared.rounds` keeps them. Robots of one radius in one part of the terrain share one.
     """
     if number not in prepared.rounds:
         prepared.rounds.update(_rounds_of(prepared))
@@ -166,12 +135,7 @@ def round_of(prepared: Prepared, number: int) -> Round | None:
 def tour_over(prepared: Prepared, ground: BoolGrid) -> Tour | None:
     """Find a short closed tour on which a part of the ground is seen, for robots that all have one ground.
 
-    Args:
-        prepared: The scenario, its terrain and the bodies' static fields.
-        ground: bool (height, width), patrolled points; at least one.
-
-    Returns:
-        The tour; None where the fleet follows no rounds (`round_of`).
+    The part holds at least one patrolled point. None where the fleet follows no rounds (`round_of`).
     """
     sensor = _sensor_for_rounds(prepared)
     if sensor is None:
@@ -181,16 +145,7 @@ def tour_over(prepared: Prepared, ground: BoolGrid) -> Tour | None:
 
 
 def round_over(prepared: Prepared, ground: BoolGrid, tour: Tour) -> Round:
-    """Lay a tour out over a part of the ground.
-
-    Args:
-        prepared: As for `tour_over`.
-        ground: As for `tour_over`.
-        tour: On which all of it is seen.
-
-    Returns:
-        The round, at least a point long.
-    """
+    """Lay a tour of `tour_over` out over its part of the ground, as a round at least a point long."""
     terrain, footprint = prepared.terrain, sensor_footprint(prepared.scenario, prepared.terrain)
     number, own = next(iter(own_grounds(prepared).items()))
     laid_out = lay_out(terrain, own.reach, ground, prepared.fields[number].proxy, footprint, tour)
@@ -198,16 +153,9 @@ def round_over(prepared: Prepared, ground: BoolGrid, tour: Tour) -> Round:
 
 
 def followers_of(prepared: Prepared, number: int) -> frozenset[int]:
-    """Find the robots that share a robot's round, and those of other radii in its part of the terrain.
+    """Find the robots that share a robot's round, itself included, and those of other radii in its part of the terrain.
 
     The rounds of other radii lead much the same way, so robots keep their distances from those on them too.
-
-    Args:
-        prepared: As for `round_of`.
-        number: Of the robot.
-
-    Returns:
-        Their numbers, with its own.
     """
     own = round_of(prepared, number)
     shared = {id(own): True}

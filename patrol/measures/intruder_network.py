@@ -50,12 +50,7 @@ Floats = NDArray[np.floating]
 def drawn_weights(seeds: Sequence[int], places: int) -> list[Floats]:
     """Draw the weights with which networks begin, float32, by layer: weights, biases, weights, biases, ...
 
-    Args:
-        seeds: A seed for each network.
-        places: V.
-
-    Returns:
-        Arrays of shapes (n, 6, 3), (n, 6), (n, 6), (n,), (n, 10), (n,), (n, V, V) and (n, V) for n seeds.
+    Shapes are (n, 6, 3), (n, 6), (n, 6), (n,), (n, 10), (n,), (n, V, V) and (n, V) for n seeds and V places.
     """
     weights: list[Floats] = []
     shapes = ((HIDDEN, FEATURES), (HIDDEN,), (WINDOW,), (places, places))
@@ -77,17 +72,10 @@ class Networks:
     """Networks that are trained side by side, each on its own windows.
 
     Windows are arrays (n, 3, 10, b, V): for each of n networks the features of b windows, by second and place.
-
-    Attributes:
-        weights: By layer, as `drawn_weights` gives them; float32 or float64, changed in place by `train`.
     """
 
     def __init__(self, weights: Sequence[Floats]) -> None:
-        """Start with given weights.
-
-        Args:
-            weights: As `drawn_weights` gives them.
-        """
+        """Start with weights as of `drawn_weights`, float32 or float64, which `train` changes in place."""
         self.weights = list(weights)
         self._means = [np.zeros_like(weight) for weight in weights]
         self._squares = [np.zeros_like(weight) for weight in weights]
@@ -95,20 +83,13 @@ class Networks:
         self._trained = 0
 
     def outputs(self, windows: Floats) -> Floats:
-        """Return how likely each place is to stay unseen, (n, b, V).
-
-        Args:
-            windows: See the class.
-        """
+        """Return how likely each place is to stay unseen, (n, b, V)."""
         return self._last_layer(self._merged(windows, self._hidden(windows)))
 
     def gradients(self, windows: Floats, unseen: NDArray[np.bool_], weight: Floats) -> list[Floats]:
         """Return the gradients of the loss, the mean weighted cross-entropy plus the penalty, in the weights' order.
 
-        Args:
-            windows: See the class.
-            unseen: bool (n, b, V), whether each place did stay unseen.
-            weight: (n,), of those that did.
+        `unseen` (n, b, V) says whether each place did stay unseen, and `weight` (n,) how much those count that did.
         """
         _, _, second, second_bias, steps, _, last, last_bias = self.weights
         n, _, _, b, places = windows.shape
@@ -143,13 +124,7 @@ class Networks:
         ]
 
     def train(self, windows: Floats, unseen: NDArray[np.bool_], weight: Floats) -> None:
-        """Make one step of Adam.
-
-        Args:
-            windows: See the class.
-            unseen: bool (n, b, V), whether each place did stay unseen.
-            weight: (n,), of those that did.
-        """
+        """Make one step of Adam; see `gradients`."""
         self._trained += 1
         rate = RATE * math.sqrt(1.0 - DECAY_OF_SQUARES**self._trained) / (1.0 - DECAY**self._trained)
         gradients = self.gradients(windows, unseen, weight)
@@ -165,13 +140,13 @@ class Networks:
             np.subtract(own, part, out=own)
 
     def _buffers(self, shape: tuple[int, ...]) -> tuple[Floats, Floats]:
-        """Two arrays that the next caller overwrites: new ones each time cost more than the arithmetic."""
+        """Return two arrays that the next caller overwrites: new ones each time cost more than the arithmetic."""
         if shape not in self._scratch:
             self._scratch[shape] = np.empty(shape, self.weights[0].dtype), np.empty(shape, self.weights[0].dtype)
         return self._scratch[shape]
 
     def _hidden(self, windows: Floats) -> Floats:
-        """(n, 60, b V): the first layer's six values, by value and second of the window."""
+        """Return the first layer's six values by value and second of the window, (n, 60, b V)."""
         first, first_bias = self.weights[:2]
         n, _, _, b, places = windows.shape
         shape = (n, HIDDEN * WINDOW, b * places)
@@ -182,7 +157,7 @@ class Networks:
         return np.maximum(part, buffer, out=buffer).reshape(shape)
 
     def _merged(self, windows: Floats, hidden: Floats) -> Floats:
-        """(n, b, V): what the second and the third layer make of the first's."""
+        """Return the third layer's output, (n, b, V)."""
         _, _, second, second_bias, steps, steps_bias, _, _ = self.weights
         n, _, _, b, places = windows.shape
         merged = _mixed(second, steps).reshape(n, 1, HIDDEN * WINDOW) @ hidden
@@ -195,5 +170,5 @@ class Networks:
 
 
 def _mixed(second: Floats, steps: Floats) -> Floats:
-    """(n, 6, 10): the product of the second and the third layer."""
+    """Return the product of the second and the third layer, (n, 6, 10)."""
     return second[:, :, None] * steps[:, None, :]

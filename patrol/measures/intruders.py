@@ -1,9 +1,9 @@
-"""Intruder games: how often somebody who watches a patrol could stay at a place unseen for as long as an attack takes.
+"""Intruder games: how often an intruder that watches a patrol stays at a place unseen for a whole attack.
 
 Three intruders of the literature (Sak, Wainer and Goldenstein, "Probabilistic multiagent patrolling", SBIA 2008; Ward
 and Hunt, "An empirical method for benchmarking multi-robot patrol strategies in adversarial environments", SAC 2023).
-An attack that begins at tick t succeeds where nobody sees the place in the ticks t + 1 to t + a. One that would not end
-before the run does is none.
+An attack that begins at tick t succeeds where no robot sees the place in the ticks t + 1 to t + a. One that would not
+end before the run does is left out.
 
 - *Random* attacks any place at any tick. Its share of successes is computed over all of them, not drawn.
 - *Waiting* attacks as soon as the place has just been left.
@@ -34,21 +34,16 @@ ROUNDING = 1e-6
 """Rounding error of a number of ticks."""
 
 Seen = NDArray[np.bool_]
+"""bool (ticks, places): whether a robot saw (or visited) each place in each tick."""
 Ticks = NDArray[np.int32]
+"""int32 (ticks, places): numbers of ticks."""
 Shares = NDArray[np.float64]
+"""float64 (places,): NaN at places without an attack."""
 
 
 @dataclass(frozen=True, slots=True)
 class Successes:
-    """Shares of attacks that succeed, each the mean over places; None where there was no attack.
-
-    Attributes:
-        attack_s: Duration of an attack, s.
-        random: Of the random intruder.
-        waiting: Of the waiting intruder.
-        statistical: Of the statistical intruder.
-        worst: The greatest of these.
-    """
+    """Shares of attacks that succeed, each the mean over places; None where there was no attack."""
 
     attack_s: float
     random: float | None
@@ -64,16 +59,7 @@ class Successes:
 
 
 def intruder_games(seen: Seen, step: float, attacks_s: Sequence[float]) -> list[Successes]:
-    """Play the games on a run.
-
-    Args:
-        seen: bool (ticks, places), whether a robot saw (or visited) each place in each tick.
-        step: Length of a tick, s.
-        attacks_s: Durations of attacks, s.
-
-    Returns:
-        The shares, for each duration.
-    """
+    """Play the games on a run, and return the shares for each duration of an attack."""
     half = len(seen) // 2
     stays = [unseen_times(seen[:half, place]) for place in range(seen.shape[1])]
     every = np.concatenate(stays) if stays else np.zeros(0, dtype=np.int64)
@@ -93,24 +79,12 @@ def intruder_games(seen: Seen, step: float, attacks_s: Sequence[float]) -> list[
 
 
 def attack_ticks(attack_s: float, step: float) -> int:
-    """Return the least number of ticks that are not shorter than an attack.
-
-    Args:
-        attack_s: Its duration, s.
-        step: Length of a tick, s.
-    """
+    """Return the least number of ticks that are not shorter than an attack."""
     return max(math.ceil(attack_s / step - ROUNDING), 1)
 
 
 def unseen_after(seen: Seen) -> Ticks:
-    """Return for how many ticks from the next one on each place stays unseen, to the run's end at most.
-
-    Args:
-        seen: bool (ticks, places).
-
-    Returns:
-        int32 (ticks, places).
-    """
+    """Return for how many ticks from the next one on each place stays unseen, to the run's end at most."""
     free = np.zeros(seen.shape, dtype=np.int32)
     for k in range(len(seen) - 2, -1, -1):
         free[k] = np.where(seen[k + 1], 0, free[k + 1] + 1)
@@ -118,11 +92,7 @@ def unseen_after(seen: Seen) -> Ticks:
 
 
 def unseen_times(seen: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return for how many ticks each a place was unseen between two times at which it was seen.
-
-    Args:
-        seen: bool (ticks,).
-    """
+    """Return for how many ticks each one place was unseen between two ticks in which it was seen."""
     gaps = np.diff(np.flatnonzero(seen)) - 1
     return gaps[gaps > 0]
 
@@ -148,11 +118,8 @@ def _statistical(free: Ticks, since: Ticks, known: Sequence[NDArray[np.int64]], 
 def best_wait(times: NDArray[np.int64], ticks: int) -> int:
     """Return after how many unseen ticks an attack is most likely to succeed; of equally good ones the least.
 
-    Each is judged as if `SAMPLES` more attacks had failed, so that a few lucky ones do not outweigh many.
-
-    Args:
-        times: int64 (n,), for how many ticks a place was unseen each time.
-        ticks: Of the attack.
+    `times` says for how many ticks the place was unseen each time, `ticks` how many an attack takes. Each wait is
+    judged as if `SAMPLES` more attacks had failed, so that a few lucky ones do not outweigh many.
     """
     ordered = np.sort(times)
     waits = np.append(0, np.unique(ordered) + 1)
@@ -164,18 +131,14 @@ def best_wait(times: NDArray[np.int64], ticks: int) -> int:
 def unseen_since(seen: Seen) -> Ticks:
     """Return for how many ticks each place has been unseen, this one included; 0 where it is seen.
 
-    Args:
-        seen: bool (ticks, places).
-
-    Returns:
-        int32 (ticks, places); before a place was seen, counted from the run's beginning.
+    Before a place was seen, it counts from the run's beginning.
     """
     ticks = np.arange(len(seen), dtype=np.int32)[:, None]
     return ticks - np.maximum.accumulate(np.where(seen, ticks, np.int32(-1)), axis=0)
 
 
 def _share(attacks: Seen, succeed: Seen) -> Shares:
-    """float64 (places,), the share of attacks that succeed; NaN at places without an attack."""
+    """Return the share of attacks that succeed at each place."""
     count = attacks.sum(axis=0)
     won = (attacks & succeed).sum(axis=0)
     return np.where(count > 0, won / np.maximum(count, 1), np.nan)

@@ -15,8 +15,8 @@ and from the past, whether the place then stayed unseen for a. It attacks once, 
 - it is *armed*: with p, the share of its predictions so far of which some output was at least 0.5, another such moment
   before 0.9 T - a is not almost sure, 1 - (1 - p)^(0.9 T - a - t) < 0.999.
 
-The attack must be over within the horizon. It succeeds where nobody sees the place in the ticks t + 1 to t + a, as for
-the other intruders. A trial without an attack is a failure.
+The attack must be over within the horizon. It succeeds where no robot sees the place in the ticks t + 1 to t + a, as
+for the other intruders. A trial without an attack is a failure.
 
     ticks    s         s + T / 2              s + T - 1
              |  watches    |  may attack  |  a  |
@@ -67,43 +67,23 @@ Advance = Callable[[float], None]
 
 @dataclass(frozen=True, eq=False)
 class Watched:
-    """A patrol as an intruder sees it.
-
-    Attributes:
-        seen: bool (ticks, places), whether a robot saw (or visited) each place in each tick.
-        nearness: float32 (ticks, places), the sum over robots of 1 / distance, 1 / px.
-        approach: float32 (ticks, places), the sum over robots of speed towards the place / distance, 1 / s.
-        step: Length of a tick, s.
-    """
+    """A patrol as an intruder sees it; arrays are (ticks, places)."""
 
     seen: Seen
-    nearness: Features
-    approach: Features
-    step: float
+    nearness: Features  # the sum over robots of 1 / distance, 1 / px
+    approach: Features  # the sum over robots of speed towards the place / distance, 1 / s
+    step: float  # length of a tick, s
 
 
 @dataclass(frozen=True, slots=True)
 class Trials:
-    """The trials for each duration of an attack.
-
-    Attributes:
-        horizons_s: Horizons, s.
-        number: Number of trials for each horizon; their starts are evenly spread over the run.
-    """
+    """The trials for each duration of an attack."""
 
     horizons_s: tuple[float, ...]
-    number: int
+    number: int  # for each horizon; their starts are evenly spread over the run
 
     def check(self, ticks: int, step: float) -> None:
-        """Refuse a run that is shorter than a horizon, and a horizon that is over before the first prediction.
-
-        Args:
-            ticks: Of the run.
-            step: Length of a tick, s.
-
-        Raises:
-            BadInput: It is.
-        """
+        """Refuse a run that is shorter than a horizon, and a horizon that is over before the first prediction."""
         least = WINDOW * _second(step)
         for horizon_s in self.horizons_s:
             if round(horizon_s / step) < least:
@@ -120,38 +100,21 @@ class Trials:
 
 @dataclass(frozen=True, slots=True)
 class Learned:
-    """Outcome of the trials of one horizon and one duration.
+    """Outcome of the trials of one horizon and one duration of an attack.
 
-    Attributes:
-        horizon_s: The horizon, s.
-        attack_s: Duration of an attack, s.
-        success: Share of trials whose attack succeeded; None where no attack of half a horizon is over in time.
-        attacked: Share of trials with an attack; None as before.
+    Both shares of trials are None where no attack that begins after half a horizon is over in time.
     """
 
     horizon_s: float
     attack_s: float
-    success: float | None
-    attacked: float | None
+    success: float | None  # of trials whose attack succeeded
+    attacked: float | None  # of trials with an attack
 
 
 def learned_games(
     watched: Watched, attacks_s: Sequence[float], trials: Trials, advance: Advance = lambda _share: None
 ) -> list[Learned]:
-    """Play trials on a run.
-
-    Args:
-        watched: The run.
-        attacks_s: Durations of attacks, s.
-        trials: The horizons and the number of trials.
-        advance: Called after each second of training.
-
-    Returns:
-        For each horizon the outcome for each duration.
-
-    Raises:
-        BadInput: The run is shorter than a horizon, or a horizon too short for a prediction.
-    """
+    """Play trials on a run, after `Trials.check`, and return for each horizon the outcome for each duration."""
     trials.check(len(watched.seen), watched.step)
     free, since = unseen_after(watched.seen), unseen_since(watched.seen)
     games = [
@@ -171,19 +134,11 @@ def learned_games(
 
 @dataclass(frozen=True, eq=False)
 class _Game:
-    """The trials of one horizon and one duration.
-
-    Attributes:
-        watched: The run.
-        free: As `unseen_after` gives it.
-        since: As `unseen_since` gives it.
-        horizon_s: The horizon, s.
-        attack_s: Duration of an attack, s.
-    """
+    """The trials of one horizon and one duration."""
 
     watched: Watched
-    free: Ticks
-    since: Ticks
+    free: Ticks  # of `unseen_after`
+    since: Ticks  # of `unseen_since`
     horizon_s: float
     attack_s: float
 
@@ -213,24 +168,19 @@ class _Game:
         return self.seconds - WINDOW + 1 if self._times().any() else 0
 
     def _times(self) -> Seen:
-        """bool (seconds,), when an attack may begin."""
+        """Return when an attack may begin, bool (seconds,)."""
         ticks = np.arange(self.seconds) * self.stride
         times = (ticks >= WATCHED * self.horizon) & (ticks + self.attack < self.horizon)
         times[: WINDOW - 1] = False
         return times
 
     def _left(self) -> NDArray[np.float64]:
-        """float64 (seconds,): how many seconds are left in each to begin an attack in time; negative when too late."""
+        """Return how many seconds are left in each to begin an attack in time, (seconds,); negative when too late."""
         unit = self.stride * self.watched.step
         return (IN_TIME * self.horizon_s - self.attack_s) / unit - np.arange(self.seconds, dtype=np.float64)
 
     def play(self, weights: Sequence[Floats], step: Callable[[int], None]) -> Learned:
-        """Play the trials.
-
-        Args:
-            weights: With which their networks begin.
-            step: Called after each second with the number of networks that were trained.
-        """
+        """Play the trials from first weights; after each second `step` takes how many networks were trained."""
         if not self.work:
             return Learned(self.horizon_s, self.attack_s, None, None)
         trials = len(weights[0])
@@ -252,7 +202,7 @@ class _Game:
     def _predict(
         self, begin: NDArray[np.int64], seed: int, networks: Networks, step: Callable[[int], None]
     ) -> tuple[Features, NDArray[np.int64]]:
-        """Train networks, second by second; float32 and int64 (n, seconds): the greatest output and its place."""
+        """Train networks second by second; return the greatest output in each and its place, (n, seconds)."""
         best = np.zeros((len(begin), self.seconds), dtype=np.float32)
         place = np.zeros((len(begin), self.seconds), dtype=np.int64)
         unseen = np.zeros(len(begin))
@@ -273,7 +223,7 @@ class _Game:
         return best, place
 
     def _windows(self, begin: NDArray[np.int64], ends: NDArray[np.int64]) -> Features:
-        """float32 (n, 3, 10, b, V), the windows that end at some seconds of each trial; ends: int64 (n, b)."""
+        """Return the windows that end at some seconds (n, b) of each trial, (n, 3, 10, b, V)."""
         since_begin = (ends[:, None, :] - np.arange(WINDOW - 1, -1, -1)[:, None]) * self.stride
         ticks = begin[:, None, None] + since_begin
         windows = np.empty((len(begin), FEATURES, *ticks.shape[1:], self.free.shape[1]), dtype=np.float32)
@@ -290,15 +240,10 @@ def _second(step: float) -> int:
 
 
 def first_attack(best: Features, times: Seen, left: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return when intruders attack: at the first chance for which they are armed (see the module).
+    """Return the second of each intruder's attack, its first chance when armed (see the module); -1 for none.
 
-    Args:
-        best: float32 (n, seconds), the greatest output of each intruder in each second; 0 where it made no prediction.
-        times: bool (seconds,), when an attack may begin.
-        left: float64 (seconds,), how many seconds are left to begin an attack in time.
-
-    Returns:
-        int64 (n,), the second of each attack, or -1 for none.
+    `best` (n, seconds) holds the greatest output of each intruder in each second, 0 where it made no prediction.
+    `times` (seconds,) says when an attack may begin, and `left` how many seconds are left in each to begin one in time.
     """
     chance = best >= CONFIDENT
     predictions = np.maximum(np.arange(best.shape[1]) - WINDOW + 2, 1)
@@ -309,5 +254,5 @@ def first_attack(best: Features, times: Seen, left: NDArray[np.float64]) -> NDAr
 
 
 def _batch(seed: int, second: int, known: int) -> list[int]:
-    """Draw windows of the past; known: how many there are."""
+    """Draw a batch from so many known windows of the past."""
     return [int(known * draw(seed, Purpose.INTRUDER, BATCHES, second, index)) for index in range(BATCH)]

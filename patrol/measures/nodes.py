@@ -53,45 +53,23 @@ WORDS = {
 
 @dataclass(frozen=True, slots=True)
 class Visit:
-    """A robot's visit to a vertex.
+    """A robot's visit to a vertex."""
 
-    Attributes:
-        at_s: When it began, s.
-        robot: The robot's number.
-        vertex: The vertex.
-        idle_s: The idleness that it ended, s.
-        first: Whether it is the vertex's first one.
-        interference: Interferences of all robots until then.
-    """
-
-    at_s: float
+    at_s: float  # when it began
     robot: int
     vertex: int
-    idle_s: float
-    first: bool
-    interference: int
+    idle_s: float  # the idleness that it ended
+    first: bool  # whether it is the vertex's first one
+    interference: int  # interferences of all robots until then
 
 
 class NodeTotals:
-    """The running measures on the vertices of a scenario's graph; see `figures`.
-
-    Attributes:
-        visits: All visits so far.
-        interfered_s: When robots interfered with each other, s.
-        vertices: Number of vertices.
-    """
+    """The running measures on the vertices of a scenario's graph; see `figures`."""
 
     def __init__(self, graph: Graph, reach: Mapping[int, float], step: float, policy: str = "") -> None:
-        """Start before the first tick.
-
-        Args:
-            graph: The graph.
-            reach: Distance within which each robot visits a vertex, m, by number.
-            step: Length of a tick, s.
-            policy: The patrol's, as the scenario names it.
-        """
+        """Start before the first tick, with each robot's reach in m by number (`Graph.visit_reach`)."""
         self.visits: list[Visit] = []
-        self.interfered_s: list[float] = []
+        self.interfered_s: list[float] = []  # when robots interfered with each other
         self.vertices = graph.size
         self._graph = graph
         self._reach = reach
@@ -208,11 +186,7 @@ def _entropy_rate(moves: Mapping[tuple[int, int], int]) -> float | None:
 
 
 def node_totals(header: Header) -> NodeTotals | None:
-    """Make the measures for a run; None where its scenario has no graph.
-
-    Args:
-        header: Of the run's journal.
-    """
+    """Make the measures for a run; None where its scenario has no graph."""
     scenario = header.scenario
     given = scenario["terrain"].get("graph")
     if given is None:

@@ -31,20 +31,13 @@ NEVER_OUT = -1
 class OpenGround:
     """The ground that each robot can get to and see, tick by tick.
 
-    A robot changes the part of the ground that it is in only when something closes or opens, or when it appears. So
-    nothing is computed in other ticks.
-
-    Attributes:
-        closed_out: bool (height, width), the patrolled points that no robot can get to and see, and one could with
-            nothing closed. Without robots there are none.
+    `closed_out` marks the patrolled points that are closed out now; without robots there are none. A robot changes the
+    part of the ground that it is in only when something closes or opens, or when it appears. So nothing is computed in
+    other ticks.
     """
 
     def __init__(self, prepared: Prepared) -> None:
-        """Begin with nothing closed.
-
-        Args:
-            prepared: The scenario, its terrain and the bodies' static fields.
-        """
+        """Begin with nothing closed."""
         self._prepared = prepared
         self.closed_out: BoolGrid = np.zeros(prepared.terrain.shape, dtype=np.bool_)
         self._known: tuple[frozenset[str], frozenset[int]] | None = None
@@ -52,14 +45,7 @@ class OpenGround:
         self._last_out: dict[int, NDArray[np.int32]] = {}
 
     def tick(self, k: int, terrain: Terrain, closed: Collection[str], places: Mapping[int, Place]) -> None:
-        """Take in a tick.
-
-        Args:
-            k: The tick.
-            terrain: The ground as it is now.
-            closed: Names of the closures that are closed.
-            places: x and y in m of the robots that are driven, by number.
-        """
+        """Take in a tick: the ground as it is now, the names of closed closures, and the driven robots' places."""
         now = frozenset(closed), frozenset(places)
         if now == self._known:
             return
@@ -79,15 +65,9 @@ class OpenGround:
         self.closed_out &= ~np.logical_or.reduce([nobody, *seen.values()])
 
     def last_seen_or_out(self, number: int, k: int, last_seen: NDArray[np.int32]) -> NDArray[np.int32]:
-        """Return when a robot last had no reason to go and see each point, int32 (height, width).
+        """Return the tick in which a robot last had no reason to go and see each point, int32 (height, width).
 
-        Args:
-            number: Of the robot.
-            k: Now.
-            last_seen: int32 (height, width), when each point was last seen.
-
-        Returns:
-            The later one of when the point was seen and when the robot could not get to see it.
+        That is when the point was last seen or, if later, when the robot could not get to see it; `k` is now.
         """
         last_out, out = self._last_out.get(number), self._out.get(number)
         grid = last_seen if last_out is None else np.maximum(last_seen, last_out)
@@ -121,35 +101,17 @@ class OpenGround:
 
 
 class OpenAges:
-    """The ages of points while they were open to view.
-
-    Attributes:
-        points: int64 (points,), flat indices of the points that count.
-        now: int32 (points,), their open ages in the last tick, ticks.
-        greatest: The greatest open age in each tick, ticks.
-        closed_share: Share of the patrolled ground that is closed out, in each tick.
-    """
+    """The ages of points while they were open to view."""
 
     def __init__(self, patrolled: BoolGrid) -> None:
-        """Begin before the first tick.
-
-        Args:
-            patrolled: bool (height, width), the points that count.
-        """
-        self.points = np.flatnonzero(patrolled)
-        self.now: NDArray[np.int32] = np.zeros(self.points.size, dtype=np.int32)
+        self.points = np.flatnonzero(patrolled)  # flat indices
+        self.now: NDArray[np.int32] = np.zeros(self.points.size, dtype=np.int32)  # by point, ticks
         self._out = np.zeros_like(self.now)
-        self.greatest: list[int] = []
-        self.closed_share: list[float] = []
+        self.greatest: list[int] = []  # in each tick, ticks
+        self.closed_share: list[float] = []  # of the patrolled ground, in each tick
 
     def tick(self, k: int, closed_out: BoolGrid, last_seen: NDArray[np.int32]) -> None:
-        """Take in a tick after its observations.
-
-        Args:
-            k: The tick.
-            closed_out: bool (height, width), of `OpenGround`.
-            last_seen: int32 (height, width), when each point was last seen.
-        """
+        """Take in a tick after its observations; `closed_out` is that of `OpenGround`."""
         out = closed_out.reshape(-1)[self.points]
         ages = k - np.maximum(last_seen.reshape(-1)[self.points], 0)
         self._out += out

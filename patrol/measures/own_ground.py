@@ -18,26 +18,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class OwnGround:
-    """The ground that a robot can reach and see by itself, in the part of the terrain that it starts in.
+    """The ground that a robot can reach and see by itself, in the part of the terrain that it starts in; read-only."""
 
-    Attributes:
-        reach: bool (height, width), read-only, the connected part of the reachable ground.
-        patrolled: bool (height, width), read-only, the patrolled points in it, and those that are best seen from it.
-    """
-
-    reach: BoolGrid
-    patrolled: BoolGrid
+    reach: BoolGrid  # the connected part of the reachable ground
+    patrolled: BoolGrid  # the patrolled points in it, and those that are best seen from it
 
 
 def own_grounds(prepared: Prepared) -> dict[int, OwnGround]:
-    """Find the ground that each robot can reach and see by itself.
-
-    Args:
-        prepared: The scenario, its terrain and the bodies' static fields.
-
-    Returns:
-        The grounds by robot number; robots of one radius in one part share one object.
-    """
+    """Find the ground that each robot can reach and see by itself; those of one radius in one part share an object."""
     terrain = prepared.terrain
     labels: dict[int, NDArray[np.int32]] = {}
     own_by_part: dict[tuple[int, int], OwnGround] = {}

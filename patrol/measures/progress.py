@@ -38,28 +38,16 @@ _BUSY = (SURROUNDING, DOCKING, CHARGING)
 
 @dataclass(frozen=True, slots=True)
 class Trap:
-    """A robot that is trapped, or was.
-
-    Attributes:
-        robot: Its number.
-        stay: Where it has stayed.
-        since: The tick from which on it has been trapped: that in which the stay began, or in which all points outside
-            of the circle had been seen during the stay.
-        point: A point that it could go and see, the stalest outside of the circle when the trap was found; x and y of
-            its centre, m.
-        unseen_since: The tick in which a robot last saw that point; -1 when none had seen it.
-        until: The tick in which the robot was found to have left the circle, or all points outside to have been seen;
-            None while it is trapped.
-        all_seen: Whether it was over because all points outside had been seen, and not because the robot left.
-    """
+    """A robot that is trapped, or was."""
 
     robot: int
     stay: Stay
-    since: int
-    point: Place
-    unseen_since: int
+    since: int  # the tick in which the stay began, or in which all points outside had been seen during it
+    point: Place  # centre of the stalest point outside that it could go and see, when the trap was found
+    unseen_since: int  # the tick in which a robot last saw that point; -1 when none had seen it
     until: int | None = None
-    all_seen: bool = False
+    """The tick in which it was found to have left the circle, or all outside to be seen; None while it is trapped."""
+    all_seen: bool = False  # over because all points outside had been seen, not because the robot left
 
     @property
     def away(self) -> float:
@@ -67,11 +55,9 @@ class Trap:
         return math.dist((self.stay.x, self.stay.y), self.point)
 
     def told(self, step: float, before: str = "") -> str:
-        """Give the text that terminal and page show after "r1 trapped" and after "r1 no longer trapped".
+        """Return the text that terminal and page show after "r1 trapped" and after "r1 no longer trapped".
 
-        Args:
-            step: Length of a tick, s.
-            before: "before ", where the robot may have been trapped for longer than is known.
+        `before` is "before " where the robot may have been trapped for longer than is known.
         """
         where = f"within {self.stay.radius:.1f} m of ({self.stay.x:.1f}, {self.stay.y:.1f})"
         if self.until is None:
@@ -86,25 +72,18 @@ class Traps:
 
     It looks every `LOOK_S`, and asks for the fog only while a robot is trapped or has stayed for `TRAPPED_S`, counted
     from the last look that found nothing stale outside of its circle.
-
-    Attributes:
-        stays: The stays that it follows.
-        open: The robots that are trapped now, by number.
     """
 
     def __init__(self, prepared: Prepared, open_ground: OpenGround | None = None) -> None:
         """Start before the first tick.
 
-        Args:
-            prepared: The scenario, its terrain and the bodies' static fields.
-            open_ground: What each robot can get to and see with what is closed, up to date in each tick; None where
-                nothing closes.
+        The caller keeps `open_ground` up to date in each tick; None where nothing closes.
         """
         self._open_ground = open_ground
         scenario = prepared.scenario
         roster = scenario.roster
         self.stays = Stays({spec.number: roaming_radius(spec, scenario.step) for spec in roster}, scenario.step)
-        self.open: dict[int, Trap] = {}
+        self.open: dict[int, Trap] = {}  # now, by robot number
         self._prepared = prepared
         self._every = max(round(LOOK_S / scenario.step), 1)
         self._ticks = ticks_of(TRAPPED_S, scenario.step)
@@ -113,15 +92,10 @@ class Traps:
         self._grounds: dict[int, OwnGround] | None = None
 
     def tick(self, record: TickRecord, last_seen: Callable[[], NDArray[np.int32]]) -> list[Trap]:
-        """Take in a tick.
+        """Take in a tick; return the traps found in it (``until`` is None), and those that are over.
 
-        Args:
-            record: Of the tick.
-            last_seen: Gives the tick in which each point was last seen, int32 (height, width), -1 where never, after
-                this tick's observations. It is called only when it is needed.
-
-        Returns:
-            The traps that were found in this tick (``until`` is None), and those that are over.
+        `last_seen` gives the tick in which each point was last seen after this tick's observations, int32 (height,
+        width), -1 where never. It is called only when it is needed.
         """
         k = record.k
         self.stays.tick(k, *judged_places(record))
@@ -150,11 +124,7 @@ class Traps:
         return news
 
     def needs_fog(self, k: int) -> bool:
-        """Return True if `tick` may ask for the fog of a tick.
-
-        Args:
-            k: The tick, the next to be taken in.
-        """
+        """Return True if `tick` may ask for the fog of tick `k`, the next to be taken in."""
         return k % self._every == 0 and bool(self._to_look_at(k))
 
     def _to_look_at(self, k: int) -> dict[int, tuple[Stay, int]]:
@@ -188,17 +158,11 @@ class Traps:
 
 
 def judged_places(record: TickRecord) -> tuple[dict[int, Place], list[int]]:
-    """Give the places of the robots in a tick, and the robots that are free to stay there.
+    """Return the places of the robots in a tick by number, and the numbers of those that are free to stay there.
 
     A robot that does not take part is free (paused, dead, lost, absent, left), and so is one that surrounds an
     intruder, charges or waits for a dock. A robot that no other hears, or whose senses are wrong, is not: it patrols,
     and it should get on.
-
-    Args:
-        record: Of the tick.
-
-    Returns:
-        x and y in m by robot number, and the numbers of the robots that are free.
     """
     places = {row.number: (row.x, row.y) for row in record.robots}
     free = [row.number for row in record.robots if row.status is not Status.ALIVE or row.state in _BUSY]
@@ -208,16 +172,10 @@ def judged_places(record: TickRecord) -> tuple[dict[int, Place], list[int]]:
 def stalest_outside(
     stay: Stay, terrain: Terrain, ground: BoolGrid, last_seen: NDArray[np.int32]
 ) -> tuple[int, int] | None:
-    """Find the stalest point outside of a stay's circle that no robot has seen since the stay began.
+    """Find the stalest point (row, col) outside of a stay's circle that no robot has seen since the stay began.
 
-    Args:
-        stay: The stay.
-        terrain: The ground.
-        ground: bool (height, width), the points that the robot could go and see.
-        last_seen: int32 (height, width), ticks; -1 where never.
-
-    Returns:
-        (row, col), the nearest to the circle of several; None where there is no such point.
+    Of equally stale ones the nearest to the circle counts; None where there is none. `ground` marks the points that the
+    robot could go and see; `last_seen` is in ticks, -1 where never.
     """
     stale = np.flatnonzero(ground & (last_seen < stay.since))
     if not stale.size:

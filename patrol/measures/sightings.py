@@ -32,14 +32,7 @@ MOST_ROBOTS = 200
 
 
 class Sightings:
-    """Which places are seen in each tick of a run: points of its ground, and the vertices of its graph.
-
-    Attributes:
-        rows: Rows of the points.
-        cols: Columns of the points.
-        seen: bool (ticks, points).
-        visited: bool (ticks, vertices).
-    """
+    """The places seen in each tick of a run: points of its ground, and the vertices of its graph."""
 
     def __init__(
         self,
@@ -49,17 +42,10 @@ class Sightings:
         ticks: int,
         infiltrator: Infiltrator | None = None,
     ) -> None:
-        """Begin with nothing seen.
+        """Begin with nothing seen; raise BadInput where the scenario has no zone of the infiltrator's name.
 
-        Args:
-            prepared: The run's scenario.
-            footprint: Its sensor, on the ground as it is in each tick.
-            graph: The graph on whose vertices to play, if any.
-            ticks: How many there are.
-            infiltrator: The moving intruder for which to write down more; None without it.
-
-        Raises:
-            BadInput: The scenario has no zone of the name that this intruder's has.
+        The footprint is on the ground as it is in each tick. Vertices are played on only with a graph, and more is
+        written down only with an infiltrator.
         """
         patrolled, scenario = prepared.patrolled, prepared.scenario
         every = np.flatnonzero(patrolled)
@@ -81,12 +67,7 @@ class Sightings:
             self._log = WatchLog(ground, prepared.terrain.height, scenario.step, ticks, len(scenario.roster))
 
     def look(self, k: int, robots: Iterable[tuple[int, Pose]]) -> None:
-        """Write down the next tick.
-
-        Args:
-            k: The tick.
-            robots: Number and true pose of each robot that takes part.
-        """
+        """Write down the next tick: number and true pose of each robot that takes part."""
         looks = [(number, (pose.x, pose.y), self._footprint.visible(as_received(pose))) for number, pose in robots]
         for _, _, view in looks:
             self.seen[k, self._numbers.in_view(view)] = True
@@ -100,21 +81,13 @@ class Sightings:
             self._before = here
 
     def watched(self) -> Watch:
-        """Return what a moving intruder can have seen so far.
-
-        Raises:
-            BadInput: It cannot be played on this run; one line says why.
-        """
+        """Return what a moving intruder can have seen so far, or raise BadInput where it cannot be played."""
         if self._log is None:
             raise BadInput(f"a moving intruder cannot be played: {self._objection or 'it was not asked for'}")
         return self._log.watch()
 
     def game(self) -> Game:
-        """Return the moving intruder's game on what was written down.
-
-        Raises:
-            BadInput: It cannot be played on this run; one line says why.
-        """
+        """Return the moving intruder's game on what was written down, or raise BadInput where it cannot be played."""
         return Game(self.watched(), self._infiltrator or Infiltrator())
 
 

@@ -29,42 +29,22 @@ Place = tuple[float, float]
 
 
 def roaming_radius(spec: RobotSpec, step: float) -> float:
-    """Return the radius of the circle that a robot leaves unless it stays: 4 times its radius and its stride together.
-
-    Args:
-        spec: The robot.
-        step: Length of a tick, s.
-
-    Returns:
-        The radius, m.
-    """
+    """Return the radius (m) of the circle of a robot's stay: `ROAMING` times its radius and its stride."""
     return ROAMING * (spec.radius + spec.speed * step)
 
 
 def ticks_of(seconds: float, step: float) -> int:
-    """Return the smallest number of ticks that last a time.
-
-    Args:
-        seconds: The time, s.
-        step: Length of a tick, s.
-    """
+    """Return the smallest number of ticks that last a time."""
     return math.ceil(seconds / step - 1e-9)
 
 
 @dataclass(frozen=True, slots=True)
 class Stay:
-    """A robot's stay: since a tick, all its positions lie in one circle.
+    """A robot's stay: since a tick, all its positions lie in one circle."""
 
-    Attributes:
-        since: The tick in which the robot came.
-        x: Of the circle's centre, m.
-        y: Of the circle's centre, m.
-        radius: Of the circle, m.
-    """
-
-    since: int
-    x: float
-    y: float
+    since: int  # the tick in which the robot came
+    x: float  # of the circle's centre, m
+    y: float  # likewise
     radius: float
 
 
@@ -113,12 +93,7 @@ class _Track:
     """The latest positions of one robot, and its stay."""
 
     def __init__(self, radius: float, ticks: int) -> None:
-        """Start without positions.
-
-        Args:
-            radius: Of the circle, m.
-            ticks: Of the window: a stay that lasts this long is fixed to its circle.
-        """
+        """Start without positions; a stay that lasts so many ticks is fixed to its circle."""
         self.radius = radius
         self._ticks = ticks
         self._places: deque[Place] = deque()
@@ -173,25 +148,16 @@ class Stays:
     """
 
     def __init__(self, radii: Mapping[int, float], step: float) -> None:
-        """Start without positions.
-
-        Args:
-            radii: Radius of the circle in m by robot number (`roaming_radius`).
-            step: Length of a tick, s.
-        """
+        """Start without positions; the circles' radii are in m by robot number (`roaming_radius`)."""
         self._radii = dict(radii)
         self._every = max(round(SAMPLE_S / step), 1)
         self._ticks = ticks_of(TRAPPED_S, step)
         self._tracks: dict[int, _Track] = {}
 
     def tick(self, k: int, places: Mapping[int, Place], free: Collection[int] = ()) -> None:
-        """Take in the robots' positions.
+        """Take in the robots' positions by number.
 
-        Args:
-            k: The tick.
-            places: x and y in m by robot number.
-            free: Numbers of the robots that may stay where they are: their stays end. So do those of robots without a
-                place.
+        The stays of robots without a place end, and of those that are `free` to stay where they are.
         """
         for number in [number for number in self._tracks if number in free or number not in places]:
             del self._tracks[number]
@@ -206,38 +172,17 @@ class Stays:
             track.add(k, x, y)
 
     def stay(self, number: int) -> Stay | None:
-        """Return the present stay of a robot, however short.
-
-        Args:
-            number: Of the robot.
-
-        Returns:
-            The stay; None for a robot that is free, or that has no place.
-        """
+        """Return the present stay of a robot, however short; None for one that is free or has no place."""
         track = self._tracks.get(number)
         return None if track is None else track.stay
 
     def since(self, number: int) -> int | None:
-        """Return the tick in which the present stay of a robot began, which costs less than `stay`.
-
-        Args:
-            number: Of the robot.
-
-        Returns:
-            The tick; None for a robot that is free, or that has no place.
-        """
+        """Return the tick in which a robot's present stay began, which costs less than `stay`; None likewise."""
         track = self._tracks.get(number)
         return None if track is None else track.since
 
     def long(self, k: int) -> dict[int, Stay]:
-        """Return the stays that have lasted `TRAPPED_S`.
-
-        Args:
-            k: The tick.
-
-        Returns:
-            The stays by robot number.
-        """
+        """Return the stays that have lasted `TRAPPED_S`, by robot number."""
         long = {}
         for number, track in self._tracks.items():
             if k - track.since >= self._ticks and (stay := track.stay) is not None:

@@ -46,17 +46,10 @@ dropped and comes into force again is found again, with the same result."""
 
 
 def zoned_ground(prepared: Prepared, weighing: Weighing | None = None) -> ZonedGround | None:
-    """Weigh the ground by a scenario's zones, and find the rounds over it; `Prepared.zoned` keeps the results.
+    """Weigh the ground by the zones in force (default: all, as at first), and find the rounds over it.
 
-    Args:
-        prepared: The scenario, its terrain and the bodies' static fields.
-        weighing: The zones that are in force, with their weights (default: all, as at first).
-
-    Returns:
-        The zoned ground; None where no zone ever has a weight or a wanted age.
-
-    Raises:
-        BadInput: There is a wanted age, and no tour that says how it compares with the other ground.
+    `Prepared.zoned` keeps the results. None where no zone ever has a weight or a wanted age. Raises BadInput where
+    there is a wanted age, and no tour that says how it compares with the other ground.
     """
     every = _at_first(prepared.scenario)
     if not every:
@@ -75,13 +68,7 @@ def prepare_zones(prepared: Prepared) -> None:
     """Find the rounds for the sets of zones that may come into force, so that no robot has to during a run.
 
     These are the sets by the zones' times, and what operators can make of them: all combinations of few zones, or those
-    in which one zone is switched.
-
-    Args:
-        prepared: The scenario, its terrain and the bodies' static fields.
-
-    Raises:
-        BadInput: As for `zoned_ground`.
+    in which one zone is switched. Raises BadInput as `zoned_ground` does.
     """
     scenario, every = prepared.scenario, _at_first(prepared.scenario)
     turns = {time_s for zone in scenario.zones for span in zone.times or () for time_s in span}
@@ -99,14 +86,7 @@ def prepare_zones(prepared: Prepared) -> None:
 
 
 def zone_weights(prepared: Prepared) -> dict[str, float]:
-    """Return the weight of each zone that has one, by name, as at first.
-
-    Args:
-        prepared: The scenario, its terrain and the bodies' static fields.
-
-    Raises:
-        BadInput: As for `zoned_ground`.
-    """
+    """Return the weight of each zone that has one, by name, as at first; raise BadInput as `zoned_ground` does."""
     weights, tour_s = {}, None
     for number, zone in enumerate(prepared.scenario.zones):
         if zone.weight is not None:
@@ -123,16 +103,10 @@ def zone_weights(prepared: Prepared) -> dict[str, float]:
 
 
 def best_weighted_s(prepared: Prepared, weighing: Weighing | None = None) -> float | None:
-    """Return the weighted MFoW of all robots that are not spare on the rounds of the best division.
+    """Return the weighted MFoW (s) of all robots but the spare ones on the rounds of the best division.
 
-    It leaves out that slow zones take longer.
-
-    Args:
-        prepared: The scenario, its terrain and the bodies' static fields.
-        weighing: The zones that are in force, with their weights (default: all, as at first).
-
-    Returns:
-        The weighted MFoW, s; None without zones or rounds.
+    None without zones or rounds. It leaves out that slow zones take longer. The zones in force are as for
+    `zoned_ground`.
     """
     zoned = zoned_ground(prepared, weighing)
     groups = () if zoned is None else zoned.divide(prepared.scenario.team)
@@ -188,7 +162,7 @@ def _ways_m(prepared: Prepared, laid_out: Round) -> NDArray[np.float32]:
 
 
 def _known_ground(prepared: Prepared, grid: NDArray[np.float64], classes: tuple[float, ...]) -> ZonedGround | None:
-    """Return ground with the same rounds: its points have other weights in the same order; None without such."""
+    """Return prepared ground with the same points in each class, so with the same rounds; None without such ground."""
     order = np.searchsorted(classes, grid[prepared.patrolled])
     for known in list(prepared.zoned.values()):
         if known.rounds and np.array_equal(np.searchsorted(known.classes, known.weights[prepared.patrolled]), order):

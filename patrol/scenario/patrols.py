@@ -25,15 +25,10 @@ TOUR = "tour"
 
 
 class NamedPatrol(NamedTuple):
-    """A patrol that has a short name.
+    """A patrol that has a short name."""
 
-    Attributes:
-        policy: Its value of `patrol.policy`.
-        price: One line for somebody who chooses.
-    """
-
-    policy: str
-    price: str
+    policy: str  # value of `patrol.policy`
+    price: str  # one line to choose by
 
 
 PREDICTABLE = "predictable: an intruder that watches gets in two to three times as often (docs/security.md)"
@@ -55,36 +50,20 @@ _NAMES: Mapping[str, str] = MappingProxyType({patrol.policy: name for name, patr
 
 
 def patrol_name(policy: str) -> str:
-    """Return the short name of a policy's patrol, or ``policy NAME`` where it has none.
-
-    Args:
-        policy: Value of `patrol.policy`, for example ``committed``, which is called ``tour``.
-    """
+    """Return the short name of a policy's patrol, ``tour`` for ``committed``, or ``policy NAME`` where it has none."""
     return _NAMES.get(policy, f"policy {policy}")
 
 
 def describe_patrol(policy: str) -> str:
-    """Name a run's patrol, and say of the tour that it is predictable.
-
-    Args:
-        policy: Value of `patrol.policy`.
-    """
+    """Name a run's patrol, and say of the tour that it is predictable."""
     name = patrol_name(policy)
     return f"{name}, {PREDICTABLE}" if name == TOUR else name
 
 
 def patrol_settings(name: str | None, others: Mapping[str, object]) -> dict[str, object]:
-    """Return the settings of a named patrol.
+    """Return the settings of a named patrol, by dotted field of the scenario; none for None.
 
-    Args:
-        name: One of `PATROLS`, or None for no settings.
-        others: The other settings by dotted field, of a preset or stated, which must not choose a policy too.
-
-    Returns:
-        Values by dotted field of the scenario.
-
-    Raises:
-        BadInput: There is no such patrol, or the other settings choose a policy.
+    Raises BadInput for an unknown name, and where the other settings, by dotted field, choose a policy too.
     """
     if name is None:
         return {}

@@ -24,15 +24,13 @@ class Looks:
         self._footprint = footprint
 
     def place(self, place: int) -> tuple[float, float]:
-        """x and y of a point's centre, m."""
+        """Return x and y of a point's centre, m."""
         return self._terrain.centre(*divmod(place, self._terrain.width))
 
     def window(self, place: int, every: int) -> tuple[slice, slice, BoolGrid]:
-        """Rows and columns of a thinned grid around a place, and which of its points are seen from there.
+        """Return rows and columns of a thinned grid around a place, and which of its points are seen from there.
 
-        Args:
-            place: Flat index.
-            every: The grid holds every so many points of each row and column.
+        The grid holds every so many points of each row and column.
         """
         view = self._footprint.visible(Pose(*self.place(place), 0.0))
         top, left = max(0, -(-view.row0 // every)), max(0, -(-view.col0 // every))
@@ -43,21 +41,10 @@ class Looks:
 
 
 class Views:
-    """Counts of the chosen places that see each point of some ground.
-
-    Attributes:
-        ground: bool, every so many points of each row and column of the ground.
-        count: int32, likewise: how many chosen places see a point.
-    """
+    """Counts of the chosen places that see each point of some ground, in a thinned grid as of `Looks.window`."""
 
     def __init__(self, looks: Looks, ground: BoolGrid, every: int) -> None:
-        """Begin with no chosen place.
-
-        Args:
-            looks: What is seen from where.
-            ground: bool (height, width), what is to be seen.
-            every: Only every so many points of each row and column count.
-        """
+        """Begin with no chosen place."""
         self.ground = ground[::every, ::every].copy()
         self.count: NDArray[np.int32] = np.zeros(self.ground.shape, dtype=np.int32)
         self._every = every
@@ -84,14 +71,14 @@ class Views:
         self.count[rows, cols] += seen
 
     def take(self, place: int) -> bool:
-        """Take a chosen place back; whether all that is seen from it is still seen from another one."""
+        """Take a chosen place back; return True if all that is seen from it is still seen from another one."""
         rows, cols, seen = self._window(place)
         count = self.count[rows, cols]
         count -= seen
         return not (seen & (count == 0)).any()
 
     def unseen(self) -> int | None:
-        """Return the first point of the ground that is seen from no chosen place, its flat index in the terrain."""
+        """Return the first point of the ground, a flat index, that is seen from no chosen place; None without one."""
         missing = self.ground & (self.count == 0)
         at = int(missing.argmax())
         row, col = divmod(at, missing.shape[1])
@@ -104,7 +91,7 @@ class Views:
 
 
 def lattice(part: BoolGrid, spacing: float) -> list[int]:
-    """One point of a part for each square of a lattice, the nearest to the square's centre; spacing in points."""
+    """Return one point of a part for each square of a lattice, the nearest to its centre; spacing in points."""
     inside = np.flatnonzero(part)
     rows, cols = np.divmod(inside, part.shape[1])
     row, col = (rows / spacing).astype(np.int64), (cols / spacing).astype(np.int64)
@@ -117,7 +104,7 @@ def lattice(part: BoolGrid, spacing: float) -> list[int]:
 
 
 def choose(candidates: list[int], views: Views) -> list[int]:
-    """Greedy cover: always the place that adds most, until none adds anything."""
+    """Choose places greedily: always the one that adds most, until none adds anything."""
     waiting = [(-views.gain(place), place) for place in candidates]
     heapq.heapify(waiting)
     chosen = []
@@ -135,7 +122,7 @@ def choose(candidates: list[int], views: Views) -> list[int]:
 
 
 def complete(views: Views, part: BoolGrid, proxy: NDArray[np.int32]) -> list[int]:
-    """Places for what no candidate sees: the unseen point itself, or the point of the part that sees it."""
+    """Add and return places for what no candidate sees: the unseen point, or the point of the part that sees it."""
     inside, posts = part.reshape(-1), proxy.reshape(-1)
     added = []
     last = None

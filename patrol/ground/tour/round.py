@@ -42,33 +42,18 @@ Flat = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """A closed tour through places, and the points that are to be seen from each.
-
-    Attributes:
-        length_m: Length of the tour, m.
-        places: int64 (n,), flat index of the point of each place, in the order of the tour.
-        along: float64 (n,), length of the tour up to each place, m; ascending from 0.
-        points: int64 (p,), flat indices of the patrolled points, by the place to which they belong.
-        place_of: int64 (p,), the place of each of them, ascending.
-        stands: int64 (p,), flat index of the point to stand on to see each of them: its place, or the point's own post
-            where no place sees it.
-        stations: Of a round over the whole ground; None where a patrol cannot plan with any.
-    """
+    """A closed tour through places, and the points (flat indices) that are to be seen from each."""
 
     length_m: float
-    places: Flat
-    along: NDArray[np.float64]
-    points: Flat
-    place_of: Flat
-    stands: Flat
-    stations: Stations | None = None
+    places: Flat  # (n,), the point of each place, in the order of the tour
+    along: NDArray[np.float64]  # (n,), length of the tour up to each place, m; ascending from 0
+    points: Flat  # (p,), the patrolled points, by the place to which they belong
+    place_of: Flat  # (p,), the place of each of them, ascending
+    stands: Flat  # (p,), the point to stand on to see each: its place, or its own post where no place sees it
+    stations: Stations | None = None  # of a round over the whole ground; None where a patrol cannot plan with any
 
     def save(self, folder: Path) -> None:
-        """Write the arrays as .npy files.
-
-        Args:
-            folder: Where to write; it is made when missing.
-        """
+        """Write the arrays as .npy files into a folder, which is made when missing."""
         folder.mkdir(parents=True, exist_ok=True)
         np.save(folder / "length_m.npy", np.float64(self.length_m))
         for name in ARRAYS:
@@ -78,11 +63,7 @@ class Round:
 
     @staticmethod
     def load(folder: Path) -> Round:
-        """Load what `save` wrote, memory-mapped and read-only.
-
-        Args:
-            folder: The folder that `save` wrote into.
-        """
+        """Load what `save` wrote, memory-mapped and read-only."""
         arrays = {name: load_grid(folder / f"{name}.npy") for name in ARRAYS}
         return Round(float(load_grid(folder / "length_m.npy")), **arrays, stations=Stations.load(folder / STATIONS))
 
@@ -90,15 +71,10 @@ class Round:
 def lay_out(
     terrain: Terrain, reach: BoolGrid, ground: BoolGrid, proxy: NDArray[np.int32], footprint: Footprint, tour: Tour
 ) -> Round:
-    """Lay a tour out over the ground that is seen from it.
+    """Lay a tour out over ground that is all seen from it, by a sensor that looks all around.
 
-    Args:
-        terrain: The terrain.
-        reach: bool (height, width), where the body's centre may be.
-        ground: bool (height, width), the patrolled points.
-        proxy: int32 (height, width), flat index of the post of each point on which no body fits.
-        footprint: The sensor, which looks all around.
-        tour: Over which all of the ground is seen.
+    `reach` marks where the body's centre may be; `proxy` holds the flat index of the post of each point on which no
+    body fits.
     """
     width = terrain.width
     places, along, length_m = _places(terrain, reach, tour, max(terrain.point, PLACES * footprint.range_m))

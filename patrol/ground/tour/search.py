@@ -1,4 +1,4 @@
-"""A short closed tour from which all of some ground is seen: what a fleet could do with a plan for everybody.
+"""A short closed tour from which all of some ground is seen: what a fleet could do with one plan for all robots.
 
 Robots that follow such a tour of length L at equal distances see each point at least once in L / (N v), so that time
 bounds the MFoW that a fleet of N robots of speed v needs. The tour is the best that was found, not the shortest:
@@ -70,16 +70,9 @@ def find_tour(
 ) -> Tour | None:
     """Find a short closed tour through a part of the reachable ground on which all of some ground is seen.
 
-    Args:
-        terrain: The terrain.
-        part: bool (height, width), one connected part of where the body's centre may be.
-        ground: bool (height, width), what is to be seen; all of it can be seen from the part.
-        proxy: int32 (height, width), for a point of the ground outside of the part the flat index of a point of the
-            part that sees it.
-        footprint: The sensor, which looks all around.
-
-    Returns:
-        The tour; None on ground of more than `MOST_POINTS`, or that needs more than `MOST_PLACES`.
+    The part is connected, and all of the ground can be seen from it by the sensor, which looks all around. `proxy`
+    holds for a point of the ground outside of the part the flat index of a point of the part that sees it. None on
+    ground of more than `MOST_POINTS`, or that needs more than `MOST_PLACES`.
     """
     if part.size > MOST_POINTS:
         return None
@@ -109,18 +102,10 @@ class _Ways:
     """Ways between the points of a part of the reachable ground, and tours in a short order."""
 
     def __init__(self, part: BoolGrid, against: Steps, stride: float, near: float) -> None:
-        """Know no way yet.
-
-        Args:
-            part: As for `find_tour`.
-            against: As of `Terrain.against`.
-            stride: Distance of the samples on a way, points.
-            near: Length of the paths that are searched for first, points.
-        """
         self._framed, self._against = framed(part, against)
         self.width = int(part.shape[1])
-        self.stride = stride
-        self._near = near
+        self.stride = stride  # between samples on a way, points
+        self._near = near  # longest path that is searched for first, points
         self._length = np.full(self._framed.shape, FAR, dtype=np.int32)
         self._queues = np.empty((2, self._framed.size, 2), dtype=np.int32)
         self._corners = np.empty(self._framed.size, dtype=np.int32)
@@ -133,14 +118,9 @@ class _Ways:
         return 0 <= row < rows - 2 and 0 <= col < cols - 2 and bool(self._framed[row + 1, col + 1])
 
     def way(self, first: int, last: int) -> tuple[float, tuple[int, ...]]:
-        """Return the way between two points, the same in both directions where there are no one-way zones.
+        """Return the length of the way between two points, in points, and the samples on it, without its ends.
 
-        Args:
-            first: Flat index.
-            last: Flat index.
-
-        Returns:
-            Its length in points, and the samples on it, without its ends.
+        It is the same in both directions where there are no one-way zones.
         """
         pair = self._pair(first, last)
         if pair not in self._known:
@@ -178,12 +158,12 @@ class _Ways:
         return (row + 1) * (self.width + 2) + col + 1
 
     def ordered(self, places: list[int]) -> list[int]:
-        """Places in the order of a short closed tour."""
+        """Return places in the order of a short closed tour."""
         order = self._in_short_order(places)
         return min(order, order[::-1], key=self.length) if self._against.size else order
 
     def _in_short_order(self, places: list[int]) -> list[int]:
-        """Places in the order of a short closed tour, as if there were no one-way zones."""
+        """Return places in the order of a short closed tour, as if there were no one-way zones."""
         if len(places) < 4:
             return places
         flat = np.array([self._flat(place) for place in places], dtype=np.int64)
@@ -203,14 +183,10 @@ class _Ways:
 
 
 class _Patrol:
-    """A closed tour and what is seen on it, which becomes shorter while it still sees all.
-
-    Attributes:
-        places: Flat indices of its places, in order.
-    """
+    """A closed tour and what is seen on it, which becomes shorter while it still sees all."""
 
     def __init__(self, places: list[int], views: Views, ways: _Ways) -> None:
-        self.places = list(places)
+        self.places = list(places)  # in order
         self._views = views
         self._ways = ways
         views.clear()
@@ -258,7 +234,7 @@ class _Patrol:
                 break
 
     def drop(self) -> int:
-        """Leave out places that are not needed, those first that save most; how many."""
+        """Leave out places that are not needed, those first that save most; return how many."""
         saved = {
             place: self._detour(self.places[at - 1], place, self.places[(at + 1) % len(self.places)])
             for at, place in enumerate(self.places)
@@ -270,7 +246,7 @@ class _Patrol:
         )
 
     def _pull(self) -> int:
-        """Move places towards the middle of their neighbours; how many."""
+        """Move places towards the middle of their neighbours; return how many."""
         moved = 0
         width = self._ways.width
         for at in range(len(self.places)):
@@ -286,7 +262,7 @@ class _Patrol:
         return moved
 
     def _replace(self, at: int, new: list[int]) -> bool:
-        """Replace a place by another one or none, if that shortens the tour and all is still seen; whether it did."""
+        """Replace a place by another one or none, if the tour becomes shorter and still sees all; return True if so."""
         before, old, after = self.places[at - 1], self.places[at], self.places[(at + 1) % len(self.places)]
         if new == [old] or set(new) & set(self.places):
             return False

@@ -37,49 +37,27 @@ Flat = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Stations:
-    """The stations of a round.
+    """The stations of a round."""
 
-    Attributes:
-        spots: int64 (s,), flat index of a point in the middle of each station.
-        begins: int64 (s + 1,), where each station's points begin in `Round.points`, and where the last one's end.
-        apart_m: float64 (s, s), length of the way from each station to each, m; infinite where no way leads.
-        around: int32 (height, width), the station to which each point of the terrain belongs; -1 for none.
-    """
-
-    spots: Flat
-    begins: Flat
-    apart_m: NDArray[np.float64]
-    around: NDArray[np.int32]
+    spots: Flat  # (s,), flat index of a point in the middle of each station
+    begins: Flat  # (s + 1,), where each station's points begin in `Round.points`, and where the last one's end
+    apart_m: NDArray[np.float64]  # (s, s), length of the way from each to each; infinite where no way leads
+    around: NDArray[np.int32]  # (height, width), the station to which each point of the terrain belongs; -1 for none
 
     def save(self, folder: Path) -> None:
-        """Write the arrays as .npy files.
-
-        Args:
-            folder: Where to write; it is made when missing.
-        """
+        """Write the arrays as .npy files into a folder, which is made when missing."""
         folder.mkdir(parents=True, exist_ok=True)
         for name in ARRAYS:
             np.save(folder / f"{name}.npy", getattr(self, name))
 
     @staticmethod
     def load(folder: Path) -> Stations | None:
-        """Load what `save` wrote, memory-mapped and read-only; None where it has written nothing.
-
-        Args:
-            folder: The folder that `save` wrote into.
-        """
+        """Load what `save` wrote, memory-mapped and read-only; None where it has written nothing."""
         return Stations(*(load_grid(folder / f"{name}.npy") for name in ARRAYS)) if folder.is_dir() else None
 
 
 def stations_of(laid_out: Round, terrain: Terrain, reach: BoolGrid, range_m: float) -> Stations:
-    """Put the stops of a round together into stations.
-
-    Args:
-        laid_out: The round.
-        terrain: The terrain.
-        reach: bool (height, width), where the body's centre may be.
-        range_m: Of the sensor, m.
-    """
+    """Put the stops of a round together into stations; `reach` marks where the body's centre may be."""
     along, place_of = laid_out.along, laid_out.place_of
     stops, firsts = np.unique(place_of, return_index=True)
     heads: list[int] = []

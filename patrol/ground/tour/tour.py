@@ -7,13 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Tour:
-    """A closed tour.
-
-    Attributes:
-        length_m: Its length, m.
-        way: Its corners in order, x and y in m. It leads straight from each to the next, and from the last to the
-            first.
-    """
+    """A closed tour, straight from each corner to the next, and from the last to the first."""
 
     length_m: float
-    way: tuple[tuple[float, float], ...]
+    way: tuple[tuple[float, float], ...]  # corners in order, x and y in m

@@ -32,43 +32,25 @@ SWEEPS = 2
 
 
 class Visit(NamedTuple):
-    """A visit to some ground.
+    """A visit to some ground."""
 
-    Attributes:
-        ground: Number of the ground.
-        place: Number of the round's place at which robots leave it.
-        length_m: There, round the ground, and back, m; 0 where the round itself shows the ground.
-    """
-
-    ground: int
-    place: int
-    length_m: float
+    ground: int  # number of the ground
+    place: int  # number of the round's place at which robots leave it
+    length_m: float  # there, round the ground, and back; 0 where the round itself shows the ground
 
 
 class Ground(NamedTuple):
-    """Ground that is visited.
+    """Ground that is visited."""
 
-    Attributes:
-        round: Over it.
-        ways: float32 (height, width), length of the way from each point to the nearest place of its round, m.
-        due_m: Length at most that a robot may drive from one visit to the next of any robot, m.
-    """
-
-    round: Round
-    ways: NDArray[np.float32]
-    due_m: float
+    round: Round  # over it
+    ways: NDArray[np.float32]  # (height, width), length of the way from each point to the nearest place of its round, m
+    due_m: float  # length at most that a robot may drive from one visit to the next of any robot
 
 
 def plan_visits(base: Round, grounds: Mapping[int, Ground], robots: int) -> tuple[Visit, ...]:
-    """Choose visits: one after the other, for the ground that is most overdue, and moved to where they are best.
+    """Choose visits for robots that are evenly spaced on a round, and return them in its order.
 
-    Args:
-        base: The round.
-        grounds: By number, what is visited.
-        robots: How many are evenly spaced on it.
-
-    Returns:
-        The visits, in the order of the round.
+    They are chosen one after the other, for the ground that is most overdue, and moved to where they are best.
     """
     candidates = np.arange(0, len(base.places), math.ceil(len(base.places) / MOST_CANDIDATES))
     possible: dict[int, list[Visit]] = {}
@@ -102,16 +84,10 @@ def plan_visits(base: Round, grounds: Mapping[int, Ground], robots: int) -> tupl
 
 
 def longest_gaps_m(base: Round, grounds: Iterable[int], robots: int, plans: Sequence[Sequence[Visit]]) -> Lengths:
-    """Return the length at most that a robot drives from one visit of some ground to the next of any robot.
+    """Return the length (m) at most that a robot drives from one visit of some ground to the next of any robot.
 
-    Args:
-        base: The round without visits.
-        grounds: Numbers of grounds.
-        robots: How many are evenly spaced on the round with visits.
-        plans: Equally many visits each, at least one.
-
-    Returns:
-        float64 (plans, grounds), m; infinity for ground without a visit.
+    Shape (plans, grounds); infinity for ground without a visit. The base is without visits, and the robots are evenly
+    spaced on the round with them. Plans have equally many visits each, at least one.
     """
     table = np.array(plans, dtype=np.float64)  # plans, visits, and the fields of a visit
     table = np.take_along_axis(table, table[:, :, 1].argsort(axis=1, kind="stable")[:, :, None], axis=1)
@@ -144,16 +120,7 @@ def _costs(base: Round, grounds: Mapping[int, Ground], robots: int, plans: Seque
 
 
 def with_visits(base: Round, grounds: Mapping[int, Ground], visits: Sequence[Visit]) -> Round:
-    """Put visits into a round.
-
-    Args:
-        base: The round.
-        grounds: By number, what is visited.
-        visits: In the order of the round.
-
-    Returns:
-        The round with them. Its points name ground that is visited several times as often.
-    """
+    """Put visits, in the order of the round, into a round; its points then name ground as often as it is visited."""
     places: list[int] = []
     along: list[float] = []
     parts: list[tuple[Round, NDArray[np.int64]]] = []  # a round, and the new number of each of its places

@@ -54,51 +54,28 @@ class Group(NamedTuple):
 
 
 class LaidOut(NamedTuple):
-    """The round of a group, or what is known of it before its visits are chosen.
+    """The round of a group, or what is known of it before its visits are chosen."""
 
-    Attributes:
-        round: With the visits of its classes; None before they are chosen.
-        ages_s: By class, the time between two robots that come by it, s; lower bounds before visits are chosen.
-        visits: Whether the round has visits.
-    """
-
-    round: Round | None
-    ages_s: Mapping[int, float]
-    visits: bool
+    round: Round | None  # with the visits of its classes; None before they are chosen
+    ages_s: Mapping[int, float]  # by class, between two robots that come by it; lower bounds before visits are chosen
+    visits: bool  # whether the round has visits
 
 
 @dataclass(frozen=True, eq=False)
 class ZonedGround:
-    """The weights of a terrain's points while some zones are in force, and the rounds over the ground of each group.
+    """The weights of a terrain's points while some zones are in force, and the rounds over the ground of each group."""
 
-    Attributes:
-        weights: float64 (height, width), read-only: how many times the age of a point counts.
-        classes: The distinct weights of the patrolled points, ascending.
-        wanted: For each class, the least age that a zone of it wants, s; None without such a zone.
-        rounds: By group, without visits; empty where there are no rounds, or too many classes for them.
-        speed: Of the robots, m/s.
-        ways: For each class that may be visited, float32 (height, width): length of the way from each point to the
-            nearest place of the round over its ground, m; infinity where no way leads.
-        laid_out: By group, what is known of its round with visits; filled as divisions are made.
-    """
-
-    weights: NDArray[np.float64]
-    classes: tuple[float, ...]
-    wanted: tuple[float | None, ...]
-    rounds: Mapping[Classes, Round]
-    speed: float
+    weights: NDArray[np.float64]  # (height, width), read-only: how many times the age of a point counts
+    classes: tuple[float, ...]  # the distinct weights of the patrolled points, ascending
+    wanted: tuple[float | None, ...]  # by class, the least age that a zone of it wants, s; None without such a zone
+    rounds: Mapping[Classes, Round]  # without visits; empty where there are none, or too many classes for them
+    speed: float  # of the robots, m/s
     ways: Mapping[int, NDArray[np.float32]] = field(default_factory=dict)
-    laid_out: dict[Group, LaidOut] = field(default_factory=dict)
+    """By class that may be visited: length (m) of the way from each point to the nearest place of its round, or inf."""
+    laid_out: dict[Group, LaidOut] = field(default_factory=dict)  # filled as divisions are made
 
     def divide(self, robots: int) -> tuple[Group, ...]:
-        """Divide robots between groups.
-
-        Args:
-            robots: How many, at least 1.
-
-        Returns:
-            The groups of the best division, by ascending weight; empty without rounds.
-        """
+        """Divide robots, at least 1, between groups: the best division by ascending weight, or none without rounds."""
         if not self.rounds:
             return ()
         ranked = [(self._rank(groups), number, groups) for number, groups in enumerate(self._divisions(robots))]
@@ -128,29 +105,16 @@ class ZonedGround:
         return excess, (VISITS if any(laid_out.visits for laid_out in known) else 1.0) * cost_s, len(groups)
 
     def cost_s(self, groups: tuple[Group, ...]) -> float:
-        """Return the greatest weight times the time between two robots of a division, s.
-
-        Args:
-            groups: The division.
-        """
+        """Return the greatest weight times the time between two robots of a division, s."""
         return max(self.classes[number] * age_s for group in groups for number, age_s in self._ages_s(group))
 
     def wish_kept(self, groups: tuple[Group, ...], number: int) -> bool:
-        """Return True if the robots of a division come back to a class within its wanted age.
-
-        Args:
-            groups: The division.
-            number: Of the class.
-        """
+        """Return True if the robots of a division come back to a class within its wanted age."""
         wanted = self.wanted[number]
         return wanted is None or dict(pair for group in groups for pair in self._ages_s(group))[number] <= wanted
 
     def round_of(self, group: Group) -> Round:
-        """Return the round of a group, the same one for each call.
-
-        Args:
-            group: The group.
-        """
+        """Return the round of a group, the same one for each call."""
         laid_out = self._known(group)
         if laid_out.round is None:
             laid_out = self.laid_out[group] = self._with_visits(group)
@@ -220,11 +184,7 @@ class ZonedGround:
                     )
 
     def save(self, folder: Path) -> None:
-        """Write the arrays as .npy files and the rest as JSON.
-
-        Args:
-            folder: Where to write; it is made when missing.
-        """
+        """Write the arrays as .npy files and the rest as JSON into a folder, which is made when missing."""
         folder.mkdir(parents=True, exist_ok=True)
         np.save(folder / "weights.npy", self.weights)
         for (first, last), laid_out in self.rounds.items():
@@ -242,11 +202,7 @@ class ZonedGround:
 
     @staticmethod
     def load(folder: Path) -> ZonedGround:
-        """Load what `save` wrote, memory-mapped and read-only.
-
-        Args:
-            folder: The folder that `save` wrote into.
-        """
+        """Load what `save` wrote, memory-mapped and read-only."""
         facts = json.loads((folder / FACTS).read_text(encoding="utf-8"))
         rounds = {(first, last): Round.load(folder / f"{first}-{last}") for first, last in facts["rounds"]}
         weights = load_grid(folder / "weights.npy")

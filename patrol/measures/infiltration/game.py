@@ -104,48 +104,20 @@ class Infiltration:
 
 @dataclass(frozen=True, eq=False)
 class Attempt:
-    """One attempt.
+    """An intruder's attempt to get to a target and stay there, unseen."""
 
-    Attributes:
-        now: The tick that was seen last when the intruder planned first.
-        target: The point where it wants to stay.
-        way: Where it is at the end of each tick from now + 1 on; to where it was seen, if it was.
-        seen: The tick in which it was seen; None where it was not.
-        succeeded: Whether its stay was over in time, unseen.
-    """
-
-    now: int
-    target: int
-    way: Way
-    seen: int | None
-    succeeded: bool
+    now: int  # the tick that was seen last when the intruder planned first
+    target: int  # the point where it wants to stay
+    way: Way  # from tick now + 1 on; to where it was seen, if it was
+    seen: int | None  # the tick in which it was seen; None where it was not
+    succeeded: bool  # whether its stay was over in time, unseen
 
 
 class Game:
-    """The game on one run.
-
-    Attributes:
-        watch: The run.
-        infiltrator: The intruder.
-        depth_m: Least length of the way from an entry to a target, m.
-        targets: int64 (targets,), the points.
-        trials: Tick and target of each attempt.
-        within: The ticks of an attempt.
-        past: The run as the predictors know it.
-        predictors: By name; more can be added.
-        planner: Plans the ways.
-    """
+    """The game on one run."""
 
     def __init__(self, watch: Watch, infiltrator: Infiltrator) -> None:
-        """Draw the attempts.
-
-        Args:
-            watch: The run.
-            infiltrator: The intruder.
-
-        Raises:
-            BadInput: The run is too short, or there is no entry or no target.
-        """
+        """Draw the attempts; raise BadInput where the run is too short, or there is no entry or no target."""
         seconds, depths_m = watch.ticks * watch.step, watch.ground.depths_m
         if seconds < infiltrator.least_s:
             needs = f"which watches and then plans over {infiltrator.within_s:g} s, needs {infiltrator.least_s:g} s"
@@ -163,11 +135,11 @@ class Game:
                 "choose another zone or other entries"
             )
         self.planner = Planner(watch.ground, watch.step, infiltrator.speed, infiltrator.stay_s)
-        self.within = watch.ticks_of(infiltrator.within_s)
+        self.within = watch.ticks_of(infiltrator.within_s)  # ticks of an attempt
         self.past = Past(watch, self.within)
-        self.predictors = predictors_of(self.past)
+        self.predictors = predictors_of(self.past)  # by name; more can be added
         begin, end = watch.ticks // 2, watch.ticks - self.within
-        self.trials = []
+        self.trials = []  # tick and target of each attempt
         for number in range(infiltrator.attempts):
             moment, target = (draw(infiltrator.seed, Purpose.INFILTRATION, number, part) for part in range(2))
             self.trials.append(
@@ -175,24 +147,12 @@ class Game:
             )
 
     def once(self, predictor: Predictor, now: int, target: int) -> Attempt:
-        """Make an attempt that is planned once.
-
-        Args:
-            predictor: What the intruder expects.
-            now: The tick that it sees last.
-            target: Where it wants to stay.
-        """
+        """Make an attempt that is planned once, when tick `now` was seen last."""
         way = self.planner.plan(predictor(now, self.within), OUTSIDE, target)
         return self._tried(now, target, np.zeros(0, dtype=np.int32) if way is None else way)
 
     def again(self, predictor: Predictor, now: int, target: int) -> Attempt:
-        """Make an attempt that is planned again every second.
-
-        Args:
-            predictor: What the intruder expects.
-            now: The tick that it sees last when it plans first.
-            target: Where it wants to stay.
-        """
+        """Make an attempt that is planned again every second, first when tick `now` was seen last."""
         every = self.watch.ticks_of(AGAIN_S)
         went: list[int] = []
         at = OUTSIDE
@@ -236,10 +196,7 @@ def infiltration(
 ) -> Infiltration:
     """Play all attempts with all predictors.
 
-    Args:
-        game: The game.
-        again: Whether those that watch also plan again every second, which takes minutes.
-        advance: Called with the share of the work that is done.
+    With `again`, those that watch also plan again every second, which takes minutes.
     """
     plans = [(name, game.once) for name in game.predictors]
     plans += [(name, game.again) for name in WATCHING] if again else []
@@ -272,11 +229,7 @@ def infiltration(
 
 
 def share_of(won: Flags | Sequence[bool]) -> Percent:
-    """Return the share of attempts that succeeded, with Wilson's interval.
-
-    Args:
-        won: Whether each attempt did, at least one.
-    """
+    """Return the share of attempts, at least one, that succeeded, with Wilson's interval."""
     n = len(won)
     share = float(np.mean(won))
     middle = (share + WIDTH**2 / (2 * n)) / (1.0 + WIDTH**2 / n)
@@ -285,11 +238,9 @@ def share_of(won: Flags | Sequence[bool]) -> Percent:
 
 
 def gain_of(won: Flags, without: Flags) -> Percent:
-    """Return how many more attempts succeed than without, with an interval from pairs (Agresti and Min 2005).
+    """Return how many more attempts succeed than the same ones `without` watching, with an interval from pairs.
 
-    Args:
-        won: Whether each attempt succeeded.
-        without: Whether the same attempt did without watching.
+    The interval is that of Agresti and Min 2005.
     """
     n = len(won)
     better, worse = int((won & ~without).sum()), int((without & ~won).sum())

@@ -25,34 +25,23 @@ OPPOSITE = (1, 0, 3, 2, 7, 6, 5, 4)
 """The number of the move back, by that of the move."""
 
 Points = NDArray[np.int64]
+"""int64 (points,)"""
 Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
 class IntruderGround:
-    """Points on which the intruder moves, one in each square of a grid that has open ground.
+    """Points on which the intruder moves, one in each square of a grid that has open ground; arrays are by point."""
 
-    Attributes:
-        rows: int64 (points,), of the terrain.
-        cols: int64 (points,), likewise.
-        neighbours: int32 (points, 8), the points that a move in each direction of `MOVES` leads to; -1 for none.
-        squares: int64 (points,), flat index of each point's square, in the grid with one more square on each side.
-        shape: Rows and columns of that grid.
-        point_m: Length of a straight move, m.
-        entries: bool (points,), where the intruder may enter.
-        depths_m: float64 (points,), length of the shortest way from an entry; infinite where no way leads.
-        wanted: bool (points,), where it wants to stay, however deep; None where the depth decides.
-    """
-
-    rows: Points
-    cols: Points
-    neighbours: NDArray[np.int32]
-    squares: Points
-    shape: tuple[int, int]
-    point_m: float
-    entries: Flags
-    depths_m: NDArray[np.float64]
-    wanted: Flags | None = None
+    rows: Points  # of the terrain
+    cols: Points  # likewise
+    neighbours: NDArray[np.int32]  # (points, 8), where a move in each direction of `MOVES` leads to; -1 for none
+    squares: Points  # flat index of each point's square, in the grid with one more square on each side
+    shape: tuple[int, int]  # rows and columns of that grid
+    point_m: float  # length of a straight move
+    entries: Flags  # where the intruder may enter
+    depths_m: NDArray[np.float64]  # length of the shortest way from an entry; infinite where no way leads
+    wanted: Flags | None = None  # where it wants to stay, however deep; None where the depth decides
 
 
 def ground_of(
@@ -62,14 +51,10 @@ def ground_of(
     wants: BoolGrid | None = None,
     apart_m: float = POINT_M,
 ) -> IntruderGround:
-    """Lay points over the open ground, one in each square, the nearest to its centre.
+    """Lay points over the patrolled ground, one in each square, the nearest to its centre.
 
-    Args:
-        free: bool (h, w), the ground that is patrolled.
-        point_m: Side of its points, m.
-        enters: bool (h, w), where the intruder may enter; None for the edge of the ground.
-        wants: bool (h, w), where it wants to stay; None where the depth decides.
-        apart_m: Side of the squares at least, m.
+    `point_m` is the side of the terrain's points, and `apart_m` that of the squares at least. Without `enters` the
+    intruder may enter at the edge of the ground; without `wants` the depth decides where it wants to stay.
     """
     least = math.ceil(math.sqrt(np.count_nonzero(free) / MOST_POINTS))
     side = max(math.ceil(apart_m / point_m - 1e-6), least, 1)

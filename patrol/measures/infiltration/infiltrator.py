@@ -63,11 +63,7 @@ class Infiltrator:
     zone: str | None = None
 
     def __post_init__(self) -> None:
-        """Refuse what no intruder can do.
-
-        Raises:
-            BadInput: A setting is out of its limits, or the stay does not fit into the time.
-        """
+        """Raise BadInput for a setting out of its limits, or a stay that does not fit into the time."""
         for name, (least, most) in LIMITS.items():
             value = getattr(self, name)
             if not (isinstance(value, int | float) and least <= value <= most):

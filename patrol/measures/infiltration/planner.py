@@ -43,19 +43,10 @@ Way = NDArray[np.int32]
 class Planner:
     """Plans ways over a ground. It keeps its working memory, so it is not for several threads.
 
-    Attributes:
-        straight_m_s: Speed of a straight move, which takes whole instants, so that it may differ a little, m/s.
+    A straight move takes whole instants, so its speed `straight_m_s` may differ a little from the one asked for.
     """
 
     def __init__(self, ground: IntruderGround, step: float, speed: float, stay_s: float) -> None:
-        """Begin.
-
-        Args:
-            ground: Where the intruder moves.
-            step: Length of a tick, s.
-            speed: Its speed, m/s.
-            stay_s: How long it must stay at its goal, s.
-        """
         self._ground = ground
         self._parts, self._straight, self._diagonal = _instants(ground.point_m / (speed * step))
         self.straight_m_s = ground.point_m * self._parts / (self._straight * step)
@@ -72,12 +63,9 @@ class Planner:
         self._risk = self._reached = np.zeros((0, count), dtype=np.float32)
 
     def plan(self, chances: Chances, start: int, goal: int) -> Way | None:
-        """Return the best way to a goal, or None where no way ends in time.
+        """Return the best way to a goal with the stay there, or None where no way ends in time.
 
-        Args:
-            chances: float32 (ticks, points), that each point is seen in each tick to come.
-            start: The point where the intruder is; `OUTSIDE` to enter where and when it wants.
-            goal: The point to stay at.
+        From `OUTSIDE` the intruder enters where and when it wants.
         """
         ticks = len(chances)
         if len(self._risk) < ticks:
@@ -105,11 +93,7 @@ class Planner:
 
 
 def _instants(ticks: float) -> tuple[int, int, int]:
-    """Return the instants of a tick, of a straight move and of a diagonal one.
-
-    Args:
-        ticks: Of a straight move.
-    """
+    """Return the instants of a tick, of a straight move and of a diagonal one, given the ticks of a straight move."""
     least = max(math.ceil(1.0 / (ticks * LONGEST) - ROUNDING), 1)
     choices = []
     for parts in range(least, max(least, MOST_PARTS) + 1):

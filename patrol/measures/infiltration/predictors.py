@@ -1,9 +1,9 @@
 """Predictors of a patrol: the chance that each point of the ground is seen in each tick to come.
 
-- *future*: what will be seen. Nothing predicts better; it is also what somebody knows who has the scenario, the code,
-  and the seed or the key of the draws.
-- *code*: 5 futures that somebody simulates who has the scenario and the code, with draws of its own in place of the
-  fleet's (`experiments.simulated_futures`); the mean of what is seen in them. It plays only where it was asked for.
+- *future*: what will be seen. Nothing predicts better; the scenario, the code, and the seed or the key of the draws
+  tell an intruder as much.
+- *code*: the mean of what is seen in 5 futures, simulated from the scenario and the code, with draws of the intruder's
+  own in place of the fleet's (`experiments.simulated_futures`). It plays only where it was asked for.
 - *similar*: the 5 moments of the past whose sighting, now and 3 s before, differs in the fewest points (joint analogs);
   the mean of what was seen after them.
 - *each*: for each robot the 10 moments of the past in which any robot was nearest to its place, now and 3 s before
@@ -55,37 +55,19 @@ Predictor = Callable[[int, int], Chances]
 
 
 class Past:
-    """The past of a run, which several predictors share.
-
-    Attributes:
-        watch: The run.
-        within: Ticks that are predicted at most.
-        lag: `LAG_S` in ticks.
-        apart: `APART_S` in ticks.
-        first: First tick that others are likened to.
-    """
+    """The past of a run, which several predictors share."""
 
     def __init__(self, watch: Watch, within: int) -> None:
-        """Compute nothing yet.
-
-        Args:
-            watch: The run.
-            within: Ticks that are predicted at most.
-        """
         self.watch = watch
-        self.within = within
+        self.within = within  # ticks that are predicted at most
         self.lag = watch.ticks_of(LAG_S)
         self.apart = watch.ticks_of(APART_S)
-        self.first = max(watch.ticks_of(BEGIN_S), self.lag)
+        self.first = max(watch.ticks_of(BEGIN_S), self.lag)  # earliest moment that others are compared with
         self._rates: dict[int, Chances] = {}
         self._every = watch.ticks_of(RATE_EVERY_S)
 
     def base_rate(self, now: int) -> Chances:
-        """Return the share of the past in which each point was seen.
-
-        Args:
-            now: The tick that was seen last.
-        """
+        """Return the share of the past in which each point was seen."""
         block = now // self._every
         if block not in self._rates:
             # To the end of the last whole block, so that few are computed.
@@ -97,31 +79,20 @@ class Past:
         return self._rates[block]
 
     def mean(self, seen: Iterable[NDArray[np.uint8]], now: int) -> Chances:
-        """Return the mean of some futures and the base rate.
-
-        Args:
-            seen: uint8 (ahead, points) of each future, 1 where a point is seen.
-            now: The tick that was seen last.
-        """
+        """Return the mean of some futures, uint8 (ahead, points) each, and the base rate."""
         futures = list(seen)
         total = sum(futures[1:], start=futures[0])
         return self.mixed(total * np.float32(1.0 / len(futures)), len(futures), now)
 
     def mixed(self, chances: Chances, moments: int, now: int) -> Chances:
-        """Take in the base rate as one more moment.
-
-        Args:
-            chances: float32 (ahead, points), from some moments; changed in place.
-            moments: How many there were.
-            now: The tick that was seen last.
-        """
+        """Mix the base rate into chances from some moments, in place, as one more moment."""
         chances *= np.float32(moments / (moments + 1))
         chances += self.base_rate(now) * np.float32(1.0 / (moments + 1))
         return chances
 
     @cached_property
     def places(self) -> NDArray[np.float32]:
-        """float32 (4, ticks, robots): x and y of each robot now, and `LAG_S` before; infinite where it was absent."""
+        """x and y of each robot now and `LAG_S` before, float32 (4, ticks, robots); infinite where it was absent."""
         here = np.moveaxis(self.watch.places, 2, 0)
         before = np.full_like(here, np.inf)
         before[:, self.lag :] = here[:, : -self.lag]
@@ -179,19 +150,13 @@ _PREDICTORS = {"future": _future, "similar": _similar, "each": _each, "picture":
 
 
 def predictors_of(past: Past) -> dict[str, Predictor]:
-    """Return the predictors of a run, by the names of results.
-
-    Args:
-        past: The run.
-    """
+    """Return the predictors of a run, by the names of results."""
     return {name: partial(predict, past) for name, predict in _PREDICTORS.items()}
 
 
 def code_predictor(past: Past, futures: Mapping[int, NDArray[np.uint64]]) -> Predictor:
     """Return the predictor `code`.
 
-    Args:
-        past: The run.
-        futures: By the tick that was seen last: uint64 (futures, ticks, words), as of `Watch.words`, from the next one.
+    Futures are by the tick that was seen last: uint64 (futures, ticks, words), as of `Watch.words`, from the next one.
     """
     return lambda now, ahead: past.mean((past.watch.unpacked(words[:ahead]) for words in futures[now]), now)

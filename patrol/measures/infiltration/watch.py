@@ -24,25 +24,15 @@ WORD = 64
 
 @dataclass(frozen=True, eq=False)
 class Watch:
-    """All that can be seen of a run.
-
-    Attributes:
-        ground: The points.
-        step: Length of a tick, s.
-        words: uint64 (ticks, words), a bit for each point, set where some robot sees it.
-        places: float32 (ticks, robots, 2), x and y in m; infinite where a robot takes no part.
-        looks: int32 (ticks, robots), the number of each robot's footprint; 0 where it sees nothing.
-        first: int64 (footprints + 1,), place of the first of each footprint's points.
-        points: int32 (n,), the points of all footprints.
-    """
+    """All that can be seen of a run."""
 
     ground: IntruderGround
-    step: float
-    words: NDArray[np.uint64]
-    places: NDArray[np.float32]
-    looks: NDArray[np.int32]
-    first: NDArray[np.int64]
-    points: NDArray[np.int32]
+    step: float  # length of a tick, s
+    words: NDArray[np.uint64]  # (ticks, words), a bit for each point, set where some robot sees it
+    places: NDArray[np.float32]  # (ticks, robots, 2), x and y in m; infinite where a robot takes no part
+    looks: NDArray[np.int32]  # (ticks, robots), the number of each robot's footprint; 0 where it sees nothing
+    first: NDArray[np.int64]  # (footprints + 1,), where each footprint begins in `points`
+    points: NDArray[np.int32]  # the points of all footprints
 
     @property
     def ticks(self) -> int:
@@ -55,26 +45,11 @@ class Watch:
         return len(self.ground.rows)
 
     def seen(self, first: int, last: int) -> NDArray[np.uint8]:
-        """Return which points are seen in some ticks.
-
-        Args:
-            first: The first tick.
-            last: The tick after the last.
-
-        Returns:
-            uint8 (last - first, points), 1 where a point is seen.
-        """
+        """Return 1 for each point that is seen in a tick, else 0: (last - first, points), without tick `last`."""
         return self.unpacked(self.words[first:last])
 
     def unpacked(self, words: NDArray[np.uint64]) -> NDArray[np.uint8]:
-        """Return which points some words say are seen.
-
-        Args:
-            words: uint64 (n, words), as in `words`.
-
-        Returns:
-            uint8 (n, points), 1 where a point is seen.
-        """
+        """Return 1 for each point that some words say is seen, else 0: (n, points) for (n, words)."""
         return np.unpackbits(words.view(np.uint8), axis=1, count=self.size, bitorder="little")
 
     def ever_seen(self) -> NDArray[np.bool_]:
@@ -83,11 +58,7 @@ class Watch:
         return np.unpackbits(words.view(np.uint8), count=self.size, bitorder="little").view(np.bool_)
 
     def ticks_of(self, seconds: float) -> int:
-        """Return the whole ticks nearest to a time, at least one.
-
-        Args:
-            seconds: The time, s.
-        """
+        """Return the whole ticks nearest to a time, at least one."""
         return max(round(seconds / self.step), 1)
 
 
@@ -95,23 +66,13 @@ class PointNumbers:
     """The numbers of some points of a terrain, to find those in view."""
 
     def __init__(self, height: int, rows: NDArray[np.int64], cols: NDArray[np.int64]) -> None:
-        """Number the points in their order.
-
-        Args:
-            height: Rows of the terrain.
-            rows: int64 (points,).
-            cols: int64 (points,).
-        """
+        """Number the points in their order, on a terrain of so many rows."""
         self._numbers = np.argsort(rows, kind="stable").astype(np.int32)
         self._rows, self._cols = rows[self._numbers], cols[self._numbers]
         self._first = np.searchsorted(self._rows, np.arange(height + 1)).tolist()
 
     def in_view(self, view: View) -> NDArray[np.int32]:
-        """Return the numbers of the points in a view.
-
-        Args:
-            view: The view.
-        """
+        """Return the numbers of the points in a view."""
         tall, wide = view.mask.shape
         last = len(self._first) - 1
         band = slice(self._first[min(max(view.row0, 0), last)], self._first[min(max(view.row0 + tall, 0), last)])
@@ -125,15 +86,7 @@ class WatchLog:
     """Writes down what can be seen of a run, tick by tick."""
 
     def __init__(self, ground: IntruderGround, height: int, step: float, ticks: int, robots: int) -> None:
-        """Begin with nothing seen.
-
-        Args:
-            ground: The points to write down.
-            height: Rows of the terrain.
-            step: Length of a tick, s.
-            ticks: How many there are at most.
-            robots: How many there are, with those that join later.
-        """
+        """Begin with nothing seen; there are `ticks` at most, and `robots` with those that join later."""
         self._ground = ground
         self._step = step
         self._numbers = PointNumbers(height, ground.rows, ground.cols)
@@ -145,12 +98,7 @@ class WatchLog:
         self._ticks = 0
 
     def look(self, k: int, robots: Iterable[tuple[int, Place, View]]) -> None:
-        """Write down a tick.
-
-        Args:
-            k: The tick.
-            robots: Of each robot that takes part its place in the roster, from 0, where it is, and what it sees.
-        """
+        """Write down a tick: each robot that takes part by its number in the roster from 0, its place and its view."""
         self._ticks = k + 1
         self._bits[:] = False
         for robot, place, view in robots:
