@@ -84,7 +84,11 @@ class Says:
 
 
 class Robots:
-    """Robots that the world moves as their bodies command; each hears all others, in every so many ticks."""
+    """Robots that the world moves as their bodies command.
+
+    Attributes:
+        is_lost: Takes a tick and the places of a sender and a hearer in the roster; True where a frame is lost.
+    """
 
     def __init__(self, prepared: Prepared, *intents: Intent, at_poses: Sequence[Pose] = ()) -> None:
         roster = prepared.scenario.roster
@@ -96,16 +100,15 @@ class Robots:
         for mind, intent in zip(self.minds, intents, strict=False):
             mind.policy = Says(intent)
         self.k = 0
-        self.heard_every = 1
+        self.is_lost: Callable[[int, int, int], bool] = lambda _k, _sender, _hearer: False
 
     def tick(self) -> list[Decision]:
         sensed = [at(self.k, body.pose, body.bumped) for body in self.bodies]
         sent = [mind.frames(one) for mind, one in zip(self.minds, sensed, strict=True)]
         decisions = []
         for i, mind in enumerate(self.minds):
-            lost = self.k % self.heard_every != 0
-            heard = [] if lost else [frame for j, frames in enumerate(sent) if j != i for frame in frames]
-            decisions.append(mind.step(sensed[i], heard))
+            heard = [j for j in range(len(sent)) if j != i and not self.is_lost(self.k, j, i)]
+            decisions.append(mind.step(sensed[i], [frame for j in heard for frame in sent[j]]))
         for body, decision in zip(self.bodies, decisions, strict=True):
             assert type(decision.command) is type(halted(body.spec.model))
             assert decision.command.is_within(body.spec.limits)

@@ -10,7 +10,7 @@ so each can work out what *all* will do, and take its own part:
   Each is improved by small moves (`agent.policies.stochastic.kernels.plan`). One is drawn; the less it is behind the
   best, the likelier.
 - *Agreeing again*: a lost position makes robots believe different things. So a draw stays the same for a while, and a
-  robot that is seen to go elsewhere than was worked out is worked out anew. Where that happens often, this robot
+  robot that is seen to go elsewhere than was worked out is worked out anew. Where many positions are lost, each robot
   chooses freely. At the begin of a period, and whenever other robots are heard, all plan from where the robots are.
 
 For example, the best plan costs 40.0 s (the root of its cost) and begins with the first of three stations; with the
@@ -81,9 +81,9 @@ tour. So robots that believe slightly different things still draw the same."""
 TURNED = 0.4
 """A robot whose way to its station has become so much longer again, in ranges of the sensor, has drawn another one."""
 
-MOST_WRONG, LEAST_SEEN = 0.4, 20
-"""Share of the stations of other robots, and of so many at least, from which the robots may turn before this one takes
-it that their plans differ, and chooses freely for the rest of the period."""
+LOSSY = 0.05
+"""Share of positions that are lost, over about a period, from which on a robot chooses freely: what it believes differs
+too much from what the others do, and it would leave to them what they take as seen."""
 
 STUCK_S = 30.0
 """Time for which a robot has to stand still to be left out of the plan, s."""
@@ -139,7 +139,7 @@ class JointPlan:
         self._interval_s = math.inf
         self._least_s = 0.0
         self._stood: dict[int, tuple[float, float, int]] = {}
-        self._right = self._wrong = 0
+        self._lost = 0.0
 
     @property
     def station(self) -> int | None:
@@ -152,10 +152,9 @@ class JointPlan:
         others = [number for number in view.peers if number in self.robots and not self._is_stuck(view, number)]
         robots = sorted({self._number, *others})
         period = int(view.tick * self._step / PERIOD_S)
-        if period != self._period:
-            self._right = self._wrong = 0
-        differs = self._wrong > MOST_WRONG * max(self._right + self._wrong, LEAST_SEEN)
-        if differs or len(robots) > self._most_robots:
+        lost = sum(view.peers[number].tick < view.tick for number in others) / max(len(others), 1)
+        self._lost += (lost - self._lost) * self._step / PERIOD_S
+        if self._lost > LOSSY or len(robots) > self._most_robots:
             self.parts = {}
             return
         self._interval_s = self._round.length_m * self._pace / len(robots)
@@ -167,8 +166,6 @@ class JointPlan:
         leads = self._leads_s(view, robots)
         ways = dict(zip(robots, leads, strict=True))
         turned = [number for number in robots if number not in done and self._turned(self.parts[number], ways[number])]
-        self._right += len(set(done) - {self._number})
-        self._wrong += len(set(turned) - {self._number})
         if done or turned:
             idle = [number for number in robots if not self.parts[number].route]
             drawing = sorted([*done, *turned, *idle])

@@ -55,7 +55,7 @@ def test_a_slow_robot_foresees_a_fast_one(model: str, bodies: float) -> None:
 @pytest.mark.parametrize("model", ["holonomic", "differential", "car"])
 def test_robots_that_are_heard_in_every_second_tick_pass_as_well(model: str) -> None:
     robots = meeting(model, 3.0)
-    robots.heard_every = 2
+    robots.is_lost = lambda k, _sender, _hearer: k % 2 != 0
     robots.until(lambda: robots.apart(RIGHT) < 0.5 and robots.apart(LEFT, 1) < 0.5, 60)
     assert collisions(robots) == 0
 

@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from agent.policies.stochastic.joint_plan import STUCK_S
 from agent.policies.stochastic.policy import Stochastic
 from agent.policies.surround.surround import Surround
 from patrol.ground.terrain import Terrain
 from patrol.pose import MODELS, Pose
 from patrol.prepare import Prepared
-from tests.agent.plans import Robots, plan, prepared_in
+from tests.agent.plans import STEP, Robots, plan, prepared_in
 
 BASE = {"radius": 0.3, "speed": 1.0}
 STARTS = [Pose(2.0, 2.0, 0.0), Pose(20.0, 6.0, 3.0)]
@@ -97,6 +98,26 @@ def test_robots_that_hear_each_other_hold_the_same_plan() -> None:
         plans = [policy_of(robots, number).plan for number in range(2)]
         parts = [plan_.parts for plan_ in plans if plan_ is not None]
         assert [part.route for part in parts[0].values()] == [part.route for part in parts[1].values()]
+
+
+@pytest.mark.parametrize(("share", "free"), [(0.02, False), (0.3, True)])
+def test_where_many_positions_are_lost_each_choice_is_free(share: float, free: bool) -> None:
+    whole, lossy = Robots(patrol()), Robots(patrol())
+    dice = np.random.default_rng(1)
+    lossy.is_lost = lambda _k, _sender, _hearer: bool(dice.random() < share)
+    assert mean_oldest(lossy) < 1.2 * mean_oldest(whole)
+    plans = [policy_of(lossy, number).plan for number in range(2)]
+    assert all(plan_ is None or plan_.station is None for plan_ in plans) == free
+
+
+def test_a_robot_that_stands_still_is_left_out_of_the_plan() -> None:
+    robots = Robots(patrol())
+    for tick in range(round(2 * STUCK_S / STEP)):
+        robots.tick()
+        robots.bodies[1].pose = STARTS[1]
+        plan_ = policy_of(robots).plan
+        assert plan_ is not None
+        assert (2 in plan_.parts) == (tick * STEP <= STUCK_S), tick
 
 
 def test_robots_share_the_stations_out() -> None:
