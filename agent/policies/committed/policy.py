@@ -7,7 +7,7 @@
 - *Blocked*: while no way leads on along the round, choices are free; after a while the robot goes on from there.
 
 Where there is no round, because the ground is too large for a tour or the sensor does not look all around, each choice
-is free.
+is free. So it is where free choices turn out to be fresher (`agent.policies.committed.comparison`).
 
 On ground with zones the robots are divided between several rounds (`agent.policies.commitment.shared_round`).
 """
@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 from agent.policies.commitment.commitment import NO_NEARER_S, TRIES, Target
 from agent.policies.commitment.shared_round import SharedRound
+from agent.policies.committed.comparison import Comparison
 from agent.policies.committed.rounds import RoundAhead
 from agent.policies.committed.spacing import ZONE_SLACK, Spacing
 from patrol.scenario import CommittedOptions
@@ -44,6 +45,7 @@ class Committed(SharedRound):
         self.spacing: Spacing | None = None  # likewise
         self._rounds_since = 0
         self._blocked_since: int | None = None
+        self._comparison: Comparison | None = None  # None on ground with zones, where ages have several meanings
         super().__init__(setup)
 
     def _share(self, laid_out: Round, robots: frozenset[int], view: View | None) -> None:
@@ -61,6 +63,8 @@ class Committed(SharedRound):
         self.spacing = Spacing.on(
             laid_out, setup.spec, robots, whole, stride, setup.sight.range_m, setup.terrain, most_slack
         )
+        if self.division is None:
+            self._comparison = Comparison(setup.step, laid_out.length_m / setup.spec.speed)
         if view is not None and self._round is not None:
             self.ahead.go_to(self.spacing.along_m(self.spacing.nearest((view.reported.x, view.reported.y))))
 
@@ -74,6 +78,14 @@ class Committed(SharedRound):
         if self.ahead is None or self.spacing is None:
             return True
         self.spacing.listen(view)
+        if self._comparison is not None:
+            was_on_round = self._comparison.on_round
+            self._comparison.note(view, self.spacing.team)
+            if not self._comparison.on_round:
+                return True
+            if not was_on_round:
+                self.ahead.cursor, self._rounds_since = None, view.tick
+                self.spacing.robots.clear()
         if self.ahead.cursor is None and view.tick - self._rounds_since <= PROMPT_TICKS:
             self.ahead.go_to(self.spacing.along_m(self.spacing.begin(view)))
             self.target = None
@@ -82,7 +94,7 @@ class Committed(SharedRound):
         return False
 
     def _waits(self, view: View) -> bool:
-        return self.spacing is not None and self.spacing.waits(view)
+        return self.spacing is not None and self._is_on_round and self.spacing.waits(view)
 
     def _forget(self) -> None:
         super()._forget()
@@ -94,7 +106,7 @@ class Committed(SharedRound):
     def _chosen(self, view: View, start: Element) -> Way | None:
         self.target = None
         ahead, spacing = self.ahead, self.spacing
-        if ahead is None or spacing is None:
+        if ahead is None or spacing is None or not self._is_on_round:
             return self._free_choice(view, start)
         if ahead.cursor is not None:
             way = self._next_on_round(view, start, ahead, spacing)
@@ -109,6 +121,10 @@ class Committed(SharedRound):
         if self.target is not None and (ahead.cursor is None or self._is_blocked_for_long(view)):
             ahead.go_to(spacing.along_m(spacing.nearest(view.place_of(self.target.stand))))
         return way
+
+    @property
+    def _is_on_round(self) -> bool:
+        return self._comparison is None or self._comparison.on_round
 
     def _is_blocked_for_long(self, view: View) -> bool:
         """Return True if no way has led on along the round for a while."""
