@@ -31,15 +31,15 @@ class RoundStands:
         self._own = np.where(own >= 0, own, laid_out.stands)
         self._width = setup.terrain.width
 
-    def of(self, view: View, given_up: GivenUp, part: slice) -> tuple[Flat, NDArray[np.bool_]]:
+    def of(self, view: View, given_up: GivenUp, span: slice) -> tuple[Flat, NDArray[np.bool_]]:
         """Return the flat indices from which to see some of `Round.points` now, and which of them are usable.
 
         Usable are those that the robot gets to and has not given up.
         """
-        stands, own = self._round.stands[part], self._own[part]
+        stands, own = self._round.stands[span], self._own[span]
         usable = np.ones(stands.shape, dtype=np.bool_)
         if (now := view.fog.stands) is not None:
-            own = now[self._round.points[part]]
+            own = now[self._round.points[span]]
             usable = own >= 0
             stands = np.where(now[stands] == stands, stands, own)
         if given_up.now(view.tick).size:

@@ -175,14 +175,14 @@ class JointPlan:
         """Return the oldest point of the robot's station that it has not given up; None where there is none."""
         if self.station is None:
             return None
-        part = self._points_of(self.station)
-        ages = self._ages_s(view, part)
-        stands, usable = self._stands.of(view, given_up, part)
+        span = self._points_of(self.station)
+        ages = self._ages_s(view, span)
+        stands, usable = self._stands.of(view, given_up, span)
         ages[~usable] = -1.0
         oldest = int(ages.argmax())
         if ages[oldest] < 0.0:
             return None
-        point, stand = int(self._round.points[part][oldest]), int(stands[oldest])
+        point, stand = int(self._round.points[span][oldest]), int(stands[oldest])
         age = view.tick - max(int(view.fog.last_seen.flat[point]), 0)
         return Target(divmod(point, self._width), divmod(stand, self._width), max(age, 1))
 
@@ -190,9 +190,9 @@ class JointPlan:
         """Return where the points of a station are among those of the round."""
         return slice(*self._stations.begins[station : station + 2].tolist())
 
-    def _ages_s(self, view: View, part: slice) -> Ages:
+    def _ages_s(self, view: View, span: slice) -> Ages:
         """Return the weighted ages of some of the round's points, s; 0 for what is in view or out of reach now."""
-        points, fog = self._round.points[part], view.fog
+        points, fog = self._round.points[span], view.fog
         ages = np.empty(points.size)
         weighted_ages(points, fog.patrolled, fog.last_seen, fog.looked, self._weights, view.tick, self._step, ages)
         return ages
