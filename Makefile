@@ -48,6 +48,7 @@ layout: develop ## make the position frame's layout in C and its table in docs/r
 .PHONY: pictures
 pictures: develop ## make the pictures of README and site again (needs Chromium)
 	$(BIN)/python docs/pictures/make.py
+	$(BIN)/python docs/pictures/gains.py
 	PYTHONPATH=. $(BIN)/python docs/pictures/rules.py
 
 .PHONY: tables

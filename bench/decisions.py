@@ -14,6 +14,7 @@ from experiments.inprocess import InProcessFleet, make_minds
 from patrol.exchange import Reply
 from patrol.prepare import prepare
 from patrol.scenario import Scenario, load_scenario
+from patrol.scenario.patrols import FIELD, PATROLS
 from worldsim.world import World
 
 POINT = 0.1
@@ -25,15 +26,7 @@ TILED = "site, 2 x 2"
 
 TERRAINS = ("open", "yards", "clutter", "site", TILED)
 
-PAPER: Mapping[str, object] = {"patrol.policy": "potential-field"}
-"""The paper's policy in place of our default."""
-
-POLICIES: Mapping[str, Mapping[str, object]] = {
-    "default policy, claims": {"patrol.options.separation": "claims"},
-    "default policy, no claims": {"patrol.options.separation": "none"},
-    "paper's policy, claims": {**PAPER, "patrol.options.separation": "claims"},
-    "paper's policy, no claims": PAPER,
-}
+POLICIES: Mapping[str, Mapping[str, object]] = {name: {FIELD: patrol.policy} for name, patrol in PATROLS.items()}
 
 
 class Patrol:

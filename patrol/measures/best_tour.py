@@ -199,7 +199,7 @@ def _sensor_for_tours(prepared: Prepared) -> tuple[Footprint, tuple[str, ...]] |
 
 
 def why_no_rounds(prepared: Prepared) -> str:
-    """Return why a fleet follows no rounds; empty where it does, unless the ground is too large for a tour."""
+    """Return why a fleet of such robots and sensors follows no rounds; empty where it may."""
     roster = prepared.scenario.roster
     if len(roster) > MOST_ROBOTS:
         return f"the fleet has more than {MOST_ROBOTS} robots"
@@ -213,7 +213,7 @@ def why_no_rounds(prepared: Prepared) -> str:
 
 
 def _sensor_for_rounds(prepared: Prepared) -> tuple[Footprint, tuple[str, ...]] | None:
-    """Return the same of a fleet that follows rounds; None for one that does not."""
+    """Return the footprint and identity of the sensor of a fleet that may follow rounds; None of another one."""
     return None if why_no_rounds(prepared) else _sensor_for_tours(prepared)
 
 

@@ -29,7 +29,7 @@ def measured(script: str, folder: Path, *words: str) -> dict[str, pyperf.Benchma
     [
         ("kernels", "a record of five robots, decoded", ()),
         ("kernels", "a look of 10 m at 0.1 m", ()),
-        pytest.param("decisions", "a decision, open, default policy, no claims", (), marks=pytest.mark.accept),
+        pytest.param("decisions", "a decision, open, stochastic", (), marks=pytest.mark.accept),
         ("fleets", "a robot's tick, 5 robots, 20 % of frames lost", FLEETS),
         pytest.param("router", "a delivery, 10 members: bytes both ways", (), marks=pytest.mark.accept),
         pytest.param("processes", "five cars, yards: a tick, wall", PROCESSES, marks=pytest.mark.accept),

@@ -64,7 +64,7 @@ class Committed(SharedRound):
             laid_out, setup.spec, robots, whole, stride, setup.sight.range_m, setup.terrain, most_slack
         )
         if self.division is None:
-            self._comparison = Comparison(setup.step, laid_out.length_m / setup.spec.speed)
+            self._comparison = Comparison(setup.step, laid_out.length_m / setup.spec.speed, whole)
         if view is not None and self._round is not None:
             self.ahead.go_to(self.spacing.along_m(self.spacing.nearest((view.reported.x, view.reported.y))))
 

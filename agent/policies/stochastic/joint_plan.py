@@ -83,7 +83,8 @@ TURNED = 0.4
 
 LOSSY = 0.05
 """Share of positions that are lost, over about a period, from which on a robot chooses freely: what it believes differs
-too much from what the others do, and it would leave to them what they take as seen."""
+too much from what the others do, and it would leave to them what they take as seen. It plans again once half as many
+are lost."""
 
 STUCK_S = 30.0
 """Time for which a robot has to stand still to be left out of the plan, s."""
@@ -115,7 +116,7 @@ class JointPlan:
         self, setup: PolicySetup, laid_out: Round, stations: Stations, weights: NDArray[np.float64] | None
     ) -> None:
         """Begin without a plan; ``weights`` (height, width) are None where all points count the same."""
-        # By robot number; empty before the first tick, and with too many robots for a plan.
+        # By robot number; empty before the first tick, and while each choice is free.
         self.parts: dict[int, Part] = {}
         self.robots: frozenset[int] = frozenset()  # numbers of those that share the stations
         self.team = 1.0  # how many there are of them without spare ones
@@ -139,7 +140,7 @@ class JointPlan:
         self._interval_s = math.inf
         self._least_s = 0.0
         self._stood: dict[int, tuple[float, float, int]] = {}
-        self._lost = 0.0
+        self._lost, self._is_lossy = 0.0, False
 
     @property
     def station(self) -> int | None:
@@ -154,7 +155,8 @@ class JointPlan:
         period = int(view.tick * self._step / PERIOD_S)
         lost = sum(view.peers[number].tick < view.tick for number in others) / max(len(others), 1)
         self._lost += (lost - self._lost) * self._step / PERIOD_S
-        if self._lost > LOSSY or len(robots) > self._most_robots:
+        self._is_lossy = self._lost > (0.5 * LOSSY if self._is_lossy else LOSSY)
+        if self._is_lossy or len(robots) > self._most_robots:
             self.parts = {}
             return
         self._interval_s = self._round.length_m * self._pace / len(robots)

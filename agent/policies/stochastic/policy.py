@@ -59,6 +59,11 @@ class Stochastic(SharedRound):
     def _leave_round(self) -> None:
         self.plan = self._station = None
 
+    def _forget(self) -> None:
+        super()._forget()
+        if self.plan is not None:
+            self.plan.parts = {}
+
     def _take_note(self, view: View, goes_on: bool) -> bool:
         super()._take_note(view, goes_on)
         if self.plan is None:

@@ -7,44 +7,47 @@ from typing import Any
 
 import pytest
 
-from agent.policies.committed.comparison import BROKEN, PERIOD_S, REMEMBERED, Comparison
+from agent.policies.committed.comparison import BROKEN, PERIOD_S, PERIODS, Comparison
 
 STEP = 0.5
-TOUR_S, ROBOTS = 80.0, 2  # the round promises 40 s
+TOUR_S, ROBOTS = 80.0, 2
+PROMISED_S = TOUR_S / ROBOTS
 
 
-def periods(round_s: float, free_s: float, number: int) -> str:
-    """How each period goes where the ground is so old on the round, and with free choices: R or F for each."""
-    comparison = Comparison(STEP, TOUR_S)
-    said = ""
-    for period in range(number):
-        for tick in range(int(period * PERIOD_S / STEP), int((period + 1) * PERIOD_S / STEP)):
-            mfow_s = round_s if comparison.on_round else free_s
-            view: Any = SimpleNamespace(tick=tick, fog=SimpleNamespace(mfow=lambda _tick, s=mfow_s: round(s / STEP)))
-            comparison.note(view, ROBOTS)
-        said += "R" if comparison.on_round else "F"
-    return said
+def periods(round_s: float, free_s: float, number: int, joined: float = 0.0, robots: int = ROBOTS) -> str:
+    """The mode of each period, R or F, for a robot that joins then; ground gets so old on the round and freely."""
+    comparison = Comparison(STEP, TOUR_S, ROBOTS)
+    modes = ""
+    for tick in range(int(joined * PERIOD_S / STEP), int(number * PERIOD_S / STEP)):
+        mfow_s = round_s if comparison.on_round else free_s
+        view: Any = SimpleNamespace(tick=tick, fog=SimpleNamespace(mfow=lambda _tick, s=mfow_s: round(s / STEP)))
+        comparison.note(view, robots)
+        if tick % (PERIOD_S / STEP) == 1:
+            modes += "R" if comparison.on_round else "F"
+    return modes
 
 
 @pytest.mark.parametrize("free_s", [10.0, 100.0])
 def test_a_round_that_keeps_its_promise_is_followed(free_s: float) -> None:
-    assert periods(0.99 * BROKEN * TOUR_S / ROBOTS, free_s, 6) == "RRRRRR"
+    assert periods(0.99 * BROKEN * PROMISED_S, free_s, 6) == "RRRRRR"
 
 
 def test_a_round_that_does_not_is_left_for_free_choices_if_they_are_fresher() -> None:
-    assert periods(60.0, 50.0, REMEMBERED) == "R" + (REMEMBERED - 1) * "F"
-    assert periods(60.0, 70.0, REMEMBERED) == "RF" + (REMEMBERED - 2) * "R"
+    assert periods(60.0, 50.0, PERIODS) == "RFFFFF"
+    assert periods(60.0, 70.0, PERIODS) == "RFRRRR"
 
 
-def test_both_are_tried_again_after_a_while() -> None:
-    assert "FRF" in periods(60.0, 50.0, 3 * REMEMBERED)
-    assert "RFR" in periods(60.0, 70.0, 3 * REMEMBERED)[2:]
+def test_fewer_robots_are_promised_less() -> None:
+    assert periods(1.2 * TOUR_S, 50.0, 3, robots=1) == "RRR"
 
 
-def test_a_robot_that_comes_later_decides_with_the_others() -> None:
-    """Periods count from the fleet's first tick, and what was not measured says nothing."""
-    comparison = Comparison(STEP, TOUR_S)
-    for tick in (int(4.9 * PERIOD_S / STEP), int(5.1 * PERIOD_S / STEP)):
-        view: Any = SimpleNamespace(tick=tick, fog=SimpleNamespace(mfow=lambda _tick: 1000))
-        comparison.note(view, ROBOTS)
-    assert comparison.on_round
+def test_the_round_is_tried_again() -> None:
+    assert periods(60.0, 50.0, 2 * PERIODS + 2) == "RFFFFFRFFFFFRF"
+
+
+@pytest.mark.parametrize("joined", [1.1, 2.4, 3.9])
+def test_a_robot_that_joins_agrees_from_the_next_beginning_on(joined: float) -> None:
+    """What it sees of the period in which it joins is not what the fleet keeps."""
+    later = periods(60.0, 50.0, 2 * PERIODS, joined)
+    assert later[-PERIODS:] == periods(60.0, 50.0, PERIODS)
+    assert periods(1e4, 50.0, int(joined) + 2, joined) == "R"

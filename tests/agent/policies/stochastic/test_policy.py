@@ -15,7 +15,8 @@ from agent.policies.surround.surround import Surround
 from patrol.ground.terrain import Terrain
 from patrol.pose import MODELS, Pose
 from patrol.prepare import Prepared
-from tests.agent.plans import STEP, Robots, plan, prepared_in
+from tests.agent.minds import STEP
+from tests.agent.plans import Robots, plan, prepared_in
 
 BASE = {"radius": 0.3, "speed": 1.0}
 STARTS = [Pose(2.0, 2.0, 0.0), Pose(20.0, 6.0, 3.0)]
