@@ -21,7 +21,7 @@ HERE = Path(__file__).parent
 OURS = {"stochastic": "stochastic", "potential-field": "paper", "committed": "tour"}
 NAMES = {**OURS, "tour": "cyclic (tour)"}
 RATIOS = (1, 1.5, 2, 3, 5, 10, 20)
-HEIGHT, WIDTH = 2.4, 0.5
+HEIGHT, WIDTH = 1.4, 0.27
 """Room that a name takes: percentage points of the gain, and natural logarithms of the ratio."""
 
 THEMES = {"light": ("#1a1a1a", "#8a8a8a", "#0072b2"), "dark": ("#e6e6e6", "#8a8a8a", "#56b4e9")}
@@ -65,7 +65,8 @@ def draw(axes: Axes, text: str, rival: str, ours: str) -> None:
     axes.xaxis.set_major_locator(FixedLocator(RATIOS))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    axes.set_xlim(1.0, 30.0)
+    axes.set_xlim(1.0, 25.0)
+    axes.set_ylim(0.0, 42.0)
     axes.set_xlabel("age of the stalest place, times that on the best tour found", color=text)
     axes.set_ylabel("gain of watching, percentage points", color=text)
     axes.tick_params(colors=text)
