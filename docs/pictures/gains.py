@@ -78,7 +78,7 @@ def draw(axes: Axes, text: str, rival: str, ours: str) -> None:
 
 def main() -> None:
     """Write the picture, for light and for dark pages."""
-    plt.rcParams["svg.hashsalt"] = "gains"
+    plt.rcParams |= {"svg.hashsalt": "gains", "svg.fonttype": "none", "font.family": "sans-serif"}
     for theme, colours in THEMES.items():
         figure, axes = plt.subplots(figsize=(8.0, 4.6), layout="constrained")
         axes.patch.set_alpha(0.0)
