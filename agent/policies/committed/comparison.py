@@ -41,13 +41,20 @@ class Comparison:
         self._ratios: list[float] = []
         self._means: dict[bool, float] = {}  # by `on_round`: MFoW by what the round promises
 
-    def note(self, view: View, robots: int) -> None:
-        """Take note of the fog of a tick, and of how many robots are on the round; decide where a period begins."""
+    def note(self, view: View, robots: int, is_lossy: bool) -> None:
+        """Take note of the fog of a tick, and of how many robots are on the round; decide where a period begins.
+
+        ``is_lossy`` is True where many positions are lost: what robots believe says little, so they keep to the round.
+        """
         period, share = divmod(view.tick / self._length, 1.0)
         if period != self._period:
             # A robot that joins during a period has not seen enough to judge it.
             self._whole = share * self._length < 1.0
             self._begin(int(period))
+        if is_lossy:
+            self.on_round, self._whole = True, False
+            self._means.clear()
+            self._ratios.clear()
         elif self._whole and share >= 0.5:
             self._ratios.append(view.fog.mfow(view.tick) * self._step * robots / self._tour_s)
 

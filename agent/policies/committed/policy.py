@@ -18,6 +18,7 @@ import math
 from typing import TYPE_CHECKING
 
 from agent.policies.commitment.commitment import NO_NEARER_S, TRIES, Target
+from agent.policies.commitment.loss import Loss
 from agent.policies.commitment.shared_round import SharedRound
 from agent.policies.committed.comparison import Comparison
 from agent.policies.committed.rounds import RoundAhead
@@ -45,6 +46,7 @@ class Committed(SharedRound):
         self.spacing: Spacing | None = None  # likewise
         self._rounds_since = 0
         self._blocked_since: int | None = None
+        self._loss = Loss(setup.step)
         self._comparison: Comparison | None = None  # None on ground with zones, where ages have several meanings
         super().__init__(setup)
 
@@ -80,7 +82,8 @@ class Committed(SharedRound):
         self.spacing.listen(view)
         if self._comparison is not None:
             was_on_round = self._comparison.on_round
-            self._comparison.note(view, self.spacing.team)
+            self._loss.note(view, self.spacing.followers & view.peers.keys())
+            self._comparison.note(view, self.spacing.team, self._loss.is_lossy)
             if not self._comparison.on_round:
                 return True
             if not was_on_round:

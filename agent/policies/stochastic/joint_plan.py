@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.policies.commitment.commitment import STILL_STALE, Target
+from agent.policies.commitment.loss import Loss
 from agent.policies.commitment.stands import RoundStands
 from agent.policies.stochastic.kernels.ages import weighted_ages
 from agent.policies.stochastic.kernels.plan import compare, improve
@@ -80,11 +81,6 @@ tour. So robots that believe slightly different things still draw the same."""
 
 TURNED = 0.4
 """A robot whose way to its station has become so much longer again, in ranges of the sensor, has drawn another one."""
-
-LOSSY = 0.05
-"""Share of positions that are lost, over about a period, from which on a robot chooses freely: what it believes differs
-too much from what the others do, and it would leave to them what they take as seen. It plans again once half as many
-are lost."""
 
 STUCK_S = 30.0
 """Time for which a robot has to stand still to be left out of the plan, s."""
@@ -140,7 +136,7 @@ class JointPlan:
         self._interval_s = math.inf
         self._least_s = 0.0
         self._stood: dict[int, tuple[float, float, int]] = {}
-        self._lost, self._is_lossy = 0.0, False
+        self._loss = Loss(setup.step)
 
     @property
     def station(self) -> int | None:
@@ -153,10 +149,9 @@ class JointPlan:
         others = [number for number in view.peers if number in self.robots and not self._is_stuck(view, number)]
         robots = sorted({self._number, *others})
         period = int(view.tick * self._step / PERIOD_S)
-        lost = sum(view.peers[number].tick < view.tick for number in others) / max(len(others), 1)
-        self._lost += (lost - self._lost) * self._step / PERIOD_S
-        self._is_lossy = self._lost > (0.5 * LOSSY if self._is_lossy else LOSSY)
-        if self._is_lossy or len(robots) > self._most_robots:
+        self._loss.note(view, others)
+        if self._loss.is_lossy or len(robots) > self._most_robots:
+            # It would leave to others what they take as seen.
             self.parts = {}
             return
         self._interval_s = self._round.length_m * self._pace / len(robots)

@@ -14,14 +14,16 @@ TOUR_S, ROBOTS = 80.0, 2
 PROMISED_S = TOUR_S / ROBOTS
 
 
-def periods(round_s: float, free_s: float, number: int, joined: float = 0.0, robots: int = ROBOTS) -> str:
+def periods(
+    round_s: float, free_s: float, number: int, joined: float = 0.0, robots: int = ROBOTS, lossy: bool = False
+) -> str:
     """The mode of each period, R or F, for a robot that joins then; ground gets so old on the round and freely."""
     comparison = Comparison(STEP, TOUR_S, ROBOTS)
     modes = ""
     for tick in range(int(joined * PERIOD_S / STEP), int(number * PERIOD_S / STEP)):
         mfow_s = round_s if comparison.on_round else free_s
         view: Any = SimpleNamespace(tick=tick, fog=SimpleNamespace(mfow=lambda _tick, s=mfow_s: round(s / STEP)))
-        comparison.note(view, robots)
+        comparison.note(view, robots, lossy)
         if tick % (PERIOD_S / STEP) == 1:
             modes += "R" if comparison.on_round else "F"
     return modes
@@ -39,6 +41,10 @@ def test_a_round_that_does_not_is_left_for_free_choices_if_they_are_fresher() ->
 
 def test_fewer_robots_are_promised_less() -> None:
     assert periods(1.2 * TOUR_S, 50.0, 3, robots=1) == "RRR"
+
+
+def test_where_many_positions_are_lost_the_round_is_kept() -> None:
+    assert periods(60.0, 50.0, 3, lossy=True) == "RRR"
 
 
 def test_the_round_is_tried_again() -> None:
