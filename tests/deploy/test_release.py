@@ -83,5 +83,6 @@ def test_the_paper_has_the_figures_of_the_page_of_policies() -> None:
     best = [float(row["best_tour_s"]) for row in rows if row["policy"] == "stochastic"]
     rivals = [row for name, row in mfow.items() if name not in ("stochastic", "committed", "potential-field")]
     assert len(rivals) == 16
-    for row in (mfow["stochastic"], best, mfow["committed"], [min(column) for column in zip(*rivals, strict=True)]):
-        assert "{:.0f}, {:.0f}, {:.0f} and {:.0f} s".format(*row) in text
+    least = [min(column) for column in zip(*rivals, strict=True)]
+    for numbers in (mfow["stochastic"], best, mfow["committed"], least):
+        assert "{:.0f}, {:.0f}, {:.0f} and {:.0f} s".format(*numbers) in text
