@@ -21,7 +21,7 @@ CONDA = {"dask": "dask-core", "matplotlib": "matplotlib-base", "msgpack": "msgpa
 
 
 def requirements(extra: str) -> set[str]:
-    """What an extra of ours asks for, as conda writes it."""
+    """Return the requirements of an extra of ours, as conda writes them."""
     lines: set[str] = set()
     for wanted in map(Requirement, PROJECT["optional-dependencies"][extra]):
         if wanted.name == "fogwatch":

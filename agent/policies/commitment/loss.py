@@ -1,4 +1,4 @@
-"""How many positions are lost: where it is many, robots believe different things."""
+"""The share of positions that are lost: where it is large, robots believe different things."""
 
 from __future__ import annotations
 

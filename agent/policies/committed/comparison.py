@@ -1,4 +1,4 @@
-"""Which keeps the ground fresher here, the round or free choices: compared while the robot patrols.
+"""Comparison of the round with free choices, made while the robot patrols: the fresher one is kept.
 
 A round promises an MFoW of its length by the speed of all robots together. In small rooms, narrow doors and with bodies
 that get into each other's way it may not keep that. Then the next period goes by free choices, and those after it by

@@ -53,7 +53,7 @@ def test_the_round_is_tried_again() -> None:
 
 @pytest.mark.parametrize("joined", [1.1, 2.4, 3.9])
 def test_a_robot_that_joins_agrees_from_the_next_beginning_on(joined: float) -> None:
-    """What it sees of the period in which it joins is not what the fleet keeps."""
+    """Its own fog of the period in which it joins says nothing of what the fleet keeps."""
     later = periods(60.0, 50.0, 2 * PERIODS, joined)
     assert later[-PERIODS:] == periods(60.0, 50.0, PERIODS)
     assert periods(1e4, 50.0, int(joined) + 2, joined) == "R"
