@@ -90,7 +90,7 @@ LATE, LATE_S = 3.0, 15.0
 
 Routes = NDArray[np.int64]
 Ages = NDArray[np.float64]
-Facts = tuple[NDArray[np.float64], NDArray[np.float64], Ages, Routes]
+Inputs = tuple[NDArray[np.float64], NDArray[np.float64], Ages, Routes]
 """What both kernels know: leads, ways, ages, near stations (`improve`)."""
 
 
@@ -280,9 +280,9 @@ class JointPlan:
             routes[row, : len(route)], counts[row] = route, len(route)
         _fill(routes, counts)
         pinned = np.array([number not in drawing for number in robots])
-        facts = (leads, self._apart_s, ages, self._near)
+        inputs = (leads, self._apart_s, ages, self._near)
         if moves_first:
-            improve(routes, counts, pinned, *facts, moves_first, self._seed(view, 0))
+            improve(routes, counts, pinned, *inputs, moves_first, self._seed(view, 0))
         spread_s = self._spread * self._interval_s * len(robots) / len(self._spots)
         for number in drawing:
             row, seen = robots.index(number), self.parts[number].route[:1] if number in done else []
@@ -293,7 +293,7 @@ class JointPlan:
             plans = np.zeros((len(choices), *routes.shape), dtype=np.int64)
             plan_counts, costs = np.zeros((len(choices), len(routes)), dtype=np.int64), np.zeros(len(choices))
             seed = self._seed(view, number)
-            compare(routes, counts, pinned, row, choices, *facts, MOVES, seed, plans, plan_counts, costs)
+            compare(routes, counts, pinned, row, choices, *inputs, MOVES, seed, plans, plan_counts, costs)
             drawn = int((costs + spread_s * self._chances(view, number, choices)).argmin())
             station, routes, counts = int(choices[drawn]), plans[drawn], plan_counts[drawn]
             pinned[row] = True

@@ -16,7 +16,7 @@ NUMBERS = types.Array(types.int64, 1, "C", readonly=True)
 NEAR = types.Array(types.int64, 2, "C", readonly=True)
 ROW = types.Array(types.float64, 1, "C", readonly=True)
 TIMES = types.Array(types.float64, 2, "C", readonly=True)
-FACTS = (TIMES, TIMES, ROW, NEAR)
+INPUTS = (TIMES, TIMES, ROW, NEAR)
 PINNED = types.Array(types.boolean, 1, "C", readonly=True)
 PLANS = types.Array(types.int64, 3, "C")
 PLAN_COUNTS = types.Array(types.int64, 2, "C")
@@ -27,14 +27,14 @@ LONGEST_MOVE = 3
 
 
 @njit(cache=True, nogil=True)
-def _draw(state, below):
-    """Draw an integer from 0 to below - 1 (splitmix64)."""
+def _draw_below(state, limit):
+    """Draw an integer from 0 to limit - 1 (splitmix64)."""
     state[0] += np.uint64(0x9E3779B97F4A7C15)
     z = state[0]
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     z ^= z >> np.uint64(31)
-    return np.int64(z >> np.uint64(32)) * below >> 32
+    return np.int64(z >> np.uint64(32)) * limit >> 32
 
 
 @njit(cache=True, nogil=True)
@@ -67,17 +67,17 @@ def _improve(routes, counts, pinned, leads, apart, ages, near, moves, state):
             owner[routes[r, i]], place[routes[r, i]] = r, i
     first, second = np.zeros(size, np.int64), np.zeros(size, np.int64)
     for _ in range(moves):
-        u = _draw(state, size)
-        v = near[u, _draw(state, near.shape[1])]
+        u = _draw_below(state, size)
+        v = near[u, _draw_below(state, near.shape[1])]
         r, q, i, j = owner[u], owner[v], place[u], place[v]
-        kind = _draw(state, 4)
+        kind = _draw_below(state, 4)
         least, least_other = np.int64(pinned[r]), np.int64(pinned[q])  # the first places that may change
         one = two = 0
         if kind < 2:  # put stations from u on behind v
-            count = min(1 + _draw(state, LONGEST_MOVE), counts[r] - i)
+            count = min(1 + _draw_below(state, LONGEST_MOVE), counts[r] - i)
             if i < least or (r == q and i <= j < i + count):
                 continue
-            turned = _draw(state, 2) == 1
+            turned = _draw_below(state, 2) == 1
             if r != q:
                 for k in range(counts[r]):
                     if k < i or k >= i + count:
@@ -139,7 +139,7 @@ def _improve(routes, counts, pinned, leads, apart, ages, near, moves, state):
 
 
 @njit(
-    types.void(ROUTES, COUNTS, PINNED, *FACTS, int64, uint64),
+    types.void(ROUTES, COUNTS, PINNED, *INPUTS, int64, uint64),
     cache=True,
     nogil=True,
 )
@@ -162,7 +162,7 @@ def improve(routes, counts, pinned, leads, apart, ages, near, moves, seed):
 
 
 @njit(
-    types.void(ROUTES, COUNTS, PINNED, int64, NUMBERS, *FACTS, int64, uint64, PLANS, PLAN_COUNTS, COSTS),
+    types.void(ROUTES, COUNTS, PINNED, int64, NUMBERS, *INPUTS, int64, uint64, PLANS, PLAN_COUNTS, COSTS),
     cache=True,
     nogil=True,
 )

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from agent.policies.stochastic.joint_plan import Facts
+from agent.policies.stochastic.joint_plan import Inputs
 from agent.policies.stochastic.kernels.plan import compare, improve
 
 Whole = NDArray[np.int64]
@@ -28,7 +28,7 @@ class Fleet:
     near: Whole
 
     @property
-    def facts(self) -> Facts:
+    def inputs(self) -> Inputs:
         return self.leads, self.apart, self.ages, self.near
 
     def cost(self, routes: Whole, counts: Whole) -> float:
@@ -69,7 +69,7 @@ def test_moves_keep_every_station_and_never_cost_more(seed: int, robots: int, st
     fleet = fleet_of(dice, robots, stations)
     routes, counts = plan_of(dice, robots, stations)
     before = fleet.cost(routes, counts)
-    improve(routes, counts, NOT_PINNED[:robots], *fleet.facts, 300, seed)
+    improve(routes, counts, NOT_PINNED[:robots], *fleet.inputs, 300, seed)
     assert stations_in(routes, counts) == list(range(stations))
     assert counts.min() >= 1
     assert fleet.cost(routes, counts) <= before * (1.0 + 1e-9)
@@ -82,7 +82,7 @@ def test_a_pinned_robot_keeps_its_first_station(seed: int, robots: int, stations
     routes, counts = plan_of(dice, robots, stations)
     pinned = dice.random(robots) < 0.5
     before = routes[:, 0].copy()
-    improve(routes, counts, pinned, *fleet.facts, 300, seed)
+    improve(routes, counts, pinned, *fleet.inputs, 300, seed)
     assert (routes[pinned, 0] == before[pinned]).all()
 
 
@@ -94,7 +94,7 @@ def test_each_choice_comes_first_in_its_own_plan(seed: int, robots: int, station
     choices = np.sort(dice.permutation(stations)[:3])
     plans, plan_counts = np.zeros((3, robots, stations), dtype=np.int64), np.zeros((3, robots), dtype=np.int64)
     costs = np.zeros(3)
-    compare(routes, counts, NOT_PINNED[:robots], 0, choices, *fleet.facts, 200, seed, plans, plan_counts, costs)
+    compare(routes, counts, NOT_PINNED[:robots], 0, choices, *fleet.inputs, 200, seed, plans, plan_counts, costs)
     for choice, plan, plan_count, cost in zip(choices, plans, plan_counts, costs, strict=True):
         assert plan[0, 0] == choice
         assert stations_in(plan, plan_count) == list(range(stations))
@@ -107,7 +107,7 @@ def test_a_small_plan_is_nearly_the_best_of_all() -> None:
     for _ in range(10):
         fleet = fleet_of(dice, 1, 6)
         routes, counts = plan_of(dice, 1, 6)
-        improve(routes, counts, NOT_PINNED[:1], *fleet.facts, 2000, 1)
+        improve(routes, counts, NOT_PINNED[:1], *fleet.inputs, 2000, 1)
         orders = (np.array([order]) for order in itertools.permutations(range(6)))
         best = min(fleet.cost(order, counts) for order in orders)
         assert fleet.cost(routes, counts) ** (1 / 8) <= 1.05 * best ** (1 / 8)
