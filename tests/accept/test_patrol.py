@@ -38,7 +38,7 @@ def test_three_robots_on_the_open_field_patrol_like_the_papers(sensor_range: flo
                 "seed": seed,
                 "robots": {"count": 3, "model": "holonomic"},
                 "sensor": {"range": sensor_range},
-                "patrol": {"options": {"separation": "none"}},
+                "patrol": {"policy": "potential-field", "options": {"separation": "none"}},
             }
         )
         outcome = run_in_process(scenario)
