@@ -8,6 +8,9 @@ from rich.console import Console
 from rich.measure import Measurement
 from rich.table import Table
 
+WIDEST = 24
+"""Width of a column at most, so that one long value does not part the columns."""
+
 UNLIMITED = 100_000
 """Width of a terminal on which nothing is wrapped."""
 
@@ -39,7 +42,7 @@ def print_side_by_side(
         names: The names.
         tables: The heading of each table, and its rows: a label, then a cell for each name.
     """
-    wide = max((len(cell) for _, rows in tables for row in rows for cell in row[1:]), default=0)
+    wide = min(max((len(cell) for _, rows in tables for row in rows for cell in row[1:]), default=0), WIDEST)
     heads = list(names)
     if max(map(len, names)) > wide and not fits(_side_by_side(tables, heads, range(len(heads))), console):
         heads = [str(number) for number in range(1, len(names) + 1)]
@@ -60,7 +63,7 @@ def _side_by_side(tables: Sequence[tuple[str, Sequence[Sequence[str]]]], heads: 
     """Return the tables below each other, with the columns of some of the names."""
     table = Table("", box=None, padding=(0, 2, 0, 0), header_style="bold")
     for place in shown:
-        table.add_column(heads[place], justify="right", overflow="fold")
+        table.add_column(heads[place], justify="right", overflow="fold", max_width=WIDEST)
     for heading, rows in tables:
         if heading and rows:
             table.add_row()

@@ -25,3 +25,19 @@ def test_columns_that_do_not_fit_stand_below(width: int) -> None:
     blocks = shown.count("mean MFoW")
     assert (blocks == 1) == (width == 200)
     assert shown.count("settings that differ") == blocks
+
+
+def test_one_long_value_does_not_part_the_columns() -> None:
+    text = io.StringIO()
+    value = '[{"kind": "silence", "id": "f1", "at": 120.0}]'
+    rows = [("mean MFoW", "13.4 s", "20.5 s")]
+    print_side_by_side(
+        Console(file=text, width=80),
+        ["quiet", "silent"],
+        [("", rows), ("settings that differ", [("faults", "[]", value)])],
+    )
+    shown = text.getvalue()
+    assert [line.split() for line in shown.splitlines() if "MFoW" in line] == [
+        ["mean", "MFoW", "13.4", "s", "20.5", "s"]
+    ]
+    assert value.replace(" ", "") in "".join(shown.split())
