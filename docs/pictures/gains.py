@@ -10,6 +10,7 @@ from __future__ import annotations
 import csv
 import math
 from collections import defaultdict
+from collections.abc import Iterator
 from pathlib import Path
 from statistics import fmean
 
@@ -21,8 +22,9 @@ HERE = Path(__file__).parent
 OURS = {"stochastic": "stochastic", "potential-field": "paper", "committed": "tour"}
 NAMES = {**OURS, "tour": "cyclic (tour)"}
 RATIOS = (1, 1.5, 2, 3, 5, 10, 20)
-HEIGHT, WIDTH = 1.4, 0.27
-"""Room that a name takes: percentage points of the gain, and natural logarithms of the ratio."""
+HEIGHT, LETTER, GAP = 1.4, 0.032, 0.06
+"""Room that a name takes, in percentage points of the gain, and that a letter takes, and the gap beside a point, in
+natural logarithms of the ratio."""
 
 THEMES = {"light": ("#1a1a1a", "#8a8a8a", "#0072b2"), "dark": ("#e6e6e6", "#8a8a8a", "#56b4e9")}
 """Colour of text, of rivals, and of our patrols."""
@@ -39,26 +41,39 @@ def measured() -> dict[str, tuple[float, float]]:
     return {policy: (math.exp(fmean(ratios[policy])), fmean(gains[policy])) for policy in ratios}
 
 
-def _touch(name: tuple[float, float], other: tuple[float, float]) -> bool:
-    return abs(name[1] - other[1]) < HEIGHT and abs(math.log(name[0] / other[0])) < WIDTH
+def _places(name: str, ratio: float, gain: float) -> Iterator[tuple[float, float, float]]:
+    """Yield where a name may stand, the nearest first: left and right end (logarithms of ratios), and height."""
+    at, length = math.log(ratio), LETTER * len(name)
+    for step in range(40):
+        for sign in (1, -1):
+            for left in (at + GAP, at - GAP - length):
+                yield left, left + length, gain + 0.25 * HEIGHT * step * sign
 
 
 def draw(axes: Axes, text: str, rival: str, ours: str) -> None:
-    """Draw the points, each with its name; names that would touch are moved apart."""
-    names: list[tuple[float, float]] = []
-    for policy, (ratio, gain) in sorted(measured().items(), key=lambda item: (item[0] not in OURS, item[1][1])):
+    """Draw the points, each with its name; names keep clear of each other and of the points."""
+    points = measured()
+    taken = [(math.log(ratio) - 0.5 * GAP, math.log(ratio) + 0.5 * GAP, gain) for ratio, gain in points.values()]
+    for policy, (ratio, gain) in sorted(points.items(), key=lambda item: (item[0] not in OURS, item[1][1])):
         ours_too = policy in OURS
+        name = NAMES.get(policy, policy)
         axes.plot(ratio, gain, "o", color=ours if ours_too else rival, markersize=8 if ours_too else 5)
-        heights = (gain + 0.5 * HEIGHT * step * sign for step in range(40) for sign in (1, -1))
-        height = next(h for h in heights if not any(_touch((ratio, h), other) for other in names))
-        names.append((ratio, height))
+        left, right, height = next(
+            place
+            for place in _places(name, ratio, gain)
+            if not any(
+                place[0] < other[1] and other[0] < place[1] and abs(place[2] - other[2]) < HEIGHT for other in taken
+            )
+        )
+        taken.append((left, right, height))
         axes.annotate(
-            NAMES.get(policy, policy),
+            name,
             (ratio, gain),
-            (ratio * 1.07, height),
+            (math.exp(left if left > math.log(ratio) else right), height),
             color=ours if ours_too else text,
             fontsize=10 if ours_too else 8,
             fontweight="bold" if ours_too else "normal",
+            ha="left" if left > math.log(ratio) else "right",
             va="center",
         )
     axes.set_xscale("log")
