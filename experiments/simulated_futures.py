@@ -121,7 +121,7 @@ def _check_repeated(game: Game, sightings: Sightings, now: int) -> None:
         since_s = differs.argmax() * game.watch.step
         raise BadInput(
             f"the run cannot be simulated: its scenario now gives another run from {since_s:g} s on; take a run in "
-            "lockstep that this version has made"
+            "lockstep that this version has made, with the key file that radio.key names as it was"
         )
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 from collections.abc import Mapping
 from contextlib import suppress
@@ -37,6 +38,10 @@ VERSION = 2
 MOST_ROBOTS = 24
 """Robots of the largest fleet that follows rounds. Each follows all others along the tour, so the time that a fleet
 takes grows with the square of its size, and from about 30 robots on free choices keep the fog as fresh."""
+
+CROWDED = 0.25
+"""Least ground for each robot of a joint plan, as a share of what a sensor sees around it on open ground: with less,
+most of what a robot would plan to see another one sees before."""
 
 NO_BOUND = "discs of the sensor's range around the robots have a larger area than the ground"
 """Why the lower bound of MFoW (`worldsim.output.record.lower_bound`) is 0 where it is."""
@@ -210,6 +215,11 @@ def why_no_rounds(prepared: Prepared) -> str:
             "its sensor does not look all around, leaves some of a point's age, or is a class of an installed package"
         )
     return ""
+
+
+def most_planned(ground_m2: float, range_m: float) -> float:
+    """Return for how many robots at most a joint plan is made."""
+    return ground_m2 / (CROWDED * math.pi * range_m**2)
 
 
 def _sensor_for_rounds(prepared: Prepared) -> tuple[Footprint, tuple[str, ...]] | None:

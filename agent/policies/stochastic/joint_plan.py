@@ -32,6 +32,7 @@ from agent.policies.commitment.loss import Loss
 from agent.policies.commitment.stands import RoundStands
 from agent.policies.stochastic.kernels.ages import weighted_ages
 from agent.policies.stochastic.kernels.plan import compare, improve
+from patrol.measures.best_tour import most_planned
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -48,10 +49,6 @@ robots on the tour, for each station that a robot visits in that time; times `un
 
 CHOICES = 8
 """Number of the nearest stations that are compared."""
-
-CROWDED = 0.25
-"""Least ground for each robot, as a share of what a sensor sees around it on open ground: with less, most of what a
-robot would plan to see another one sees before."""
 
 STALE = 0.35
 """Share of the time between two robots on the tour, or of the stalest point's age, from which on a station is worth a
@@ -130,7 +127,7 @@ class JointPlan:
         self._weights = NO_WEIGHTS if weights is None else weights / weights.reshape(-1)[laid_out.points].min()
         ground_m2 = len(laid_out.points) * setup.terrain.point_area
         # Free choices are not bound to the ground of a zone.
-        self._most_robots = ground_m2 / (CROWDED * math.pi * setup.sight.range_m**2) if weights is None else math.inf
+        self._most_robots = most_planned(ground_m2, setup.sight.range_m) if weights is None else math.inf
         self._turned_s = TURNED * setup.sight.range_m * self._pace
         self._period = -1
         self._interval_s = math.inf

@@ -6,8 +6,8 @@ has been seen (`agent.policies.commitment.commitment`). With a fleet key the dra
 can compute them (`agent.chance`).
 
 Where there is no tour (`patrol.measures.best_tour`), as in a fleet of several speeds or with a sensor that does not
-look all around, each choice is free. So it is where robots are crowded (`CROWDED`), where many positions are lost, and
-for a robot for which no station is left.
+look all around, each choice is free. So it is where robots are crowded (`most_planned`), where many positions are lost,
+and for a robot for which no station is left.
 """
 
 from __future__ import annotations

@@ -167,6 +167,8 @@ def intruder(
 
         moving = Moving(infiltrator, again, lambda share: bar.update(moves, completed=100.0 * share), prepare)
         games = games_of(opened, durations, played, lambda share: bar.update(task, completed=100.0 * share), moving)
+    if games.no_moving and (infiltrator != MOVING or again or code):
+        raise BadInput(games.no_moving)
     if as_json:
         typer.echo(json.dumps(asdict(games), indent=2))
         return

@@ -7,8 +7,9 @@ the run began, predicts what will be seen (`patrol.measures.infiltration.predict
 to enter, on which it expects to be detected least. Then the way is tried against the run. The attempt succeeds if no
 robot sees the intruder from when it enters until its stay is over.
 
-It plans *once*, or *again* every second from what is then seen: the stronger adversary. The latter may still enter
-later; once its stay has begun, it stays.
+It plans *once*, or *again* every second from what is then seen. The latter changes its way only for a much better one
+(`BETTER`), because of many forecasts the best looks better than it is. It may still enter later; once its stay has
+begun, it stays.
 
 The *gain of watching* is the success of the better of the two predictors that watch, less that of the blind intruder.
 All predictors play the same attempts, so that the gain has an interval from pairs.
@@ -25,7 +26,7 @@ from numpy.typing import NDArray
 
 from patrol.errors import BadInput
 from patrol.measures.infiltration.infiltrator import WATCHING, Infiltrator
-from patrol.measures.infiltration.planner import DONE, OUTSIDE, Planner, Way
+from patrol.measures.infiltration.planner import DONE, OUTSIDE, Planner, Way, sightings
 from patrol.measures.infiltration.predictors import Past, Predictor, predictors_of
 from patrol.measures.infiltration.watch import Watch
 from patrol.random import Purpose, draw
@@ -35,6 +36,9 @@ WIDTH = 1.959964
 
 AGAIN_S = 1.0
 """Time after which an intruder plans again, s."""
+
+BETTER = 0.3
+"""Expected sightings on a new way, as a share of those on the rest of the old one, below which it is taken."""
 
 BLIND, CODE = "blind", "code"
 
@@ -123,7 +127,9 @@ class Game:
             needs = f"which watches and then plans over {infiltrator.within_s:g} s, needs {infiltrator.least_s:g} s"
             raise BadInput(f"the run has {seconds:g} s, and a moving intruder, {needs}; make a longer run")
         if not watch.ground.entries.any():
-            raise BadInput("a moving intruder finds no entry on the patrolled ground; choose other entries")
+            where = {"edge": "edge of the patrolled ground", "doors": "doors between rooms"}
+            there = where.get(str(infiltrator.entries), "patrolled ground in the polygon")
+            raise BadInput(f"a moving intruder finds no entry: there is no {there}; choose other entries")
         self.watch = watch
         self.infiltrator = infiltrator
         self.depth_m = min(infiltrator.depth_m, 0.5 * float(depths_m[np.isfinite(depths_m)].max()))
@@ -155,7 +161,7 @@ class Game:
         """Make an attempt that is planned again every second, first when tick `now` was seen last."""
         every = self.watch.ticks_of(AGAIN_S)
         went: list[int] = []
-        at = OUTSIDE
+        at, way = OUTSIDE, None
         while len(went) < self.within and not (went and self._seen(now + len(went), at)):
             if at == target:
                 # It stays; a way that only passes its target would not have ended a second there.
@@ -163,11 +169,14 @@ class Game:
                 went += [target] * min(self.planner.stay + 1 - stayed, self.within - len(went)) + [DONE]
                 break
             left = self.within - len(went)
-            way = self.planner.plan(predictor(now + len(went), left), at, target)
+            chances = predictor(now + len(went), left)
+            other = self.planner.plan(chances, at, target)
+            if way is None or (other is not None and sightings(chances, other) < BETTER * sightings(chances, way)):
+                way = other
             if way is None:
                 break
             went += way[:every].tolist()
-            at = went[-1]
+            at, way = went[-1], way[every:]
             if at == DONE:
                 break
         return self._tried(now, target, np.array(went, dtype=np.int32))

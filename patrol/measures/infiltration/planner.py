@@ -92,6 +92,12 @@ class Planner:
         return np.where(way >= 0, self._point[way], way) if math.isfinite(cost) else None
 
 
+def sightings(chances: Chances, way: Way) -> float:
+    """Return how often the intruder expects to be seen on a way, by the same cost as in its plans."""
+    ticks = np.flatnonzero(way >= 0)
+    return -float(np.log1p(-np.minimum(chances[ticks, way[ticks]], SURE)).sum())
+
+
 def _instants(ticks: float) -> tuple[int, int, int]:
     """Return the instants of a tick, of a straight move and of a diagonal one, given the ticks of a straight move."""
     least = max(math.ceil(1.0 / (ticks * LONGEST) - ROUNDING), 1)

@@ -25,6 +25,22 @@ FREE = "chooses its next place freely, without a plan"
 def test_a_patrol_without_a_plan_says_why(settings: dict[str, Any], why: str) -> None:
     (note,) = scenario_notes(prepare(load_scenario({**GROUND, **settings})))
     assert note.startswith(f"patrol.policy stochastic: each robot {FREE}: {why}")
+    assert "watching it tells more" in note
+    (note,) = scenario_notes(prepare(load_scenario({**GROUND, **settings, "patrol": {"policy": "committed"}})))
+    assert note.startswith(f"patrol.policy committed: each robot {FREE}: {why}")
+    assert "watching" not in note
+
+
+def test_crowded_robots_have_no_plan_either() -> None:
+    crowded = {**GROUND, "robots": {"count": 4}, "sensor": {"range": 60.0}}
+    (note,) = scenario_notes(prepare(load_scenario(crowded)))
+    assert note.startswith(f"patrol.policy stochastic: each robot {FREE}, while more than 3 share this ground")
+
+
+def test_the_best_plan_is_no_draw() -> None:
+    options = {"policy": "stochastic", "options": {"unpredictability": 0.0}}
+    (note,) = scenario_notes(prepare(load_scenario({**GROUND, "patrol": options})))
+    assert note.startswith("patrol.options.unpredictability = 0: the best plan is followed, and nothing is drawn")
 
 
 @pytest.mark.parametrize("policy", ["stochastic", "committed", "even-tour"])

@@ -73,5 +73,7 @@ def test_where_it_cannot_be_played_one_line_says_why(scenario: dict[str, Any], m
 
 
 def test_entries_that_are_not_on_the_ground_are_none() -> None:
-    with pytest.raises(BadInput, match="finds no entry on the patrolled ground; choose other entries"):
+    with pytest.raises(
+        BadInput, match="finds no entry: there is no patrolled ground in the polygon; choose other entries"
+    ):
         game(Infiltrator(within_s=15.0, entries=[(900.0, 900.0), (901.0, 900.0), (901.0, 901.0)]))
