@@ -34,7 +34,7 @@ from patrol.process.starting.warmup import warm
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import Scenario, naming
 from patrol.scenario.patrols import describe_patrol, patrol_settings
-from patrol.scenario.policies import BUILT_IN
+from patrol.scenario.policies import BUILT_IN, STOCHASTIC
 from patrol.scenario.radio_spec import MODELS
 
 if TYPE_CHECKING:
@@ -382,7 +382,10 @@ def _announce(prepared: Prepared, folder: RunFolder, options: RunOptions) -> Non
     if scenario.spares:
         robots += f" ({len(scenario.spares)} more may join)"
     options.display.say(f"{scenario.name}: {robots} for {scenario.duration:g} s; run folder {folder.path}")
-    options.display.say(f"patrol: {describe_patrol(scenario.patrol.policy)}")
+    draws = ""
+    if scenario.patrol.policy == STOCHASTIC:
+        draws = f" (draws come from the {'seed; with radio.key from the key' if scenario.radio.key is None else 'key'})"
+    options.display.say(f"patrol: {describe_patrol(scenario.patrol.policy)}{draws}")
     for line in scenario_notes(prepared):
         options.display.say(f"warning: {line}")
 

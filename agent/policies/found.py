@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any, cast
 
 from agent.ports import Policy, PolicySetup
 from patrol.classes.named_class import ClassSort, NamedClass, find, options_of
+from patrol.errors import BadInput
+from patrol.scenario.patrols import PAPER as PAPER_PATROL
 from patrol.scenario.policies import COMMITTED, LEARNED, PAPER, STOCHASTIC
 from patrol.values.section import Section
 
@@ -65,6 +67,8 @@ class PolicyKind:
 def policy_named(scenario: Scenario) -> NamedClass:
     """Return the policy as a scenario names it; nothing of it is imported."""
     patrol = scenario.patrol
+    if patrol.policy == PAPER_PATROL:
+        raise BadInput(f"patrol.policy = {patrol.policy}: this is a patrol; its policy is {PAPER} (or --patrol paper)")
     options = {} if isinstance(patrol.options, Section) else patrol.options or {}
     return NamedClass(POLICIES, patrol.policy, patrol.policy_sha256, options)
 

@@ -84,7 +84,8 @@ def benchmark(
         str | None,
         typer.Option(
             metavar="NAME,...",
-            help="Policies, each NAME, NAME:OPTION=VALUE or ./file.py:Class (default: all built-in ones).",
+            help="Policies, each NAME, NAME:OPTION=VALUE or ./file.py:Class (default: all built-in ones). Here "
+            "--patrol paper is potential-field, and --patrol tour is committed; tour is a cyclic strategy.",
             rich_help_panel=VARIED,
         ),
     ] = None,

@@ -130,7 +130,8 @@ def translate_patrol(patrol: Mapping[str, Any], notes: list[str]) -> dict[str, A
     options = section.get("options")
     if stated and (options is None or isinstance(options, Mapping)):
         section["options"] = options = {**stated, **(options or {})}
-    if policy in (COMMITTED, STOCHASTIC) and isinstance(options, Mapping):
+    # No earlier version has stated `stochastic`, so what such a section has is refused where it is no setting.
+    if policy in (COMMITTED, STOCHASTIC) and patrol.get("policy") != STOCHASTIC and isinstance(options, Mapping):
         now, section["options"] = _without_free_choices(policy, options, notes)
         if now != policy:
             section["policy"] = now

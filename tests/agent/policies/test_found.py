@@ -213,6 +213,10 @@ def test_an_entry_point_that_cannot_be_loaded_is_named() -> None:
     assert said.startswith("patrol.policy = broken (sleepers_of_a_test:Nobody): raises AttributeError: ")
 
 
+def test_the_papers_patrol_names_its_policy() -> None:
+    assert "= paper: this is a patrol; its policy is potential-field" in refused(named("paper"))
+
+
 def test_an_unknown_entry_point_is_named_and_what_there_is_offered() -> None:
     said = refused(named("potential-feild"))
     assert said.startswith("patrol.policy = potential-feild: no such policy; ")

@@ -133,20 +133,33 @@ def test_where_there_is_no_tour_each_choice_is_free() -> None:
     robots.until(lambda: fog.seen > 0.9 * fog.points, 900)
 
 
-def small(range_m: float) -> Robots:
+def small(range_m: float, **settings: Any) -> Robots:
     """Four robots in two rooms of 12 m^2 for each."""
     rooms = plan((9.0, 6.0), (0.0, 0.0, 4.0, 6.0), (4.0, 2.0, 5.0, 4.0), (5.0, 0.0, 9.0, 6.0))
     starts = [Pose(1.0 + 2.0 * i, 3.0, 0.0) for i in range(4)]
-    return Robots(prepared_in(rooms, starts, BASE, patrol={"policy": "stochastic"}, sensor={"range": range_m}))
+    return Robots(
+        prepared_in(rooms, starts, BASE, patrol={"policy": "stochastic"}, sensor={"range": range_m}, **settings)
+    )
 
 
 def test_more_robots_than_stations_go_on() -> None:
-    robots = small(3.0)
-    parts = policy_of(robots).plan
-    assert parts is not None
+    """On ground with zones robots plan however crowded they are."""
+    room = {"name": "left", "polygon": [[0.0, 0.0], [4.0, 0.0], [4.0, 6.0], [0.0, 6.0]], "weight": 2.0}
+    robots = small(5.0, zones=[room])
+    robots.tick()
+    fewer = 0
     for _ in range(200):
+        shared = policy_of(robots).plan
+        assert shared is not None
+        routes = [part.route for part in shared.parts.values()]
+        stations = sum(map(len, routes))
+        assert stations <= len(routes)
+        assert sum(map(bool, routes)) == stations, "a station is one robot's"
+        fewer += stations < len(routes)
         robots.tick()
-    assert 0 < len({part.route[0] for part in parts.parts.values() if part.route}) <= 4
+    assert fewer > 0
+    fog = robots.minds[0].belief.fog
+    assert fog.seen == fog.points
 
 
 @pytest.mark.parametrize(("range_m", "crowded"), [(3.0, False), (5.0, True)])

@@ -109,12 +109,17 @@ def test_a_file_that_states_a_part_of_the_settings_has_the_defaults_of_this_vers
     assert tour == read(policy="committed")
 
 
-@pytest.mark.parametrize("patrol", [{}, {"policy": "committed"}, {"policy": "stochastic"}])
+@pytest.mark.parametrize("patrol", [{}, {"policy": "committed"}])
 def test_random_steps_that_are_no_setting_any_more_are_left_out_and_named(patrol: dict[str, Any]) -> None:
     scenario = read(**patrol, options={"random_move": 0.3, "random_move_for": "all"})
     assert scenario == read(**patrol)
     (note,) = scenario.translated
     assert note.startswith("scenario: patrol.options.random_move = 0.3: left out, as")
+
+
+def test_they_are_refused_beside_a_policy_that_no_earlier_version_had() -> None:
+    with pytest.raises(BadInput, match="random_move: does nothing for the policy stochastic"):
+        read(policy="stochastic", options={"random_move": 0.3})
 
 
 def test_random_steps_of_a_file_of_0_2_that_its_robots_hardly_made_are_no_mistake() -> None:
