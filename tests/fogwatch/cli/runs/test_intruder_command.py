@@ -147,6 +147,8 @@ def test_a_report_shows_an_attempt_that_succeeds_and_one_that_does_not(watched: 
     ("options", "message"),
     [
         ([], "the run has 60 s, and a moving intruder, which watches and then plans over 120 s, needs 600 s"),
+        (["--code"], "the run has 60 s, and a moving intruder, which"),
+        (["--again", "--speed", "3"], "the run has 60 s, and a moving intruder, which"),
         (["--within", "5"], "--stay 10: does not fit into 5 s"),
         (["--entries", "0,0 9,9"], "--entries 0,0 9,9: expected edge, doors, or three corners or more"),
         (["--zone", "hall"], "zone hall: there is no such zone; this scenario has none"),
