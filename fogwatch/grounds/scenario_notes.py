@@ -10,7 +10,7 @@ from patrol.prepare import Prepared
 from patrol.scenario.patrols import FIELD, PATROLS, STOCHASTIC, TOUR
 from patrol.scenario.policies import StochasticPatrol
 
-TELLS = "watching it tells more (docs/results/intruders.md#where-nothing-is-drawn)"
+MEASURED = "docs/results/intruders.md#where-nothing-is-drawn"
 
 
 def scenario_notes(prepared: Prepared) -> list[str]:
@@ -38,15 +38,14 @@ def _not_drawn(prepared: Prepared) -> list[str]:
     if policy not in (PATROLS[STOCHASTIC].policy, PATROLS[TOUR].policy):
         return []
     free = f"{FIELD} {policy}: each robot chooses its next place freely, without a plan"
-    why = why_no_rounds(prepared)
+    if why := why_no_rounds(prepared):
+        return [f"{free}: {why}"]
     if not isinstance(scenario.patrol, StochasticPatrol):
-        return [f"{free}: {why}"] if why else []
-    if why:
-        return [f"{free}: {why}; {TELLS}"]
+        return []
     most = most_planned(float(prepared.patrolled.sum()) * scenario.point**2, scenario.sensor.range)
     if scenario.team > most and not scenario.zones:
         than = f"more than {math.floor(most)} share this ground" if most >= 1.0 else "the ground is so small"
         return [f"{free}, while {than} (docs/algorithm.md#drawn-stations)"]
     if scenario.patrol.options.unpredictability == 0.0:
-        return [f"patrol.options.unpredictability = 0: the best plan is followed, and nothing is drawn; {TELLS}"]
+        return [f"patrol.options.unpredictability = 0: the best plan is followed, and nothing is drawn ({MEASURED})"]
     return []
