@@ -2,7 +2,7 @@
 
 A round promises an MFoW of its length by the speed of all robots together. In small rooms, narrow doors and with bodies
 that get into each other's way it may not keep that. Then the next period goes by free choices, and those after it by
-what was better. Every sixth period begins on the round again. Periods count from tick 0 and all robots believe nearly
+what was better. So it does where robots are crowded. Every sixth period begins on the round again. Periods count from tick 0 and all robots believe nearly
 the same fog, so they agree; one that joins later does so at the next beginning at the latest.
 
     period          0      1      2      3      4      5      6   ...
@@ -31,9 +31,11 @@ PERIODS = 6
 class Comparison:
     """Compares the two by the MFoW that the robot believes in, in the second half of each period."""
 
-    def __init__(self, step: float, tour_s: float, robots: int) -> None:
+    def __init__(self, step: float, tour_s: float, robots: int, crowded: bool) -> None:
         self.on_round = True  # whether the robots should follow the round now
         self._tour_s = tour_s  # time that one robot takes for the round
+        # Crowded robots see most of what lies before another one on the round, which promises too little then.
+        self._broken = 0.0 if crowded else BROKEN
         self._step = step
         self._length = max(PERIOD_S, 4.0 * tour_s / robots) / step
         self._period = -1
@@ -64,5 +66,5 @@ class Comparison:
         if period % PERIODS == 0:
             self._means.clear()
         on_round = self._means.get(True, 0.0)
-        self.on_round = on_round <= self._means.get(False, 0.0 if on_round > BROKEN else math.inf)
+        self.on_round = on_round <= self._means.get(False, 0.0 if on_round > self._broken else math.inf)
         self._period, self._ratios = period, []

@@ -23,6 +23,7 @@ from agent.policies.commitment.shared_round import SharedRound
 from agent.policies.committed.comparison import Comparison
 from agent.policies.committed.rounds import RoundAhead
 from agent.policies.committed.spacing import ZONE_SLACK, Spacing
+from patrol.measures.best_tour import most_planned
 from patrol.scenario import CommittedOptions
 
 if TYPE_CHECKING:
@@ -66,7 +67,8 @@ class Committed(SharedRound):
             laid_out, setup.spec, robots, whole, stride, setup.sight.range_m, setup.terrain, most_slack
         )
         if self.division is None:
-            self._comparison = Comparison(setup.step, laid_out.length_m / setup.spec.speed, whole)
+            most = most_planned(len(laid_out.points) * setup.terrain.point_area, setup.sight.range_m)
+            self._comparison = Comparison(setup.step, laid_out.length_m / setup.spec.speed, whole, whole > most)
         if view is not None and self._round is not None:
             self.ahead.go_to(self.spacing.along_m(self.spacing.nearest((view.reported.x, view.reported.y))))
 
