@@ -15,10 +15,16 @@ PROMISED_S = TOUR_S / ROBOTS
 
 
 def periods(
-    round_s: float, free_s: float, number: int, joined: float = 0.0, robots: int = ROBOTS, lossy: bool = False
+    round_s: float,
+    free_s: float,
+    number: int,
+    joined: float = 0.0,
+    robots: int = ROBOTS,
+    lossy: bool = False,
+    crowded: bool = False,
 ) -> str:
     """The mode of each period, R or F, for a robot that joins then; ground gets so old on the round and freely."""
-    comparison = Comparison(STEP, TOUR_S, ROBOTS)
+    comparison = Comparison(STEP, TOUR_S, ROBOTS, crowded)
     modes = ""
     for tick in range(int(joined * PERIOD_S / STEP), int(number * PERIOD_S / STEP)):
         mfow_s = round_s if comparison.on_round else free_s
@@ -37,6 +43,11 @@ def test_a_round_that_keeps_its_promise_is_followed(free_s: float) -> None:
 def test_a_round_that_does_not_is_left_for_free_choices_if_they_are_fresher() -> None:
     assert periods(60.0, 50.0, PERIODS) == "RFFFFF"
     assert periods(60.0, 70.0, PERIODS) == "RFRRRR"
+
+
+def test_crowded_robots_try_free_choices_in_any_case() -> None:
+    assert periods(0.7 * PROMISED_S, 0.5 * PROMISED_S, PERIODS, crowded=True) == "RFFFFF"
+    assert periods(0.7 * PROMISED_S, 0.9 * PROMISED_S, PERIODS, crowded=True) == "RFRRRR"
 
 
 def test_fewer_robots_are_promised_less() -> None:
