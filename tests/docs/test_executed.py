@@ -26,6 +26,7 @@ from tests.routers import free_port
 
 WAITS = "goes on until Ctrl-C; tests/fogwatch/processes starts it"
 MEMBERS = "needs the machines of a fleet; tests/fogwatch/processes/test_admission.py starts them on one"
+LONG = "needs a run of six minutes or more; tests/fogwatch/cli/runs/test_intruder_command.py makes one"
 ROBOT = "needs a ROS 2 robot, or processes in several shells; tests/agent/robots/ros2 starts simulated ones"
 NOT_EXECUTED = {
     "python": "starts a process of a fleet by hand; " + MEMBERS,
@@ -34,6 +35,8 @@ NOT_EXECUTED = {
     "fogwatch robot-sim": ROBOT,
     "fogwatch doctor --connect": ROBOT,
     "fogwatch monitor": WAITS,
+    "fogwatch intruder runs/NAME --again": LONG,
+    "fogwatch intruder runs/NAME --code": LONG,
     "fogwatch control operator": MEMBERS,
     "fogwatch control hall-1/operator": "needs the fleet of docs/ros2/closed-fleet.md, which a test of its own starts",
     "fogwatch record --credentials": MEMBERS,
