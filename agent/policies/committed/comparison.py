@@ -2,9 +2,9 @@
 
 A round promises an MFoW of its length by the speed of all robots together. In small rooms, narrow doors and with bodies
 that get into each other's way it may not keep that. Then the next period goes by free choices, and those after it by
-what was better. So it does where robots are crowded. Every sixth period begins on the round again. Periods count from
-tick 0 and all robots believe nearly the same fog, so they agree; one that joins later does so at the next beginning at
-the latest.
+what was better. Crowded robots do so even after a round that keeps its promise. Every sixth period begins on the round
+again. Periods count from tick 0 and all robots believe nearly the same fog, so they agree; one that joins later does so
+at the next beginning at the latest.
 
     period          0      1      2      3      4      5      6   ...
                     round  free   free   free   free   free   round
