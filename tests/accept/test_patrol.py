@@ -1,4 +1,4 @@
-"""What the patrol promises, measured: the paper's open field, a real floor plan, both ways equal at full length."""
+"""Promises of the patrol, measured: the paper's open field, a real floor plan, both ways equal at full length."""
 
 from __future__ import annotations
 

@@ -68,7 +68,7 @@ def test_the_site_shows_what_every_cell_gives(notebook: Path) -> None:
         ]
         for part in ("input", "output")
     )
-    assert [source.split() for source in sources] == [cell.split() for cell in cells(notebook)]
+    assert [source.strip() for source in sources] == [cell.strip() for cell in cells(notebook)]
     assert len(outputs) >= 4
     for word in ("Error", "invalid", "DeprecationWarning"):
         assert not [output for output in outputs if word in output]
