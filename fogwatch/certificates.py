@@ -55,7 +55,9 @@ def make_authority(folder: Path, fleet: str) -> None:
     _openssl("req", "-x509", *_CURVE, *subject, *extensions, *files, "-days", str(AUTHORITY_DAYS))
 
 
-def issue(authority: Path, folder: Path, common_name: str, days: int, hosts: Sequence[str] = ()) -> None:
+def issue(
+    authority: Path, folder: Path, common_name: str, days: int, hosts: Sequence[str] = (), *, listens: bool = False
+) -> None:
     """Issue a certificate with a new key.
 
     Args:
@@ -65,6 +67,7 @@ def issue(authority: Path, folder: Path, common_name: str, days: int, hosts: Seq
         days: Validity; never longer than the authority's, beyond which it would not be accepted.
         hosts: Names and addresses of a router, which may also connect to another one; none for a member, which can then
             not pass for a router.
+        listens: Whether others connect to the holder, too, whatever its address: to a member of a fleet without router.
 
     Raises:
         BadInput: The authority expires within a day, or openssl is missing or fails.
@@ -74,8 +77,10 @@ def issue(authority: Path, folder: Path, common_name: str, days: int, hosts: Seq
     if left < 1:
         raise BadInput(f"{authority}: the authority has expired, or does so within a day; make a new fleet")
     names = ",".join(f"{'IP' if _is_address(host) else 'DNS'}:{host}" for host in hosts)
-    usage = f"serverAuth,clientAuth\nsubjectAltName=critical,{names}" if hosts else "clientAuth"
+    usage = "serverAuth,clientAuth" if hosts or listens else "clientAuth"
     extensions = f"basicConstraints=critical,CA:FALSE\nkeyUsage=critical,digitalSignature\nextendedKeyUsage={usage}\n"
+    if hosts:
+        extensions += f"subjectAltName=critical,{names}\n"
     with tempfile.TemporaryDirectory(prefix=".new-", dir=folder) as temporary:
         work = Path(temporary)
         wish, extension_file = work / "wish.pem", work / "extensions"

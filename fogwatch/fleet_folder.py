@@ -1,13 +1,14 @@
 """The folder of a fleet of several machines: its authority, its members' credentials, and what its router needs.
 
-    FOLDER/fleet.json     the members and former members, the router's address, and the operators' token
+    FOLDER/fleet.json     the members and former members, where they meet, and the operators' token
     FOLDER/authority/     signs certificates; stays where it is
     FOLDER/router/        for the router's machine (`patrol.net.security.credentials.RouterSecurity`)
+    FOLDER/mesh.json      in a fleet without a router, instead: a copy is in each member's folder
     FOLDER/NAME/          for the machine of a member: a robot, world, viewer, operator (`Credentials`)
 
 A certificate's common name holds a number that counts how often the member got one. Zenoh has no list of revoked
-certificates, so the router's rules name the members whose certificates are valid. A client without such a name may do
-nothing.
+certificates, so the rules of the router, or of each member of a mesh, name the members whose certificates are valid.
+A process without such a name may do nothing.
 """
 
 from __future__ import annotations
@@ -17,13 +18,14 @@ import json
 import os
 import shutil
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 
 from fogwatch.certificates import facts, issue, make_authority, problem
-from fogwatch.fleet_hosts import LOCAL, checked_hosts, listening_locator, member_locator
+from fogwatch.fleet_hosts import LOCAL, checked_hosts, listening_locator, member_locator, mesh_locator
 from patrol.errors import BadInput
 from patrol.net.keys import fleet_keys
 from patrol.net.security.credentials import (
@@ -34,12 +36,10 @@ from patrol.net.security.credentials import (
     ROUTER,
     Credentials,
     as_json,
-    check_private,
-    read_object,
-    replace_private,
     router_json,
-    write_private,
 )
+from patrol.net.security.mesh import MESH, Mesh, mesh_json, read_mesh
+from patrol.net.security.private_files import check_private, read_object, replace_private, write_private
 from patrol.net.security.roles import (
     OPERATOR,
     RESERVED,
@@ -69,11 +69,12 @@ class FleetFolder:
     Attributes:
         path: The folder.
         fleet: The fleet's name.
-        hosts: Names and addresses of the router's machine, the one that members use first.
-        port: TCP port of the router.
+        hosts: Names and addresses of the router's machine, the one that members use first; none in a mesh.
+        port: TCP port of the router; in a mesh, UDP port of each host's first member.
         token: The operators' token.
         members: The common name of each member's certificate, by `Role.user`.
         issued: How many certificates each member has got, by `Role.user`.
+        places: In a mesh, the locators of the members whose addresses are known, by `Role.user`.
     """
 
     path: Path
@@ -83,11 +84,25 @@ class FleetFolder:
     token: str
     members: dict[str, str] = field(default_factory=dict)
     issued: dict[str, int] = field(default_factory=dict)
+    places: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def is_mesh(self) -> bool:
+        """True if the members meet without a router."""
+        return not self.hosts
 
     @property
     def router(self) -> str:
         """The router's locator, as members use it."""
         return member_locator(self.hosts, self.port)
+
+    @property
+    def mesh(self) -> Mesh | None:
+        """The fleet as its members know it that meet without a router; None where there is one."""
+        if not self.is_mesh:
+            return None
+        roles = {common_name: role_of(user, FILE) for user, common_name in self.members.items()}
+        return Mesh(self.fleet, roles, self.places)
 
     @property
     def listen(self) -> str:
@@ -99,15 +114,16 @@ class FleetFolder:
         """The names of members whose folders are not here; they may have been moved to their machines."""
         return [role.name for user in self.members if not (self.path / (role := role_of(user, FILE)).name).is_dir()]
 
-    def add(self, role: Role, days: int) -> None:
+    def add(self, role: Role, days: int, host: str | None = None) -> None:
         """Add a member.
 
         Args:
             role: The new member's.
             days: How long its certificate is valid.
+            host: Name or address of its machine, in a mesh; None if others need not know it.
 
         Raises:
-            BadInput: It is one already, or openssl fails.
+            BadInput: It is one already, its host cannot be one, or openssl fails.
         """
         if role.user in self.members:
             raise BadInput(f"{role.name}: is a member already; to replace its certificate, revoke it first")
@@ -117,8 +133,10 @@ class FleetFolder:
         number = self.issued.get(role.user, 0) + 1
         common_name = f"{role.user}.{number}"
         with _made_whole(folder) as part:
-            issue(self.path / AUTHORITY_FOLDER, part, common_name, days)
+            issue(self.path / AUTHORITY_FOLDER, part, common_name, days, listens=self.is_mesh)
             self._write_member(role, part)
+        if host is not None:
+            self.places[role.user] = mesh_locator(checked_hosts([host])[0], self.port, self.places.values())
         self.issued[role.user], self.members[role.user] = number, common_name
         self._save()
 
@@ -139,6 +157,7 @@ class FleetFolder:
             names = ", ".join(sorted(role_of(user, FILE).name for user in self.members))
             raise BadInput(f"{role.name}: is no member of {self.fleet}; members are {names}")
         del self.members[role.user]
+        self.places.pop(role.user, None)
         other = {WORLD_ROLE: OPERATOR, OPERATOR: WORLD_ROLE}.get(role)
         if other is not None:
             self.token = os.urandom(16).hex()
@@ -164,8 +183,10 @@ class FleetFolder:
             hosts: More names and addresses of its machine, before those that it has. Members use the first.
 
         Raises:
-            BadInput: A host cannot be one, or openssl fails.
+            BadInput: There is none, a host cannot be one, or openssl fails.
         """
+        if self.is_mesh:
+            raise BadInput(f"{self.path}: fleet {self.fleet} meets without a router")
         before = self.router
         self.hosts = checked_hosts([*hosts, *self.hosts])
         folder = self.path / THE_ROUTER
@@ -191,23 +212,28 @@ class FleetFolder:
             yield AUTHORITY_FOLDER, *_expiry(facts(self.path / AUTHORITY_FOLDER / CERTIFICATE).ends_s, now_s)
         except BadInput as bad:
             yield AUTHORITY_FOLDER, False, str(bad)
-        for user, common_name in {THE_ROUTER: "", **self.members}.items():
+        of_router = {} if self.is_mesh else {THE_ROUTER: ""}
+        for user, common_name in {**of_router, **self.members}.items():
             name = user if user == THE_ROUTER else role_of(user, FILE).name
             folder = self.path / name
             if not folder.exists():
                 yield name, True, "its folder is not here (it may have been moved to its machine)"
                 continue
             try:
+                if (mesh := self.mesh) is not None and read_mesh(folder / MESH, "fleet") != mesh:
+                    yield name, False, f"its {MESH} is an old one; copy {self.path / MESH} into it"
+                    continue
                 yield name, *_judge(folder, self.path / AUTHORITY_FOLDER / CERTIFICATE, common_name, now_s)
             except BadInput as bad:
                 yield name, False, str(bad)
 
     def _write_member(self, role: Role, folder: Path) -> None:
         token = self.token if role in (WORLD_ROLE, OPERATOR) else None
-        replace_private(folder / MEMBER, as_json(Credentials(self.fleet, self.router, role, token=token)))
+        router = "" if self.is_mesh else self.router
+        replace_private(folder / MEMBER, as_json(Credentials(self.fleet, router, role, token=token)))
 
     def _save(self) -> None:
-        """Write fleet.json, and the router's rules that follow from it."""
+        """Write fleet.json, and what follows from it: the router's rules, or the file of the mesh and its copies."""
         fields = {
             "fleet": self.fleet,
             "hosts": self.hosts,
@@ -215,8 +241,14 @@ class FleetFolder:
             "token": self.token,
             "members": self.members,
             "issued": self.issued,
+            **({"places": self.places} if self.is_mesh else {}),
         }
         replace_private(self.path / FILE, f"{json.dumps(fields, indent=2)}\n")
+        if (mesh := self.mesh) is not None:
+            here = [role.name for role in mesh.members.values() if (self.path / role.name).is_dir()]
+            for folder in (self.path, *(self.path / name for name in here)):
+                replace_private(folder / MESH, mesh_json(mesh))
+            return
         roles = {common_name: role_of(user, FILE) for user, common_name in self.members.items()}
         folder = self.path / THE_ROUTER
         folder.mkdir(mode=0o700, exist_ok=True)
@@ -224,7 +256,13 @@ class FleetFolder:
 
 
 def make_fleet(
-    path: Path, fleet: str, robots: Sequence[str], hosts: Sequence[str], port: int, days: int
+    path: Path,
+    fleet: str,
+    robots: Sequence[str],
+    hosts: Sequence[str],
+    port: int,
+    days: int,
+    places: Mapping[str, str] = MappingProxyType({}),
 ) -> FleetFolder:
     """Make a fleet's folder, whole or not at all.
 
@@ -233,8 +271,9 @@ def make_fleet(
         fleet: The fleet's name.
         robots: The robots' names.
         hosts: Names and addresses of the router's machine, the one that members use first; none for this machine alone.
-        port: TCP port of the router.
+        port: TCP port of the router; in a mesh, UDP port of each host's first robot.
         days: How long certificates are valid.
+        places: Names and addresses of robots' machines, by robot, for a fleet without a router.
 
     Raises:
         BadInput: The folder exists, a name or host cannot be one, or openssl fails.
@@ -245,16 +284,18 @@ def make_fleet(
     roles = [*map(_robot, robots), *(role for role in roles_of(robots) if role.kind is not Kind.ROBOT)]
     if not _is_port(port):
         raise BadInput(f"--port {port}: ports go from 1 to {_LAST_PORT}; choose one of them")
-    new_fleet = FleetFolder(path, keys.fleet, checked_hosts(hosts) or [*LOCAL], port, os.urandom(16).hex())
+    router_hosts = [] if places else checked_hosts(hosts) or [*LOCAL]
+    new_fleet = FleetFolder(path, keys.fleet, router_hosts, port, os.urandom(16).hex())
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with _made_whole(path) as part:
             new_fleet.path = part
             write_private(part / ".gitignore", "*\n")  # keys belong into no repository
             make_authority(part / AUTHORITY_FOLDER, fleet)
-            new_fleet.renew_router(days)
+            if not new_fleet.is_mesh:
+                new_fleet.renew_router(days)
             for role in roles:
-                new_fleet.add(role, days)
+                new_fleet.add(role, days, places.get(role.name))
     except OSError as error:
         raise BadInput(f"{path}: cannot be made ({error.strerror}); choose another folder") from None
     new_fleet.path = path
@@ -323,8 +364,8 @@ def open_fleet_folder(path: Path) -> FleetFolder:
     if not (path / FILE).exists():
         raise BadInput(f"{path}: no fleet's folder, because it holds no {FILE}; make one with: fogwatch fleet init")
     fields = read_object(path / FILE, "fleet", secret=True)
-    members, issued, hosts = (
-        fields.get(name, empty) for name, empty in (("members", {}), ("issued", {}), ("hosts", []))
+    members, issued, places, hosts = (
+        fields.get(name, empty) for name, empty in (("members", {}), ("issued", {}), ("places", {}), ("hosts", []))
     )
     fine = (
         isinstance(fields.get("fleet"), str)
@@ -333,15 +374,17 @@ def open_fleet_folder(path: Path) -> FleetFolder:
         and isinstance(hosts, list)
         and isinstance(members, dict)
         and isinstance(issued, dict)
-        and all(isinstance(value, str) for value in (*hosts, *members.values()))
+        and isinstance(places, dict)
+        and all(isinstance(value, str) for value in (*hosts, *members.values(), *places.values()))
         and all(isinstance(value, int) for value in issued.values())
     )
-    if not fine or not hosts:
+    if not fine or not (hosts or "places" in fields):
         raise BadInput(f"fleet: {path / FILE}: is damaged; restore it, or make a new fleet: fogwatch fleet init")
     for user in members:
         role_of(user, f"fleet: {path / FILE}")
     keys = fleet_keys(fields["fleet"])
-    return FleetFolder(path, keys.fleet, checked_hosts(hosts), fields["port"], fields["token"], members, issued)
+    own_hosts, port, token = checked_hosts(hosts), fields["port"], fields["token"]
+    return FleetFolder(path, keys.fleet, own_hosts, port, token, members, issued, places)
 
 
 def member_role(name: str) -> Role:

@@ -1,10 +1,10 @@
-"""Names and addresses of the machine that a fleet's router runs on: which can work, and the locators that follow."""
+"""Names and addresses of the machines of a fleet's router or robots: which can work, and the locators that follow."""
 
 from __future__ import annotations
 
 import ipaddress
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from patrol.errors import BadInput
 from patrol.net.keys import is_loopback
@@ -40,7 +40,24 @@ def member_locator(hosts: Sequence[str], port: int) -> str:
         hosts: The router's, checked.
         port: The router's TCP port.
     """
-    return f"tls/[{hosts[0]}]:{port}" if ":" in hosts[0] else f"tls/{hosts[0]}:{port}"
+    return f"tls/{_authority(hosts[0], port)}"
+
+
+def mesh_locator(host: str, port: int, taken: Collection[str]) -> str:
+    """Return the locator of a member that others connect to without a router: positions may be lost, the rest not.
+
+    Args:
+        host: The member's, checked.
+        port: Its UDP port, or the first one to try.
+        taken: Locators of others; one on the same host has another port.
+    """
+    while (locator := f"quic/{_authority(host, port)}?mixed_rel=1") in taken:
+        port += 1
+    return locator
+
+
+def _authority(host: str, port: int) -> str:
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
 def listening_locator(hosts: Sequence[str], port: int) -> str:

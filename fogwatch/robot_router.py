@@ -15,7 +15,8 @@ from fogwatch.fleet_folder import AUTHORITY_FOLDER, FleetFolder, changing
 from fogwatch.fleet_hosts import LOCAL, checked_hosts
 from patrol.errors import BadInput
 from patrol.net.keys import check_locator
-from patrol.net.security.credentials import AUTHORITY, CERTIFICATE, KEY, replace_private
+from patrol.net.security.credentials import AUTHORITY, CERTIFICATE, KEY
+from patrol.net.security.private_files import replace_private
 from patrol.net.security.roles import VIEWER, Kind, robot_role
 from patrol.ros2.access import COMMANDS, agent_rights, robot_router, viewer_rights
 from patrol.ros2.formats import Format

@@ -23,7 +23,8 @@ from patrol.net.link import Link, open_router
 from patrol.net.mailbox import Mailbox
 from patrol.net.open_links import open_links
 from patrol.net.security.access import FILE
-from patrol.net.security.credentials import Credentials, read_credentials, read_router, write_private
+from patrol.net.security.credentials import Credentials, read_credentials, read_router
+from patrol.net.security.private_files import write_private
 from patrol.net.security.roles import role_of
 
 PATIENCE_S = 300.0

@@ -101,7 +101,7 @@ def _run_and_judge(process: ProcessContext, meeting: Meeting) -> int:
     callers = callers_of(meeting.keys, {spec.name: spec.number for spec in scenario.roster})
     with ExitStack() as opened:
         link, air = process.open_links(meeting, radio, callers, closing=opened)
-        outward, _ = process.open_links(meeting, quiet=True, closing=opened)  # the first has said that it waits
+        outward, _ = process.open_links(meeting.beside, quiet=True, closing=opened)  # the first has said that it waits
         wiring = Wiring(process, scenario, meeting.keys, link, outward, air)
         try:
             listener = wiring.listener()

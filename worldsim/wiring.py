@@ -34,7 +34,7 @@ from patrol.net.messages.telemetry import (
 from patrol.net.security.control_auth import ASK, CHALLENGE, MAX_REQUEST, NONCE, ControlGate
 from patrol.net.security.seats import seat_of
 from patrol.net.security.tick_chain import TickChain
-from patrol.net.session import WorldRun
+from patrol.net.session import MESH_RETURN_S, RETURN_S, WorldRun
 from patrol.printable import printable
 from patrol.process.reporting.logs import Log
 from patrol.process.reporting.vitals import MFOW, ROBOTS, ROUTER_SILENT
@@ -171,7 +171,8 @@ class Wiring:
 
         chain = TickChain(os.urandom(32), self.scenario.ticks)
         launched = token is not None and self.options.process_control is not None
-        return WorldRun(self.run, scenario_hash(self.scenario), chain, seat if launched else None)
+        return_s = RETURN_S if self.link.mesh is None else MESH_RETURN_S
+        return WorldRun(self.run, scenario_hash(self.scenario), chain, seat if launched else None, return_s)
 
     def listener(self) -> Listener | None:
         """Make the listener to a direct radio; None where the world carries the frames."""

@@ -23,15 +23,8 @@ from pathlib import Path
 from patrol.errors import BadInput
 from patrol.net.keys import fleet_keys
 from patrol.net.security.access import is_private, private_roots
-from patrol.net.security.credentials import (
-    ROUTER,
-    USERS,
-    Credentials,
-    as_json,
-    replace_private,
-    router_json,
-    write_private,
-)
+from patrol.net.security.credentials import ROUTER, USERS, Credentials, as_json, router_json
+from patrol.net.security.private_files import replace_private, write_private
 from patrol.net.security.roles import OPERATOR, VIEWER, WORLD_ROLE, Role, robot_role, roles_of
 
 _LOCK = "lock"

@@ -139,8 +139,8 @@ def _of_a_world(
     from monitor.live.feed_source import FeedSource
     from monitor.live.record_checks import is_run_of
 
-    router, keys = met.router, met.keys
-    links = open_links(router, None, wait_s, _LOG.info, lambda: bool(ending), met.credentials)
+    keys = met.keys
+    links = open_links(met.router, None, wait_s, _LOG.info, lambda: bool(ending), met.credentials)
     if links is None:
         return None
     link: Link = links[0]
@@ -151,7 +151,7 @@ def _of_a_world(
         if time.monotonic() >= until:
             revoked = ", or these credentials were revoked" if met.revocable else ""
             raise BadInput(
-                f"--fleet {keys.fleet}: no world of this fleet answers at {router}{revoked}; check both, or give "
+                f"--fleet {keys.fleet}: no world of this fleet answers at {met.place}{revoked}; check both, or give "
                 "--scenario FILE for robots without a world"
             )
         return ending.wait(pause_s)

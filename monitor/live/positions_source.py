@@ -20,7 +20,7 @@ from monitor.observation.traps import TrapWatch
 from patrol.errors import BadInput
 from patrol.journal.records import Event, RobotTick, Status, TickRecord
 from patrol.net.mailbox import Mailbox, Presence
-from patrol.net.messages.stop_orders import Order, ask_robots, robots_there
+from patrol.net.messages.stop_orders import Order, ask_robots, robots_to_ask
 from patrol.net.messages.telemetry import Telemetry
 from patrol.prepare import inboxes_of, sensor_footprint
 from patrol.radio.fleet_key import fleet_key
@@ -180,7 +180,7 @@ class PositionsSource:
         if order is None or not self._may_stop:
             return Answer(False, "robots without a world accept stop and release only, from an operator's page")
         link = self._links[0]
-        silent = set(robots_there(link, self._keys))
+        silent = set(robots_to_ask(link, self._keys))
         if not silent:
             return Answer(False, "no robot is there")
         done, says = True, []

@@ -17,6 +17,7 @@ import ipaddress
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from patrol.errors import BadInput
 from patrol.net.carriers.serial_line import is_serial
@@ -24,8 +25,11 @@ from patrol.net.carriers.serial_line import is_serial
 ROOT = "fogwatch"
 WORLD = ".world"
 _FLEET = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,127}")
-_LOCATOR = re.compile(r"(?:tcp|udp|tls|quic|ws)/[^\s/#]+:\d{1,5}")
-_GROUP = re.compile(r"udp/(\S+):\d{1,5}(?:#iface=[^\s/#;]{1,15})?")
+_RELIABILITY = r"(?:rel|mixed_rel)=[01]"
+_LOCATOR = re.compile(rf"(?:tcp|udp|tls|quic|ws)/[^\s/#?,]+:(\d{{1,5}})(?:\?{_RELIABILITY}(?:;{_RELIABILITY})*)?")
+_LOSSLESS_DECLARATIONS = "?rel=1;mixed_rel=1"
+"""What a locator of udp ends with, so that only what may be lost is sent unreliably."""
+_GROUP = re.compile(r"udp/(\S+):(\d{1,5})(?:#iface=[^\s/#;]{1,15})?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,12 +148,13 @@ def robot_of(key: str) -> str:
     return parts[3] if len(parts) == 4 else ""
 
 
-def check_locator(locator: str, option: str) -> str:
-    """Check a router's address as Zenoh writes it, ``tcp/HOST:PORT``.
+def check_locator(locator: str, option: str, least_port: int = 1) -> str:
+    """Check one address as Zenoh writes it, ``tcp/HOST:PORT``.
 
     Args:
         locator: The address.
         option: What errors call it.
+        least_port: 0 where a process may listen on any free port.
 
     Returns:
         The locator.
@@ -157,10 +162,38 @@ def check_locator(locator: str, option: str) -> str:
     Raises:
         BadInput: For anything else.
     """
-    port = locator.rpartition(":")[2]
-    if not _LOCATOR.fullmatch(locator) or not 0 < int(port) < 65536:
+    match = _LOCATOR.fullmatch(locator)
+    if match is None or not least_port <= int(match[1]) < 65536:
         raise BadInput(f"{option} {locator!r}: not a router's address; write tcp/HOST:PORT, such as tcp/127.0.0.1:7447")
     return locator
+
+
+def check_locators(locators: str, option: str) -> str:
+    """Check the addresses of a router, or of routers that are tried in turn.
+
+    Args:
+        locators: One locator, or several with commas between them.
+        option: What errors call them.
+
+    Returns:
+        The locators, as given.
+
+    Raises:
+        BadInput: One of them is no locator.
+    """
+    for locator in locators.split(","):
+        check_locator(locator, option)
+    return locators
+
+
+def address_of(locator: str) -> tuple[str, int]:
+    """Return host and port of a locator.
+
+    Args:
+        locator: Such as ``quic/[::1]:7447?mixed_rel=1``.
+    """
+    host, _, port = locator.partition("/")[2].partition("?")[0].rpartition(":")
+    return host.strip("[]"), int(port)
 
 
 def is_loopback(host: str) -> bool:
@@ -176,12 +209,12 @@ def is_loopback(host: str) -> bool:
 
 
 def is_local(locator: str) -> bool:
-    """Return True if a router's address is on this machine alone.
+    """Return True if all addresses of a router are on this machine alone.
 
     Args:
-        locator: Such as ``tcp/127.0.0.1:7447``.
+        locator: Such as ``tcp/127.0.0.1:7447``; several with commas between them.
     """
-    return is_loopback(locator.partition("/")[2].rpartition(":")[0])
+    return all(is_loopback(address_of(one)[0]) for one in locator.split(","))
 
 
 def is_group(locator: str) -> bool:
@@ -192,19 +225,19 @@ def is_group(locator: str) -> bool:
     """
     match = _GROUP.fullmatch(locator)
     try:
-        return match is not None and ipaddress.IPv4Address(match[1]).is_multicast
+        return match is not None and 0 < int(match[2]) < 65536 and ipaddress.IPv4Address(match[1]).is_multicast
     except ValueError:
         return False
 
 
 def check_radio(locator: str | None, option: str, via: str) -> str | None:
-    """Check where robots hear each other: a multicast group, a serial line or a router's address.
+    """Check where robots hear each other: a multicast group, a serial line, a member's folder or routers' addresses.
 
-    A router cannot be reached over udp: subscriptions are announced once, and where an announcement is lost, a robot is
-    never heard. A group needs no announcements.
+    A router is reached over udp only if it sends subscriptions reliably: they are announced once, and where an
+    announcement is lost, a robot is never heard. A group needs no announcements.
 
     Args:
-        locator: The address, or None.
+        locator: The place, or None.
         option: What errors call it.
         via: The scenario's radio.via.
 
@@ -218,15 +251,19 @@ def check_radio(locator: str | None, option: str, via: str) -> str | None:
         return None
     if via != "direct":
         raise BadInput(f"{option} {locator}: the scenario's radio.via is {via}; set it to direct, or omit the option")
-    if is_serial(locator):
+    if is_serial(locator) or is_group(locator) or (locator and Path(locator).is_dir()):
         return locator
-    address = locator.partition("#")[0]
-    port = address.rpartition(":")[2]
-    reliable = _LOCATOR.fullmatch(locator) and not locator.startswith("udp/")
-    if not (is_group(locator) or reliable) or not 0 < int(port) < 65536:
-        raise BadInput(
-            f"{option} {locator!r}: not an address for direct radio; write a multicast group, such as "
-            "udp/224.0.0.225:7448#iface=wlan0, a serial line, serial/dev/ttyUSB0#baud=57600, or the address of a "
-            "router, tcp/HOST:PORT"
-        )
+    for one in locator.split(","):
+        match = _LOCATOR.fullmatch(one)
+        if match is None or not 0 < int(match[1]) < 65536:
+            raise BadInput(
+                f"{option} {one!r}: not an address for direct radio; write a multicast group, such as "
+                "udp/224.0.0.225:7448#iface=wlan0, a serial line, serial/dev/ttyUSB0#baud=57600, the folder of a "
+                "member of a mesh, or the address of a router, quic/HOST:PORT?mixed_rel=1"
+            )
+        if one.startswith("udp/") and not one.endswith(_LOSSLESS_DECLARATIONS):
+            raise BadInput(
+                f"{option} {one}: a subscription that is lost on its way would never be heard of again; write "
+                f"{one.partition('?')[0]}{_LOSSLESS_DECLARATIONS}"
+            )
     return locator

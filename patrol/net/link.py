@@ -1,4 +1,4 @@
-"""The one link to Zenoh: a client of a router, whose subscriptions fill mailboxes.
+"""The one link to Zenoh: a client of a router, or a member of a mesh, whose subscriptions fill mailboxes.
 
 Messages arrive on Zenoh's own thread, which puts them into a `patrol.net.mailbox.Mailbox`.
 """
@@ -12,26 +12,32 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from functools import cached_property
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import zenoh
 
+from patrol.net.keys import address_of
 from patrol.net.mailbox import Mailbox, Post, Presence, Question
-from patrol.net.queries import all_answers, answers_of
+from patrol.net.neighbours import Neighbours
+from patrol.net.queries import all_answers, answers_until
+from patrol.net.security.roles import Kind
 from patrol.net.settings import client_settings, router_settings
 from patrol.net.zenoh_errors import first_line as _first_line
 from patrol.net.zenoh_errors import system_error as _system_error
 
 if TYPE_CHECKING:
     from patrol.net.security.credentials import Credentials, RouterSecurity
+    from patrol.net.security.mesh import Mesh
 
 LEASE_S = 600.0
 """A client that is silent for so long is gone for the router; longer than a paused robot may take to answer, and than a
 host may be cut off. One whose process ends is gone at once, since its connection ends."""
 
-CLOSE_S = 2.0
-"""Longest wait for closing, s; under loss closing has taken longer."""
+CLOSE_S, MESH_CLOSE_S = 2.0, 0.3
+"""Longest wait for closing, s; under loss closing has taken longer. In a mesh Zenoh closes only when its attempts to
+connect to members that are not there have ended, up to 10 s later; by then all that was declared has gone."""
 
 SEE_S = 5.0
 """Longest wait for the router's list of tokens, s."""
@@ -41,6 +47,9 @@ TELL_S = (1.0, 5.0)
 
 ECHO_S = 3600.0
 """Longest wait for a router that does not answer, s."""
+
+SETTLE_S = 1.0
+"""How long a process that looks at a mesh waits for the other robots and the world, after it has met the first, s."""
 
 KNOCK_S = 1.0
 """Longest wait for a connection where no router has answered, s."""
@@ -64,20 +73,29 @@ class PortBusy(LinkDown):
 
 
 class Link:
-    """A session with a router. Everything declared on it lives until `close`.
+    """A session with a router, or with the others of a mesh. Everything declared on it lives until `close`.
 
     Args:
         session: An open Zenoh session.
+        mesh: The fleet that it is a member of, where its members meet without a router.
     """
 
-    def __init__(self, session: zenoh.Session) -> None:
+    def __init__(self, session: zenoh.Session, mesh: Mesh | None = None) -> None:
+        self.mesh = mesh
         self._session = session
         self._declared: list[Any] = []
 
     @property
     def connected(self) -> bool:
-        """True if a router is at the other end now; clients find back to one that returns by themselves."""
-        return bool(self._session.info.routers_zid())
+        """True if a router is at the other end now, to which clients find back by themselves; always in a mesh."""
+        return self.mesh is not None or bool(self._session.info.routers_zid())
+
+    @cached_property
+    def neighbours(self) -> Neighbours:
+        """The members that it is connected to, by the names of their certificates."""
+        neighbours = Neighbours(self._session)
+        self._declared.append(neighbours.listener)
+        return neighbours
 
     @property
     def connections(self) -> int:
@@ -220,11 +238,11 @@ class Link:
         """Give all answers to a query (`patrol.net.queries.all_answers`)."""
         return all_answers(self._session, key, payload, longest, wait_s)
 
-    def answers_of(
+    def answers_until(
         self, keys: Sequence[str], payload: bytes, longest: int, wait_s: float
     ) -> Iterator[tuple[str, bytes]]:
-        """Give all answers to a query under several keys at once (`patrol.net.queries.answers_of`)."""
-        return answers_of(self._session, keys, payload, longest, wait_s)
+        """Give all answers to a query under several keys at once (`patrol.net.queries.answers_until`)."""
+        return answers_until(self._session, keys, payload, longest, wait_s)
 
     def echo(self, key: str) -> Callable[[], bool]:
         """Ask the router for a liveliness token of any holder; its answer shows that the router is at work.
@@ -233,8 +251,10 @@ class Link:
             key: Of the token.
 
         Returns:
-            Whether the router has answered.
+            Whether the router has answered; in a mesh there is none to wait for.
         """
+        if self.mesh is not None:
+            return lambda: True
         back = self.pulse(key)
         return lambda: back() and self.connected  # it comes back as well when the link is cut
 
@@ -257,17 +277,18 @@ class Link:
         """
         self._declared.append(self._session.liveliness().declare_token(key))
 
-    def close(self, limit_s: float = CLOSE_S) -> bool:
+    def close(self, limit_s: float | None = None) -> bool:
         """Close the session; what is closed already stays so.
 
         Args:
-            limit_s: How long to wait.
+            limit_s: How long to wait; None for `CLOSE_S` or `MESH_CLOSE_S`.
 
         Returns:
             False when closing takes longer than the limit or than Zenoh allows, after which only ending the process
             helps.
         """
-        return close_session(self._session, self._declared, limit_s)
+        usual_s = CLOSE_S if self.mesh is None else MESH_CLOSE_S
+        return close_session(self._session, self._declared, usual_s if limit_s is None else limit_s)
 
 
 def close_session(session: zenoh.Session, declared: list[Any], limit_s: float) -> bool:
@@ -314,10 +335,12 @@ def open_link(
     stopped: Callable[[], bool] = lambda: False,
     credentials: Credentials | None = None,
 ) -> Link:
-    """Join a router.
+    """Join a router, or the other members of a mesh.
+
+    Robots and worlds of a mesh do not wait for others; whoever watches or controls it waits for the first.
 
     Args:
-        router: Its locator, such as ``tcp/127.0.0.1:7447``.
+        router: Its locator, such as ``tcp/127.0.0.1:7447``; several with commas between them are tried in turn.
         wait_s: How long to wait for it.
         waiting: Called as `TELL_S` says, with the seconds waited, while no router answers.
         stopped: Whether to give up.
@@ -326,7 +349,18 @@ def open_link(
     Raises:
         LinkDown: When no router has answered after `wait_s`, or `stopped` says so.
     """
-    return Link(open_session(client_settings(router, LEASE_S, credentials), router, wait_s, waiting, stopped))
+    settings = client_settings(router, LEASE_S, credentials)
+    if credentials is None or credentials.mesh is None:
+        return Link(open_session(settings, router, wait_s, waiting, stopped))
+    link = _open_listening(settings, credentials.listens_at, mesh=credentials.mesh)
+    if credentials.role.kind in (Kind.VIEWER, Kind.OPERATOR):
+        if not _wait(link.neighbours.await_any, wait_s, waiting, stopped):
+            link.close()
+            raise LinkDown(f"no member of fleet {credentials.fleet} answers at {router}")
+        patrolling = (Kind.ROBOT, Kind.WORLD)
+        names = [name for name, role in credentials.mesh.members.items() if role.kind in patrolling]
+        link.neighbours.await_all(names, SETTLE_S)
+    return link
 
 
 def open_session(
@@ -360,31 +394,41 @@ def open_session(
         is_open.set()
 
     threading.Thread(target=join, daemon=True).start()
-    began = time.monotonic()
-    tell_at = TELL_S[0]
-    while not is_open.wait(0.1):
-        waited = time.monotonic() - began
-        if stopped() or waited >= wait_s:
-            if not stopped() and listens(router):
-                raise NotAdmitted(f"a router at {router} does not let this process in: {_ADMISSION}")
-            raise LinkDown(f"no router answers at {router}")
-        if waited >= tell_at:
-            tell_at = waited + TELL_S[1]
-            waiting(waited)
+    if not _wait(is_open.wait, wait_s, waiting, stopped):
+        if not stopped() and listens(router):
+            raise NotAdmitted(f"a router at {router} does not let this process in: {_ADMISSION}")
+        raise LinkDown(f"no router answers at {router}")
     opened = box[0]
     if isinstance(opened, Exception):
         raise LinkDown(f"cannot reach a router at {router} ({_first_line(opened)})")
     return opened
 
 
-def listens(router: str) -> bool:
-    """Return True if anything listens at a router's address, so that it must have refused us."""
-    host, _, port = router.partition("/")[2].rpartition(":")
-    try:
-        socket.create_connection((host.strip("[]"), int(port)), KNOCK_S).close()
-    except OSError:
-        return False
+def _wait(
+    ready: Callable[[float], bool], wait_s: float, waiting: Callable[[float], None], stopped: Callable[[], bool]
+) -> bool:
+    """Wait until something is ready, and say so now and then; False when time is up or `stopped` says so."""
+    began = time.monotonic()
+    tell_at = TELL_S[0]
+    while not ready(0.1):
+        waited = time.monotonic() - began
+        if stopped() or waited >= wait_s:
+            return False
+        if waited >= tell_at:
+            tell_at = waited + TELL_S[1]
+            waiting(waited)
     return True
+
+
+def listens(routers: str) -> bool:
+    """Return True if anything listens at one of some addresses, so that it must have refused us; unknown for udp."""
+    for router in routers.split(","):
+        try:
+            socket.create_connection(address_of(router), KNOCK_S).close()
+        except OSError:
+            continue
+        return True
+    return False
 
 
 def open_router(listen: str, security: RouterSecurity | None = None, others: Sequence[str] = ()) -> Link:
@@ -398,8 +442,12 @@ def open_router(listen: str, security: RouterSecurity | None = None, others: Seq
     Raises:
         LinkDown: In one line, when it cannot listen there.
     """
+    return _open_listening(router_settings(listen, security, others), listen)
+
+
+def _open_listening(settings: Mapping[str, object], listen: str, mesh: Mesh | None = None) -> Link:
     try:
-        return Link(zenoh.open(_config(router_settings(listen, security, others))))
+        return Link(zenoh.open(_config(settings)), mesh)
     except zenoh.ZError as error:
         if _system_error(error) == errno.EADDRINUSE:
             raise PortBusy(f"{listen}: the port is busy; choose another") from None

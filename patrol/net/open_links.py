@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -11,11 +12,11 @@ from patrol.net.carriers.multicast import GroupDown, open_group
 from patrol.net.carriers.serial_line import SerialDown, is_serial, open_serial
 from patrol.net.keys import is_group, is_local
 from patrol.net.link import Link, LinkDown, NotAdmitted, listens, open_link, open_session
+from patrol.net.security.credentials import Credentials, read_credentials
 from patrol.net.settings import client_settings
 
 if TYPE_CHECKING:
     from patrol.net.mailbox import Air
-    from patrol.net.security.credentials import Credentials
 
 RADIO_LEASE_S = 2.0
 """A client that is silent for so long is gone for a router that carries nothing but positions."""
@@ -34,7 +35,7 @@ def open_links(
 
     Args:
         router: The router's locator.
-        radio: Where robots hear each other, or None for the same router.
+        radio: Where robots hear each other, or None for the same router or mesh.
         wait_s: How long to wait for each.
         say: Takes a line now and then while the process waits.
         stopped: Whether to give up.
@@ -47,13 +48,16 @@ def open_links(
     Raises:
         BadInput: When no router has answered after `wait_s`, or the credentials cannot be used at `radio`.
     """
-    if radio is not None and credentials is not None and not is_group(radio):
+    meshed = credentials is not None and credentials.mesh is not None
+    on_a_mesh = _mesh_credentials(radio)
+    if radio is not None and credentials is not None and not (on_a_mesh or is_group(radio) or is_serial(radio)):
         credentials.check_router(radio, "--radio")
+    whom = f"a member of fleet {credentials.fleet}" if credentials is not None and meshed else "a router"
 
     def waiting_for(where: str) -> Callable[[float], None]:
         def waiting(waited: float) -> None:
             but = "; something listens there, but has not let this process in" if listens(where) else ""
-            say(f"waiting for a router at {where} ({waited:.0f} s){but}")
+            say(f"waiting for {whom} at {where} ({waited:.0f} s){but}")
 
         return waiting
 
@@ -64,20 +68,51 @@ def open_links(
     except LinkDown as down:
         if stopped():
             return None
-        how = f"--listen {router}" if credentials is None and is_local(router) else "--fleet FOLDER"
-        raise BadInput(f"{down}; start one with: fogwatch router {how}") from None
+        raise BadInput(f"{down}; {_remedy(router, credentials)}") from None
     if radio is None:
         return link, link
     try:
-        if is_group(radio):
-            return link, open_group(radio)
-        if is_serial(radio):
-            return link, open_serial(radio, callers)
-        # A link that has been cut delivers on its return what is long out of date; with a short lease it is a new one.
-        settings = client_settings(radio, RADIO_LEASE_S, credentials)
-        return link, Link(open_session(settings, radio, wait_s, waiting_for(radio), stopped))
+        if on_a_mesh is not None:
+            return link, open_link(on_a_mesh.router, wait_s, waiting_for(radio), stopped, on_a_mesh)
+        return link, _open_air(radio, wait_s, waiting_for(radio), stopped, credentials, callers)
     except (LinkDown, GroupDown, SerialDown) as down:
         link.close()
         if stopped():
             return None
         raise BadInput(f"--radio {radio}: {down}") from None
+
+
+def _open_air(
+    radio: str,
+    wait_s: float,
+    waiting: Callable[[float], None],
+    stopped: Callable[[], bool],
+    credentials: Credentials | None,
+    callers: Mapping[int, str],
+) -> Air:
+    """Open what carries positions: a group, a serial line, or a router of its own."""
+    if is_group(radio):
+        return open_group(radio)
+    if is_serial(radio):
+        return open_serial(radio, callers)
+    # A link that has been cut delivers on its return what is long out of date; with a short lease it is a new one.
+    settings = client_settings(radio, RADIO_LEASE_S, credentials)
+    return Link(open_session(settings, radio, wait_s, waiting, stopped))
+
+
+def _remedy(router: str, credentials: Credentials | None) -> str:
+    """Return what to do where nobody answers."""
+    if credentials is not None and credentials.mesh is not None:
+        return "is one of them running, and are the certificates valid: fogwatch fleet check?"
+    how = f"--listen {router}" if credentials is None and is_local(router) else "--fleet FOLDER"
+    return f"start one with: fogwatch router {how}"
+
+
+def _mesh_credentials(radio: str | None) -> Credentials | None:
+    """Read the credentials for a mesh that carries positions alone; None for another radio. Raises BadInput."""
+    if radio is None or not Path(radio).is_dir():
+        return None
+    found = read_credentials(Path(radio), "--radio")
+    if found.mesh is None:
+        raise BadInput(f"--radio {radio}: its fleet meets at a router, {found.router}; name that, or a mesh's folder")
+    return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Sequence
 
 import zenoh
@@ -10,6 +11,8 @@ from patrol.net.mailbox import Mailbox
 
 _OVER = ""
 """The key of the mailbox's message that no more answers come."""
+AGAIN_S = 0.2
+"""Time between a question without an answer and the next, s."""
 _ROOM = 256
 _MORE_S = 1.0
 """Waiting time, after the query's own, for Zenoh's word that it is over, s."""
@@ -18,6 +21,33 @@ _MORE_S = 1.0
 def all_answers(session: zenoh.Session, key: str, payload: bytes, longest: int, wait_s: float) -> Iterator[bytes]:
     """Give the answers of all that answer a query, as they come (`answers_of`, for one key)."""
     return (answer for _, answer in answers_of(session, (key,), payload, longest, wait_s))
+
+
+def answers_until(
+    session: zenoh.Session, keys: Sequence[str], payload: bytes, longest: int, wait_s: float
+) -> Iterator[tuple[str, bytes]]:
+    """Give the answers to one query under several keys; those that nobody has answered are asked again.
+
+    A query ends at once where nobody is connected who could answer, also when that process has just come back.
+
+    Args:
+        session: An open Zenoh session.
+        keys: To query.
+        payload: Of the query.
+        longest: Bytes of the longest answer that is wanted; longer ones are dropped.
+        wait_s: How long to wait for answers, s.
+
+    Yields:
+        The key that was queried, and an answer, as they come.
+    """
+    unanswered = dict.fromkeys(keys)
+    until = time.monotonic() + wait_s
+    while unanswered and (left_s := until - time.monotonic()) > 0.0:
+        for key, answer in answers_of(session, tuple(unanswered), payload, longest, left_s):
+            unanswered.pop(key, None)
+            yield key, answer
+        if unanswered:
+            time.sleep(max(min(AGAIN_S, until - time.monotonic()), 0.0))
 
 
 def answers_of(

@@ -80,6 +80,8 @@ GRACE_S = 0.3
 RETURN_S = 12.0
 """The same for a robot that no launcher has started and that has not said farewell, s. One that was cut off may have
 10 s left of an attempt to connect when the network is back, and the next begins half a second later."""
+MESH_RETURN_S = 120.0
+"""The same in a mesh, where a robot that is cut off loses its token within seconds, s."""
 
 _PAUSE_S = 2.0
 _OFFERS = 8
@@ -409,6 +411,7 @@ class WorldRun:
         chain: Proves which ticks have begun.
         seat: Gives the instance of the process that the launcher starts for a robot, by number and incarnation; None
             where there is no launcher.
+        return_s: How long a robot's token may be gone before its process is gone, s (`RETURN_S`).
         k: The newest tick that a robot was told of.
         begun: Number of ticks that have begun.
     """
@@ -417,6 +420,7 @@ class WorldRun:
     scenario: str
     chain: TickChain
     seat: Callable[[int, int], int] | None = None
+    return_s: float = RETURN_S
     k: int = 0
     begun: int = 0
 
@@ -524,7 +528,7 @@ class WorldEnd:
 
     def is_gone(self, now: float) -> bool:
         """Return whether the process is gone, as far as can be told without a launcher."""
-        return self.is_missing(now) and (self.said_farewell or self.is_missing(now, RETURN_S))
+        return self.is_missing(now) and (self.said_farewell or self.is_missing(now, self._run.return_s))
 
     def _follow(self, event: SeatEvent) -> bool:
         following = SEAT.get((self.stage, event))

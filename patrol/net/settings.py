@@ -1,4 +1,4 @@
-"""The settings of a Zenoh session, for clients and routers of a fleet, by the keys of Zenoh's configuration.
+"""The settings of a Zenoh session, for members and routers of a fleet, by the keys of Zenoh's configuration.
 
 Socket buffers are small: with the system's, a flood of a million tiny messages a second left 300 000 of them between a
 tick and its reader, which received the tick seconds late; with small ones the delay is a tenth of a second.
@@ -31,11 +31,16 @@ MAX_MESSAGE = 1 << 24
 who may send them: with Zenoh's limit of 1 GiB, a message of 400 MB that its sender was not allowed to send took as much
 of the router's memory, for good."""
 
-_CLOSE = "transport/link/tx/queue/congestion_control/block/wait_before_close"
 _CLOSE_US = 1_000_000
-"""Waiting time of a router for a receiver that does not read, where nothing may be dropped, before it closes the
-connection, us. All others wait as well: with Zenoh's 5 s, twice over, three that stopped one after the other cost a
-fleet its robots."""
+"""Waiting time for a receiver that does not read, where nothing may be dropped, before its connection is closed, us.
+All others wait as well: with Zenoh's 5 s, twice over, three that stopped one after the other cost a fleet its
+robots."""
+
+_TO_LISTEN: dict[str, object] = {
+    "transport/unicast/accept_pending": MOST_STRANGERS,
+    "transport/link/tx/queue/congestion_control/block/wait_before_close": _CLOSE_US,
+}
+"""What a router needs, and a member of a mesh."""
 
 _QUIET: dict[str, object] = {
     "scouting/multicast/enabled": False,
@@ -50,23 +55,24 @@ _QUIET: dict[str, object] = {
 
 
 def client_settings(router: str, lease_s: float, credentials: Credentials | None = None) -> dict[str, object]:
-    """Return the settings of a client of one router, which waits for it and reconnects to it.
+    """Return the settings of a client of a router, or of a member of a mesh; each waits, and connects again, for ever.
 
     Args:
-        router: Its locator.
-        lease_s: How long the client may be silent before the router drops it, s.
+        router: Its locator, or those of several, tried in turn, with commas between them; of a mesh, of other members.
+        lease_s: How long the client may be silent before the router drops it, s; a mesh has its own.
         credentials: Prove this process's identity; None for a router that asks for none.
     """
     return {
         **_QUIET,
         "mode": "client",
-        "connect/endpoints": [router],
+        "connect/endpoints": router.split(",") if router else [],
         "connect/timeout_ms": -1,
         "connect/exit_on_failure": False,
         "connect/retry": _RETRY,
         "listen/endpoints": [],
         "transport/link/tx/lease": round(lease_s * 1000),
         **({} if credentials is None else credentials.session()),
+        **(_TO_LISTEN if credentials is not None and credentials.mesh is not None else {}),
     }
 
 
@@ -89,7 +95,6 @@ def router_settings(
         "connect/timeout_ms": -1,
         "connect/exit_on_failure": False,
         "connect/retry": _RETRY,
-        _CLOSE: _CLOSE_US,
-        "transport/unicast/accept_pending": MOST_STRANGERS,
+        **_TO_LISTEN,
         **({} if security is None else security.session()),
     }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
@@ -111,7 +111,7 @@ class Meeting:
     """The router, keys and credentials by which a process meets its fleet.
 
     Attributes:
-        router: The router's locator.
+        router: The router's locator, or those of several, with commas between them; in a mesh, of other members.
         keys: The fleet's keys.
         credentials: Prove this process's identity to the router; None for a router that asks for none.
     """
@@ -119,6 +119,17 @@ class Meeting:
     router: str
     keys: FleetKeys
     credentials: Credentials | None = None
+
+    @property
+    def place(self) -> str:
+        """Where the fleet meets, for people."""
+        return self.router if self.credentials is None or self.credentials.mesh is None else self.credentials.place
+
+    @property
+    def beside(self) -> Meeting:
+        """The meeting for a second session of the process."""
+        credentials = None if self.credentials is None else replace(self.credentials, beside=True)
+        return replace(self, credentials=credentials)
 
     @property
     def revocable(self) -> bool:
@@ -138,21 +149,21 @@ def meeting(credentials: Path | None, router: str | None, fleet: str | None, *ki
     Raises:
         BadInput: When these do not say it, or the credentials are of another fleet or kind.
     """
-    from patrol.net.keys import check_locator, fleet_keys
+    from patrol.net.keys import check_locators, fleet_keys
     from patrol.net.security.access import credentials_at
     from patrol.net.security.roles import Role
 
     if credentials is None:
         if router is None or fleet is None:
             raise BadInput("no fleet named; give --credentials FOLDER, or both --router LOCATOR and --fleet NAME")
-        return Meeting(check_locator(router, "--router"), fleet_keys(fleet))
+        return Meeting(check_locators(router, "--router"), fleet_keys(fleet))
     found = credentials_at(credentials, "--credentials", Role(kinds[0]))
     if found.role.kind not in kinds:
         raise BadInput(f"--credentials {credentials}: of {found.role.user}; give those of a {' or '.join(kinds)}")
     if fleet not in (None, found.fleet):
         raise BadInput(f"--fleet {fleet}: the credentials are for fleet {found.fleet}; leave the option out")
     if router is not None:
-        router = found.check_router(check_locator(router, "--router"), "--router")
+        router = found.check_router(check_locators(router, "--router"), "--router")
     return Meeting(router or found.router, fleet_keys(found.fleet), found)
 
 

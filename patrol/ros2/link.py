@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from itertools import count, islice
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -368,8 +369,9 @@ def open_ros2(
         BadInput: The extra ``ros2`` is not installed.
     """
     store()
+    own = None if credentials is None else replace(credentials, mesh=None)  # a robot's router is none of the mesh
     settings: Mapping[str, object] = {
-        **client_settings(router, LEASE_S, credentials),
+        **client_settings(router, LEASE_S, own),
         "transport/link/tx/queue/congestion_control/block/wait_before_close": BLOCKED_US,
         "timestamping/enabled": True,  # without it no subscriber gets what a latched topic sent before
     }

@@ -37,6 +37,8 @@ EXIT_CODES = "0 done, 1 refused, or a robot may still drive, 2 bad input, 3 no a
 ROBOTS_S = 5.0
 """How long robots may take to answer an order, s, unless --wait says less. A robot answers when it stands, or when it
 has not come to rest for 3 s."""
+SIMULATED_S = 1.0
+"""The same where a world simulates the fleet, whose robots take no orders."""
 WAIT_S = 15.0
 """How long a world may take to answer: it ends its tick first, and starts the robots that the request needs."""
 
@@ -135,7 +137,7 @@ def _stop(run: Path, do: str, robot: str | None, fleet: str | None, wait: float)
     """Ask robots to stop, or release them; the exit code."""
     from patrol.net.keys import WORLD, check_locator, fleet_keys
     from patrol.net.link import LinkDown, open_link
-    from patrol.net.messages.stop_orders import Order, ask_robots, robots_there
+    from patrol.net.messages.stop_orders import Order, ask_robots, robots_to_ask
     from patrol.net.security.access import read_access
     from patrol.net.security.roles import robot_role
 
@@ -150,21 +152,23 @@ def _stop(run: Path, do: str, robot: str | None, fleet: str | None, wait: float)
         link = open_link(router, wait, credentials=credentials)
     except LinkDown as down:
         raise BadInput(f"{run}: {down}; is the fleet still running?") from None
-    unsure = simulated = False
+    unsure = False
     try:
-        robots = robots_there(link, keys) if whom is None else [whom]
+        robots = robots_to_ask(link, keys) if whom is None else [whom]
+        simulated = link.sees(keys.alive(WORLD))
         silent = set(robots)
-        for name, outcome in ask_robots(link, keys, robots, Order(do), min(wait, ROBOTS_S)):
+        for name, outcome in ask_robots(
+            link, keys, robots, Order(do), min(wait, SIMULATED_S if simulated else ROBOTS_S)
+        ):
             typer.echo(printable(f"{name}: {outcome.text}"), err=not outcome.done)
             silent.discard(name)
             unsure = unsure or not outcome.done
-        simulated = bool(silent) and link.sees(keys.alive(WORLD))
     finally:
         link.close()
     if silent or not robots:
         who = f"no answer from {', '.join(sorted(silent))}" if silent else "no robot is there"
         remedy = "; use another way to stop what is left" if do == "stop" else ""
-        if simulated:
+        if silent and simulated:
             hold, kind = ("pause", "pause") if do == "stop" else ("go", "resume")
             at = run if fleet is None else "RUN"  # a router's address gives no right to control a world
             remedy = (

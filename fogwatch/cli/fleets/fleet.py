@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from fogwatch.cli.command_help import command
 from patrol.errors import BadInput
 from patrol.printable import printable
+
+if TYPE_CHECKING:
+    from fogwatch.fleet_folder import FleetFolder
 
 app = typer.Typer(help="Say who may join a fleet of several machines.", no_args_is_help=True)
 
@@ -28,35 +31,59 @@ Hosts = Annotated[
     typer.Option(
         "--host",
         metavar="HOST",
-        help="Name or address of the router's machine. Repeatable; members use the first. `add` keeps earlier ones.",
+        help="Name or address of the router's machine. Repeatable; members use the first. `add` keeps earlier ones. "
+        "In a fleet without a router `add` takes a robot's.",
     ),
 ]
 
 
-@command(app, examples=["fogwatch fleet init yards-1 --robots r1,r2,r3 --host 192.168.1.10"])
+@command(
+    app,
+    examples=[
+        "fogwatch fleet init yards-1 --robots r1=192.168.1.11,r2=192.168.1.12,r3",
+        "fogwatch fleet init yards-1 --robots r1,r2,r3 --host 192.168.1.10",
+    ],
+)
 def init(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to make; it must not exist yet.")],
-    robots: Annotated[str, typer.Option(metavar="NAME,NAME", help="The robots' names, as in the scenario.")],
+    robots: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME[=HOST],...",
+            help="The robots' names, as in the scenario. With the name or address of the machine of one or more, they "
+            "meet without a router.",
+        ),
+    ],
     host: Hosts = None,
     name: Annotated[str | None, typer.Option(metavar="NAME", help="The fleet's name (default: the folder's).")] = None,
-    port: Annotated[int, typer.Option(metavar="N", help="TCP port of the router.")] = PORT,
+    port: Annotated[
+        int, typer.Option(metavar="N", help="TCP port of the router; without one, UDP port of the robots.")
+    ] = PORT,
     days: Days = DAYS,
 ) -> None:
-    """Make a fleet's certificates and the rules of its router: one folder for each member, and one for the router.
+    """Make a fleet's certificates, and the rules by which its members let each other in: one folder for each member.
+
+    Robots with a HOST meet directly: each member connects to those addresses, and learns of all others there. With
+    --host, all meet at a router, which has a folder too. Without any address, the router can be reached from this
+    machine only.
 
     Copy each folder to its machine, readable by its user alone. The folder of the authority stays where it is: whoever
-    has it can make members. Without --host the router can be reached from this machine only.
+    has it can make members.
     """
     from fogwatch.fleet_folder import make_fleet
 
     _check_days(days)
-    made = make_fleet(folder, name or folder.name, [one.strip() for one in robots.split(",")], host or [], port, days)
+    names, places = _robots(robots)
+    if places and host:
+        raise BadInput(
+            f"--host {host[0]}: is a router's address, and robots with addresses meet without one; choose one"
+        )
+    made = make_fleet(folder, name or folder.name, names, host or [], port, days, places)
     members = ", ".join(
         sorted(entry.name for entry in folder.iterdir() if entry.is_dir() and entry.name != "authority")
     )
-    typer.echo(
-        printable(f"{folder}: fleet {made.fleet}, router at {made.router}; copy each folder to its machine: {members}")
-    )
+    where = f"without a router; {', '.join(made.places.values())}" if made.is_mesh else f"router at {made.router}"
+    typer.echo(printable(f"{folder}: fleet {made.fleet}, {where}; copy each folder to its machine: {members}"))
 
 
 @command(app, examples=["fogwatch fleet add yards-1 r4"])
@@ -68,14 +95,15 @@ def add(
 ) -> None:
     """Add a member, or one that was revoked anew. For the router: a new certificate.
 
-    The router knows new members after it has got its folder again and has been restarted.
+    The router knows new members after it has got its folder again and has been restarted; without a router, the other
+    members know them after each has got the file mesh.json again and has been restarted.
     """
     from fogwatch.fleet_folder import THE_ROUTER, fleet_to_change, member_role
 
     _check_days(days)
-    if member != THE_ROUTER and host:
-        raise BadInput(f"--host {host[0]}: is for the router; leave the option out")
     with fleet_to_change(folder) as fleet:
+        if member != THE_ROUTER and host and not fleet.is_mesh:
+            raise BadInput(f"--host {host[0]}: is for the router; leave the option out")
         if member == THE_ROUTER:
             before = fleet.router
             fleet.renew_router(days, host or [])
@@ -90,8 +118,8 @@ def add(
                     )
             return
         role = member_role(member)
-        fleet.add(role, days)
-    typer.echo(printable(f"{folder / role.name}: copy it to its machine; {_RESTART.format(folder / THE_ROUTER)}"))
+        fleet.add(role, days, host[0] if host else None)
+    typer.echo(printable(f"{folder / role.name}: copy it to its machine; {_restart(fleet)}"))
 
 
 @command(app, examples=["fogwatch fleet revoke yards-1 r2"])
@@ -102,7 +130,7 @@ def revoke(
     """Take a member's rights away, for example because its machine was lost.
 
     Its certificate stays valid, but the router lets it do nothing any more after it has got its folder again and has
-    been restarted.
+    been restarted; without a router, each member after it has got the file mesh.json again and has been restarted.
     """
     from fogwatch.fleet_folder import THE_ROUTER, fleet_to_change, member_role
     from patrol.net.security.roles import Kind
@@ -115,7 +143,7 @@ def revoke(
     role = member_role(member)
     with fleet_to_change(folder) as fleet:
         other = fleet.revoke(role, DAYS)
-    typer.echo(printable(f"{member}: revoked; {_RESTART.format(folder / THE_ROUTER)}"))
+    typer.echo(printable(f"{member}: revoked; {_restart(fleet)}"))
     if other is not None:
         restart = ", and restart the world" if other.kind is Kind.WORLD else ""
         typer.echo(
@@ -188,6 +216,22 @@ def check(folder: Folder) -> int:
 
 
 _RESTART = "copy {} to the router's machine, and restart the router"
+
+
+def _restart(fleet: FleetFolder) -> str:
+    """Return how others learn of a change."""
+    from fogwatch.fleet_folder import THE_ROUTER
+    from patrol.net.security.mesh import MESH
+
+    if fleet.is_mesh:
+        return f"copy {fleet.path / MESH} into the folder of each other member, on its machine, and restart it"
+    return _RESTART.format(fleet.path / THE_ROUTER)
+
+
+def _robots(text: str) -> tuple[list[str], dict[str, str]]:
+    """Return the robots' names, and the hosts of those that have one."""
+    pairs = [one.strip().partition("=") for one in text.split(",")]
+    return [name for name, _, _ in pairs], {name: host for name, equals, host in pairs if equals}
 
 
 def _check_days(days: int) -> None:

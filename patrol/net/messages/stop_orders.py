@@ -75,12 +75,18 @@ def robots_there(link: Link, keys: FleetKeys) -> list[str]:
     return sorted({robot_of(key) for key in link.seen(keys.alive("*"), _MOST)} - {WORLD, ""})
 
 
+def robots_to_ask(link: Link, keys: FleetKeys) -> list[str]:
+    """List the robots that an order for all is for: those that are there, and all members of a mesh, reached or not."""
+    return sorted({*robots_there(link, keys), *(() if link.mesh is None else link.mesh.robots)})
+
+
 def ask_robots(
     link: Link, keys: FleetKeys, robots: Sequence[str], order: Order, wait_s: float
 ) -> Iterator[tuple[str, Outcome]]:
     """Ask robots, all at once: none is asked later because another one does not answer.
 
-    Each is asked by its name: a router with rules hands a robot no question that is for others as well.
+    Each is asked by its name: a router with rules hands a robot no question that is for others as well. Where none
+    answers, because it is not connected yet or has just come back, it is asked again until the time is up.
 
     Args:
         link: To the fleet's router.
@@ -93,7 +99,7 @@ def ask_robots(
         Robots and what they answer, as it comes.
     """
     names = {keys.stop(name): name for name in robots}
-    for key, answer in link.answers_of(tuple(names), order.encode(), LONGEST_ANSWER, wait_s):
+    for key, answer in link.answers_until(tuple(names), order.encode(), LONGEST_ANSWER, wait_s):
         yield names[key], outcome_of(answer)
 
 

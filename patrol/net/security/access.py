@@ -23,14 +23,8 @@ from typing import Any
 
 from patrol.errors import BadInput
 from patrol.net.keys import check_locator, fleet_keys, is_local
-from patrol.net.security.credentials import (
-    MEMBER,
-    SHORTEST_TOKEN,
-    Credentials,
-    read_credentials,
-    read_object,
-    replace_private,
-)
+from patrol.net.security.credentials import MEMBER, SHORTEST_TOKEN, Credentials, read_credentials
+from patrol.net.security.private_files import read_object, replace_private
 from patrol.net.security.roles import OPERATOR, Role
 
 FILE = "control.json"

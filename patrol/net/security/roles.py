@@ -1,4 +1,4 @@
-"""The roles at a fleet's router, and the router's access rules that follow from them.
+"""The roles in a fleet, and the access rules of its router, or of members without one, that follow from them.
 
     robot     answers its own phases and orders to stop, sends its own position and telemetry, hears all positions
     world     sends phases to all robots and the truth to observers, and answers viewers and operators
@@ -6,8 +6,9 @@
     operator  is a viewer that also asks the world to control the run, and robots to stop
     router    passes on what another router of the fleet has let through
 
-A router denies everything that no rule allows. A fleet's name and a robot's name hold none of the characters that mean
-something in a key expression (``*``, ``$``, ``#``, ``?``, ``/``), so a rule for one name never covers another.
+Everything that no rule allows is denied, at the router or, without one, at each member's door. A fleet's name and a
+robot's name hold none of the characters that mean something in a key expression (``*``, ``$``, ``#``, ``?``, ``/``), so
+a rule for one name never covers another.
 """
 
 from __future__ import annotations
@@ -188,13 +189,16 @@ def router_name(fleet: str) -> str:
     return f"router.{fleet[:50]}"  # a common name has at most 64 characters
 
 
-def access_control(keys: FleetKeys, members: Mapping[str, Role], known_by: str) -> dict[str, Any]:
-    """Write a router's access rules, as Zenoh's configuration takes them (`access_control`).
+def access_control(
+    keys: FleetKeys, members: Mapping[str, Role], known_by: str, *, routers: bool = True
+) -> dict[str, Any]:
+    """Write the access rules of a router, or of a member of a mesh, as Zenoh's configuration takes them.
 
     Args:
         keys: The fleet's keys.
         members: Roles by the name that the router knows each member by.
         known_by: `USERNAMES` or `COMMON_NAMES`.
+        routers: Whether the fleet has routers, which may connect to each other.
 
     Returns:
         The configuration: deny everything, but for the rights of each member. Another router of the fleet, which is
@@ -207,7 +211,7 @@ def access_control(keys: FleetKeys, members: Mapping[str, Role], known_by: str) 
         rules += own
         policies.append({"subjects": [name], "rules": [rule["id"] for rule in own]})
     subjects = [{"id": name, known_by: [name]} for name in members]
-    if known_by == COMMON_NAMES:
+    if routers and known_by == COMMON_NAMES:
         router_rule = router_name(keys.fleet)
         rules.append(_everything(router_rule, keys))
         policies.append({"subjects": [router_rule], "rules": [router_rule]})

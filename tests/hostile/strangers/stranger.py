@@ -18,7 +18,7 @@ from pathlib import Path
 from patrol.errors import BadInput, did_you_mean
 from patrol.net.keys import fleet_keys
 from patrol.net.security.access import FILE, credentials_at
-from patrol.net.security.credentials import read_object
+from patrol.net.security.private_files import read_object
 from patrol.process.exit_codes import BAD_INPUT
 from patrol.process.lifeline import heed, run_process
 from patrol.random import Draws, Purpose

@@ -33,6 +33,8 @@ class Bytes(bytes):
 class Ears:
     """A link on which the test speaks."""
 
+    mesh = None
+
     def __init__(self) -> None:
         self.subscribed: dict[str, Mailbox[Any]] = {}
 
@@ -49,7 +51,7 @@ class Ears:
         del most
         return [key.replace("*", name) for name in ("anna", "bert", WORLD)]
 
-    def answers_of(self, keys: tuple[str, ...], order: bytes, longest: int, wait_s: float) -> Iterator[Any]:
+    def answers_until(self, keys: tuple[str, ...], order: bytes, longest: int, wait_s: float) -> Iterator[Any]:
         """One robot answers; the other one does not."""
         del longest, wait_s
         self.ordered = (keys, order)

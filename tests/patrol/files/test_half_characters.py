@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from patrol.files.half_characters import refuse_half_characters
 from patrol.files.yaml_text import parse_yaml
-from patrol.net.security.credentials import read_object
+from patrol.net.security.private_files import read_object
 from patrol.scenario import load_scenario
 from tests.hostile.files.looks import MAP, one_line
 

@@ -8,7 +8,8 @@ import pytest
 
 from patrol.errors import BadInput
 from patrol.net.keys import fleet_keys
-from patrol.net.security.credentials import Credentials, RouterSecurity, as_json, write_private
+from patrol.net.security.credentials import Credentials, RouterSecurity, as_json
+from patrol.net.security.private_files import write_private
 from patrol.net.security.roles import VIEWER, WORLD_ROLE, Kind, Role, robot_role
 from patrol.process.options import meeting, robot_named
 

@@ -152,7 +152,7 @@ def test_the_router_moves_and_is_still_believed_at_its_earlier_addresses(
 def test_a_member_that_could_not_be_added_leaves_nothing(
     end: BaseException, made: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def halfway(_authority: Path, folder: Path, *_: object) -> None:
+    def halfway(_authority: Path, folder: Path, *_: object, **__: object) -> None:
         (folder / "key.pem").touch()
         raise end
 

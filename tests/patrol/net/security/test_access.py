@@ -26,7 +26,8 @@ from patrol.net.security.access import (
     read_access,
     write_pointer,
 )
-from patrol.net.security.credentials import Credentials, as_json, read_credentials, read_router, write_private
+from patrol.net.security.credentials import Credentials, as_json, read_credentials, read_router
+from patrol.net.security.private_files import write_private
 from patrol.net.security.roles import OPERATOR, VIEWER, WORLD_ROLE, Kind, robot_role
 from patrol.process.options import meeting
 from tests.routers import write_access

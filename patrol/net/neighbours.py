@@ -1,0 +1,72 @@
+"""The processes that a session is connected to, as Zenoh tells of their links."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Collection
+
+import zenoh
+
+
+class Neighbours:
+    """The members of a mesh that a process is connected to, by the common names of their certificates.
+
+    Args:
+        session: An open Zenoh session.
+    """
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self._links: Counter[str] = Counter()
+        self._changed = threading.Condition()
+        self._tell: Callable[[str, bool], None] = lambda _name, _there: None
+        handler = zenoh.handlers.Callback(self._take, indirect=False)
+        self.listener = session.info.declare_link_events_listener(handler, history=True)
+
+    @property
+    def names(self) -> frozenset[str]:
+        """The names of those that are connected now."""
+        with self._changed:
+            return frozenset(self._links)
+
+    def tell(self, tell: Callable[[str, bool], None]) -> None:
+        """Call a function with each name, and whether it is there, from now on: at once for those that are there."""
+        with self._changed:
+            self._tell = tell
+            names = sorted(self._links)
+        for name in names:
+            tell(name, True)
+
+    def await_all(self, names: Collection[str], wait_s: float) -> bool:
+        """Wait until all of some are connected; return whether they are."""
+        return self._await(lambda: set(names) <= set(self._links), wait_s)
+
+    def await_any(self, wait_s: float) -> bool:
+        """Wait until somebody is connected; return whether anybody is."""
+        return self._await(lambda: bool(self._links), wait_s)
+
+    def _await(self, is_so: Callable[[], bool], wait_s: float) -> bool:
+        until = time.monotonic() + wait_s
+        with self._changed:
+            while not is_so():
+                if (left_s := until - time.monotonic()) <= 0.0:
+                    return False
+                self._changed.wait(left_s)
+            return True
+
+    def _take(self, event: zenoh.LinkEvent) -> None:
+        """Count a link that has come or gone; called on Zenoh's thread."""
+        name = event.link.auth_identifier
+        if name is None:
+            return
+        with self._changed:
+            before = name in self._links
+            self._links[name] += 1 if event.kind == zenoh.SampleKind.PUT else -1
+            if self._links[name] <= 0:
+                del self._links[name]
+            there = name in self._links
+            self._changed.notify_all()
+            tell = self._tell
+        if there != before:
+            tell(name, there)

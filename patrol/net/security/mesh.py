@@ -1,0 +1,130 @@
+"""A fleet without a router: the members that meet each other directly, and where the first ones listen.
+
+Each member's folder holds the same file `MESH`, which is no secret: who is a member, and known addresses. A member
+listens at its own, if it has one, and connects to all others; gossip tells it of those without. It lets in whoever has
+a certificate of the fleet's authority, and each may do what its role may do at a router: access rules hold at each
+member's own door.
+
+The name of a host is not verified, because members may have any address: the certificate's common name says which
+member it is, and one that no rule names may do nothing.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from patrol.errors import BadInput
+from patrol.net.keys import address_of, check_locator, fleet_keys, is_local
+from patrol.net.security.private_files import read_object, text_in
+from patrol.net.security.roles import COMMON_NAMES, Role, access_control, role_of
+
+MESH = "mesh.json"
+"""The file in a member's folder that names the members of a fleet without a router."""
+LEASE_S = 5.0
+"""A member that is silent for so long is gone for the others, s: the longest time until they notice that it has died.
+With 2 s, sessions ended by mistake where 30 % of the datagrams were lost."""
+_ANYWHERE, _HERE = "quic/0.0.0.0:0?mixed_rel=1", "quic/127.0.0.1:0?mixed_rel=1"
+"""Any free port, for members whose address nobody needs to know."""
+_REMEDY = "copy mesh.json from the fleet's folder again"
+
+
+@dataclass(frozen=True, slots=True)
+class Mesh:
+    """A fleet without a router, as each of its members knows it.
+
+    Attributes:
+        fleet: Its name.
+        members: Roles by the common name of each member's certificate.
+        places: Known addresses, by `Role.user`: the locators that others connect to.
+    """
+
+    fleet: str
+    members: Mapping[str, Role]
+    places: Mapping[str, str]
+
+    @property
+    def robots(self) -> list[str]:
+        """The names of all robots."""
+        return sorted(role.robot for role in self.members.values() if role.robot)
+
+    def others(self, role: Role) -> tuple[str, ...]:
+        """Return the locators that a member connects to."""
+        return tuple(place for user, place in self.places.items() if user != role.user)
+
+    def listens_at(self, role: Role, *, beside: bool) -> str:
+        """Return where a member listens: at its address, on all of its host's, or on any free port.
+
+        Args:
+            role: The member's.
+            beside: Whether another session of this process listens at the member's address already.
+        """
+        place = None if beside else self.places.get(role.user)
+        if place is None:
+            return _HERE if all(map(is_local, self.places.values())) else _ANYWHERE
+        host, port = address_of(place)
+        if is_local(place):
+            return place
+        protocol, _, rest = place.partition("/")
+        _, mark, reliability = rest.partition("?")
+        return f"{protocol}/{'[::]' if ':' in host else '0.0.0.0'}:{port}{mark}{reliability}"
+
+    def session(self, listen: str) -> dict[str, object]:
+        """Give the settings for Zenoh's configuration of a member's session, but for its certificate, by key.
+
+        Args:
+            listen: Where it listens.
+        """
+        return {
+            "mode": "peer",
+            "scouting/gossip/enabled": True,
+            "scouting/gossip/autoconnect_strategy": {"peer": {"to_router": "always", "to_peer": "greater-zid"}},
+            "listen/endpoints": [listen],
+            "transport/link/tx/lease": round(LEASE_S * 1000),
+            "transport/link/tls/verify_name_on_connect": False,
+            "access_control": access_control(fleet_keys(self.fleet), self.members, COMMON_NAMES, routers=False),
+        }
+
+
+def mesh_json(mesh: Mesh) -> str:
+    """Return the text of the file `MESH`."""
+    users = {name: role.user for name, role in mesh.members.items()}
+    return f"{json.dumps({'fleet': mesh.fleet, 'members': users, 'places': dict(mesh.places)}, indent=2)}\n"
+
+
+def read_mesh(file: Path, option: str) -> Mesh:
+    """Read the file `MESH`.
+
+    Args:
+        file: The file.
+        option: What errors call it.
+
+    Raises:
+        BadInput: It cannot be read, or holds something else.
+    """
+    says = read_object(file, option)
+    where = f"{option}: {file}"
+    fleet = fleet_keys(text_in(says, "fleet's name", "fleet", where), f"{where}: fleet").fleet
+    members, places = (_texts(says, name, where) for name in ("members", "places"))
+    for user, place in places.items():
+        role_of(user, f"{where}: places")
+        check_place(place, f"{where}: places: {user}:")
+    return Mesh(fleet, {name: role_of(user, f"{where}: members") for name, user in members.items()}, places)
+
+
+def check_place(place: str, option: str) -> str:
+    """Check the address of a member of a mesh; return it. Raises BadInput."""
+    check_locator(place, option)
+    if not place.startswith(("quic/", "tls/")):
+        raise BadInput(f"{option} {place}: members have certificates, which need quic or tls; write quic/HOST:PORT")
+    return place
+
+
+def _texts(says: Mapping[str, Any], name: str, where: str) -> dict[str, str]:
+    value = says.get(name)
+    if not isinstance(value, dict) or not all(isinstance(text, str) for text in value.values()):
+        raise BadInput(f'{where}: expected "{name}", an object of texts; {_REMEDY}')
+    return value

@@ -1,0 +1,124 @@
+"""The files of a fleet's members: JSON objects, and secrets that only their owner may read."""
+
+from __future__ import annotations
+
+import json
+import os
+import stat
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from patrol.errors import BadInput
+from patrol.files.half_characters import refuse_half_characters
+from patrol.files.untrusted import ACCESS, open_untrusted
+from patrol.files.whole_file import replacing
+
+GIVEN = "CREDENTIALS_DIRECTORY"
+"""Variable of the environment with the folder of secrets that a service manager gives."""
+REMEDY = "make it with: fogwatch fleet init"
+
+
+def check_private(file: Path, option: str) -> None:
+    """Check that a file with a secret is a regular one that only its owner can read.
+
+    Args:
+        file: The file.
+        option: What errors call it.
+
+    Raises:
+        BadInput: It is something else, or others can read it.
+    """
+    try:
+        status = file.stat()
+    except OSError as error:
+        raise BadInput(f"{option}: {file} cannot be read: {error.strerror}; {REMEDY}") from None
+    if not stat.S_ISREG(status.st_mode):
+        raise BadInput(f"{option}: {file}: is no regular file; {REMEDY}")
+    if _exposed(file, status.st_mode):
+        raise BadInput(f"{option}: {file}: others can read it (mode {status.st_mode & 0o777:o}); run chmod 600 {file}")
+
+
+def _exposed(file: Path, mode: int) -> bool:
+    """Return True if others than its owner can read or change a file.
+
+    A service manager gives a service its secrets in a folder of their own, by an access list that names the service's
+    user. Such a list shows in the mode as a right of the group to read.
+    """
+    given_folder = os.environ.get(GIVEN)
+    allowed = 0o040 if given_folder and file.parent == Path(given_folder) else 0
+    return bool(mode & 0o077 & ~allowed)
+
+
+def read_object(file: Path, option: str, *, secret: bool = False) -> dict[str, Any]:
+    """Read the JSON object in a file.
+
+    Args:
+        file: The file.
+        option: What errors call it.
+        secret: Whether only its owner may be able to read it.
+
+    Raises:
+        BadInput: It cannot be read, or is no JSON object.
+    """
+    try:
+        with open_untrusted(file, ACCESS) as opened:
+            mode = os.fstat(opened.fileno()).st_mode & 0o777
+            text = opened.read(ACCESS.most)
+    except OSError as error:
+        raise BadInput(f"{option}: {file} cannot be read: {error.strerror}") from None
+    if secret and _exposed(file, mode):
+        raise BadInput(f"{option}: {file}: others can read it (mode {mode:o}); run chmod 600 {file}")
+    try:
+        says = json.loads(text)
+    except (ValueError, RecursionError):
+        says = None
+    if not isinstance(says, dict):
+        raise BadInput(f"{option}: {file}: expected a JSON object")
+    refuse_half_characters(says, f"{option}: {file}")
+    return says
+
+
+def write_private(file: Path, text: str) -> None:
+    """Write a new file that only its owner may read.
+
+    Args:
+        file: The new file.
+        text: What it holds.
+
+    Raises:
+        OSError: It exists already, or cannot be written.
+    """
+    descriptor = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    with os.fdopen(descriptor, "w", encoding="utf-8") as opened:
+        opened.write(text)
+
+
+def text_in(says: Mapping[str, Any], what: str, name: str, where: str) -> str:
+    """Return the text of a field that must be there. Raises BadInput."""
+    value = says.get(name)
+    if not isinstance(value, str) or not value:
+        raise BadInput(f'{where}: expected "{name}", the {what}; {REMEDY}')
+    return value
+
+
+def option_in(says: Mapping[str, Any], name: str, where: str) -> str | None:
+    """Return the text of a field that may be missing. Raises BadInput."""
+    value = says.get(name)
+    if value is not None and not isinstance(value, str):
+        raise BadInput(f"{where}: {name}: expected a text; {REMEDY}")
+    return value
+
+
+def replace_private(file: Path, text: str) -> None:
+    """Write a file that only its owner may read; readers see the whole file or the one before.
+
+    Args:
+        file: The file, which may be there already.
+        text: What it is to hold.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    with replacing(file) as part:
+        write_private(part, text)

@@ -1,0 +1,266 @@
+"""A fleet without a router: who hears whom, who may speak for whom, and who gets in."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from socket import SOCK_DGRAM
+
+import pytest
+
+from fogwatch.fleet_folder import FleetFolder, fleet_to_change, make_fleet
+from patrol.errors import BadInput
+from patrol.net.keys import WORLD, address_of, fleet_keys
+from patrol.net.link import Link, LinkDown, PortBusy, open_link, open_session
+from patrol.net.mailbox import Mailbox
+from patrol.net.messages.stop_orders import Order, Outcome, StopOrders, ask_robots, robots_to_ask
+from patrol.net.open_links import open_links
+from patrol.net.security.credentials import Credentials, read_credentials
+from patrol.net.security.mesh import MESH, read_mesh
+from patrol.net.security.roles import robot_role
+from patrol.net.settings import client_settings
+from tests.routers import PATIENCE_S, await_seen, free_port, needs_openssl
+
+pytestmark = needs_openssl
+
+MEMBERS = ("r1", "r2", "r3", "world", "viewer", "operator")
+KEYS = fleet_keys("mesh")
+TRY_S = 0.05
+SHORT_S = 2.0
+"""How long a process tries that nobody lets in."""
+
+
+def new_fleet(folder: Path, **places: str) -> FleetFolder:
+    """A fleet of three robots on this machine; those with a place can be connected to."""
+    return make_fleet(folder, "mesh", ["r1", "r2", "r3"], [], free_port(SOCK_DGRAM), 1, places)
+
+
+@pytest.fixture(scope="module")
+def template(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A fleet whose third robot has no known address, made once."""
+    return new_fleet(tmp_path_factory.mktemp("meshes") / "mesh", r1="127.0.0.1", r2="127.0.0.1").path
+
+
+@pytest.fixture
+def folder(template: Path, tmp_path: Path) -> Path:
+    """The fleet at other ports: a session that has been closed keeps its own for a moment."""
+    made = Path(shutil.copytree(template, tmp_path / "mesh"))
+    ports = {address_of(place)[1]: free_port(SOCK_DGRAM) for place in read_mesh(made / MESH, "test").places.values()}
+    for file in (made / "fleet.json", *made.rglob(MESH)):
+        text = file.read_text(encoding="utf-8")
+        file.write_text(re.sub(r":(\d+)\?", lambda found: f":{ports[int(found[1])]}?", text), encoding="utf-8")
+    return made
+
+
+Join = Callable[..., Link]
+
+
+@pytest.fixture
+def join(folder: Path) -> Iterator[Join]:
+    """Opens members' links."""
+    links: list[Link] = []
+
+    def opened(name: str, own: Path = folder, wait_s: float = PATIENCE_S) -> Link:
+        credentials = read_credentials(own / name, "test")
+        links.append(open_link(credentials.router, wait_s, credentials=credentials))
+        return links[-1]
+
+    yield opened
+    for link in links:
+        link.close()
+
+
+def await_neighbours(link: Link, *names: str) -> None:
+    kinds = {name: f"robot-{name}.1" if name.startswith("r") else f"{name}.1" for name in names}
+    assert link.neighbours.await_all(kinds.values(), PATIENCE_S), f"has met {set(link.neighbours.names)} alone"
+
+
+def hear(receiver: Link, expression: str, *keys: str) -> Mailbox[bytes]:
+    mailbox: Mailbox[bytes] = Mailbox(keys, bytes, 100)
+    receiver.subscribe(expression, mailbox)
+    return mailbox
+
+
+def arrives(post: Callable[[bytes], None], mailbox: Mailbox[bytes]) -> str:
+    """Send until something arrives, since a subscription takes a moment to be known; the key of what arrives."""
+    for _ in range(int(PATIENCE_S / TRY_S)):
+        post(b"here")
+        if (arrived := mailbox.get(TRY_S)) is not None:
+            return arrived[0]
+    raise AssertionError("nothing arrives")
+
+
+def test_every_robot_hears_every_other_though_one_s_address_was_told_to_nobody(join: Join) -> None:
+    robots = {name: join(name) for name in ("r3", "r1", "r2")}
+    boxes = {name: hear(link, KEYS.position("*"), *map(KEYS.position, robots)) for name, link in robots.items()}
+    for sender, link in robots.items():
+        post = link.broadcast(KEYS.position(sender))
+        for receiver in robots:
+            if receiver != sender:
+                while arrives(post, boxes[receiver]) != KEYS.position(sender):
+                    pass
+
+
+def test_the_death_of_a_robot_silences_no_other(join: Join) -> None:
+    r1, r2, r3 = join("r1"), join("r2"), join("r3")
+    await_neighbours(r2, "r1", "r3")
+    r1.close()
+    box = hear(r3, KEYS.position("*"), KEYS.position("r2"))
+    assert arrives(r2.broadcast(KEYS.position("r2")), box) == KEYS.position("r2")
+
+
+@pytest.fixture
+def lie(folder: Path) -> Iterator[Callable[[str], Link]]:
+    """Opens the links of members that keep to no rules themselves."""
+    links: list[Link] = []
+
+    def opened(name: str) -> Link:
+        credentials = read_credentials(folder / name, "test")
+        settings = client_settings(credentials.router, 1.0, credentials)
+        free = {**settings, "access_control": {"enabled": False}}
+        links.append(Link(open_session(free, credentials.router, PATIENCE_S, lambda _waited: None, lambda: False)))
+        return links[-1]
+
+    yield opened
+    for link in links:
+        link.close()
+
+
+@pytest.mark.parametrize("liar", MEMBERS)
+def test_no_member_can_speak_for_another(liar: str, join: Join, lie: Callable[[str], Link]) -> None:
+    """One session sends all, in order: what comes under its own keys shows that the forged was not let through."""
+    listeners = {name: join(name) for name in MEMBERS if name != liar}
+    link = lie(liar)
+    await_neighbours(link, *listeners)
+    makers = (KEYS.position, KEYS.tick, KEYS.reply, KEYS.telemetry)
+    every = [KEYS.truth("metrics"), *(make(name) for name in ("r1", "r2", "r3") for make in makers)]
+    heard: Mailbox[bytes] = Mailbox(every, bytes, 100)
+    for listener in listeners.values():
+        for key in every:
+            listener.subscribe(key, heard)
+    posts = [link.post(key) for key in every]
+    own = {make(liar) for make in (KEYS.position, KEYS.reply, KEYS.telemetry)} if liar.startswith("r") else set()
+    if liar == "world":
+        own = {KEYS.truth("metrics"), *map(KEYS.tick, ("r1", "r2", "r3"))}
+    arrived: set[str] = set()
+    until = time.monotonic() + (PATIENCE_S if own else SHORT_S)
+    while arrived != own and time.monotonic() < until:
+        for post in posts:
+            post(b"x")
+        while (news := heard.get(TRY_S)) is not None:
+            arrived.add(news[0])
+    assert arrived == own
+
+
+def test_strangers_and_members_that_were_revoked_do_not_get_in(join: Join, folder: Path, tmp_path: Path) -> None:
+    """What the others hear of a member shows that they would have heard the stranger."""
+    strange = new_fleet(tmp_path / "strange", r1="127.0.0.1").path
+    shutil.copy(folder / MESH, strange / "r3" / MESH)
+    own = Path(shutil.copytree(folder, tmp_path / "own"))
+    with fleet_to_change(own) as fleet:
+        fleet.revoke(robot_role("r2"), 1)
+    r1 = join("r1", own)
+    stranger, revoked, r3 = join("r3", strange), join("r2", folder), join("r3", own)
+    await_neighbours(r3, "r1")
+    assert revoked.neighbours.await_any(PATIENCE_S), "its certificate is still valid, so it gets a session"
+    box = hear(r1, KEYS.position("*"), *(KEYS.position(name) for name in ("r2", "r3")))
+    for post in (stranger.broadcast(KEYS.position("r3")), revoked.broadcast(KEYS.position("r2"))):
+        for _ in range(int(SHORT_S / TRY_S)):
+            post(b"x")
+            assert box.get(TRY_S) is None
+    assert arrives(r3.broadcast(KEYS.position("r3")), box) == KEYS.position("r3")
+    assert not stranger.neighbours.names
+    shutil.copy(own / MESH, folder / "r2" / MESH)
+    with pytest.raises(BadInput, match="r2 is no member of fleet mesh; copy the fleet's"):
+        read_credentials(folder / "r2", "test")
+
+
+def test_an_order_to_all_reaches_robots_that_have_not_been_met_yet(join: Join) -> None:
+    for name in ("r1", "r2", "r3"):
+        StopOrders(join(name), KEYS, name).obey(lambda order: Outcome(order is Order.STOP, "stands"))
+    operator = join("operator")
+    assert robots_to_ask(operator, KEYS) == ["r1", "r2", "r3"]
+    answers = ask_robots(operator, KEYS, robots_to_ask(operator, KEYS), Order.STOP, PATIENCE_S)
+    assert sorted(name for name, outcome in answers if outcome.done) == ["r1", "r2", "r3"]
+
+
+def test_tokens_are_seen_as_at_a_router(join: Join) -> None:
+    world, r1 = join("world"), join("r1")
+    world.live(KEYS.alive(WORLD))
+    r1.live(KEYS.alive("r1"))
+    await_seen(world, KEYS.alive("r1"))
+    await_seen(r1, KEYS.alive(WORLD))
+    await_seen(join("viewer"), KEYS.alive(WORLD))
+
+
+def test_a_viewer_waits_for_the_first_member_and_says_when_there_is_none(folder: Path, join: Join) -> None:
+    credentials = read_credentials(folder / "viewer", "test")
+    with pytest.raises(LinkDown, match="no member of fleet mesh answers at quic/127"):
+        open_link(credentials.router, 0.2, credentials=credentials)
+    with pytest.raises(BadInput, match="are the certificates valid: fogwatch fleet check"):
+        open_links(credentials.router, None, 0.2, print, lambda: False, credentials)
+    join("r2")
+    assert join("viewer").neighbours.await_any(PATIENCE_S)
+
+
+def test_two_processes_cannot_be_the_same_robot_on_one_machine_but_a_process_may_have_two_sessions(
+    folder: Path, join: Join
+) -> None:
+    join("r1")
+    credentials = read_credentials(folder / "r1", "test")
+    with pytest.raises(PortBusy, match="the port is busy"):
+        open_link(credentials.router, PATIENCE_S, credentials=credentials)
+    second = open_link(credentials.router, PATIENCE_S, credentials=replace(credentials, beside=True))
+    second.close()
+
+
+def test_a_radio_on_a_mesh_of_its_own(folder: Path, join: Join, tmp_path: Path) -> None:
+    radio = new_fleet(tmp_path / "radio", r1="127.0.0.1", r2="127.0.0.1").path
+    credentials = read_credentials(folder / "r1", "test")
+    links = open_links(credentials.router, str(radio / "r1"), PATIENCE_S, print, lambda: False, credentials)
+    assert links is not None
+    box = hear(join("r2", radio), KEYS.position("*"), KEYS.position("r1"))
+    assert arrives(links[1].broadcast(KEYS.position("r1")), box) == KEYS.position("r1")
+    for link in links:
+        link.close()
+
+
+def test_where_members_listen(tmp_path: Path) -> None:
+    made = make_fleet(tmp_path / "f", "f", ["r1", "r2"], [], 7447, 1, {"r1": "192.0.2.1", "r2": "fd00::2"})
+    assert made.mesh == read_mesh(made.path / MESH, "test") == read_mesh(made.path / "viewer" / MESH, "test")
+
+    def own(name: str) -> Credentials:
+        return read_credentials(made.path / name, "test")
+
+    assert own("r1").listens_at == "quic/0.0.0.0:7447?mixed_rel=1"
+    assert own("r2").listens_at == "quic/[::]:7447?mixed_rel=1"
+    assert replace(own("r2"), beside=True).listens_at == own("viewer").listens_at == "quic/0.0.0.0:0?mixed_rel=1"
+    assert own("r1").router == "quic/[fd00::2]:7447?mixed_rel=1"
+    assert own("world").router == "quic/192.0.2.1:7447?mixed_rel=1,quic/[fd00::2]:7447?mixed_rel=1"
+    with pytest.raises(BadInput, match="without a router"):
+        own("r1").check_router("tls/192.0.2.9:7447", "--router")
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("[]", "expected a JSON object"),
+        ('{"fleet": "mesh", "members": {}}', 'expected "places"'),
+        ('{"fleet": "mesh", "members": {"a": "king"}, "places": {}}', "'king': no role of a fleet"),
+        ('{"fleet": "mesh", "members": {"a": 1}, "places": {}}', 'expected "members"'),
+        ('{"fleet": "mesh", "members": {}, "places": {"robot-r1": "tcp/a:1"}}', "which need quic or tls"),
+        ('{"fleet": "mesh", "members": {}, "places": {"robot-r1": "here"}}', "not a router's address"),
+        ('{"fleet": "other", "members": {"r": "robot-r1"}, "places": {}}', "is of fleet other"),
+    ],
+)
+def test_a_file_of_a_mesh_that_says_something_else_is_bad_input(
+    text: str, says: str, folder: Path, tmp_path: Path
+) -> None:
+    own = Path(shutil.copytree(folder / "r1", tmp_path / "r1"))
+    (own / MESH).write_text(text, encoding="utf-8")
+    with pytest.raises(BadInput, match=says):
+        read_credentials(own, "--credentials")
