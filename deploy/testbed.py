@@ -2,13 +2,16 @@
 """A fleet of several machines on one: each robot is a host, a network namespace of its own.
 
     sudo .venv/bin/python deploy/testbed.py examples/direct-radio.yaml --out runs/bed --loss 0.3 --cut r2:20:10
+    sudo .venv/bin/python deploy/testbed.py examples/direct-radio.yaml --by mesh --out runs/mesh --loss 0.3 --kill r2:60
     sudo .venv/bin/python deploy/testbed.py examples/three-hosts.yaml --by fleet --out runs/hosts --cut r2:90:60
 
 Each robot has a wire to a hub, the host of router and world: a veth pair. With `--by fleet` it carries all
 traffic. Otherwise a second wire is its radio: a pair of TAP devices between which this script carries Ethernet frames,
 or loses them on their way to the robot, with a probability that you choose. Robots then hear each other by a multicast
-group, one datagram a position, or by a router over TCP. A cut takes all wires of a robot down for a while. Processes
-have the folders of a fleet's members (`fogwatch fleet init`) and speak TLS; each is started once, and never again.
+group, one datagram a position, by a router over TCP or QUIC, or as a mesh: then there is no router at all, and robots
+and world meet on the other wires as a mesh too. A cut takes all wires of a robot down for a while. Processes
+have the folders of a fleet's members (`fogwatch fleet init`) and their certificates; each is started once, and never
+again.
 
 Needs Linux, root, iproute2, util-linux and /dev/net/tun, and fogwatch with its extra `sim`. Namespaces and processes
 are gone when it ends; those of one that was killed are cleared up by the next. The run folder gets what any run leaves,
@@ -33,7 +36,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -49,6 +52,8 @@ BODY, RADIO = "10.77.0", "10.78.0"
 """The first three numbers of the addresses on bodies' and radios' wires; they exist inside the namespaces only."""
 HUB = 254
 GROUP, BODY_PORT, RADIO_PORT = "224.0.0.225", 7447, 7448
+ROUTERS = {"tcp": f"tls/{RADIO}.{HUB}:{RADIO_PORT}", "quic": f"quic/{RADIO}.{HUB}:{RADIO_PORT}?mixed_rel=1"}
+"""Where a router that carries nothing but positions listens, by what carries them."""
 MOST_ROBOTS = 100
 GRACE_S = 3.0
 PATIENCE_S = 600.0
@@ -218,6 +223,14 @@ class Bed:
 
 
 @dataclass(frozen=True)
+class Kill:
+    """A robot's process is killed at a simulated time, s."""
+
+    robot: int
+    at: float
+
+
+@dataclass(frozen=True)
 class Cut:
     """A robot's wires are down from a simulated time on, for so long (both in s)."""
 
@@ -265,31 +278,74 @@ def check_rights() -> None:
         ip("netns", "delete", trial)
 
 
-def run(bed: Bed, by: str, cuts: Sequence[Cut], scenario: Path, fleet: FleetFolder) -> int:
+@dataclass(frozen=True)
+class Meeting:
+    """How the processes of a fleet meet, and where robots hear each other."""
+
+    by: str
+    fleet: FleetFolder
+    radio: FleetFolder | None
+    """The mesh of the radios alone; None where they are no mesh."""
+
+    def start_routers(self, bed: Bed) -> None:
+        """Start the routers that it needs."""
+        if self.by == "mesh":
+            return
+        guarded = ["--fleet", str(self.fleet.path)]
+        bed.start("router", bed.hub, "fogwatch.router", *guarded)
+        if self.by in ROUTERS:
+            bed.start("radio-router", bed.hub, "fogwatch.router", *guarded, "--listen", ROUTERS[self.by])
+
+    def options(self, member: str) -> list[str]:
+        """The options by which a member's process meets the others."""
+        own = ["--credentials", str(self.fleet.path / member)]
+        if self.by == "fleet":
+            return own
+        by_itself = f"udp/{GROUP}:{RADIO_PORT}#iface=radio"
+        radio = ROUTERS.get(self.by, by_itself) if self.radio is None else str(self.radio.path / member)
+        return [*own, "--radio", radio]
+
+
+def make_meeting(by: str, folder: Path, names: Sequence[str]) -> Meeting:
+    """Make the credentials that a fleet needs."""
+    hosts = {name: number for number, name in enumerate(names, 1)} | {"world": HUB}
+
+    def meshed(network: str) -> dict[str, str]:
+        return {name: f"{network}.{number}" for name, number in hosts.items()} if by == "mesh" else {}
+
+    routers = [] if by == "mesh" else [f"{BODY}.{HUB}", f"{RADIO}.{HUB}"]
+    fleet = make_fleet(folder / "bed", "bed", names, routers, BODY_PORT, days=1, places=meshed(BODY))
+    if by != "mesh":
+        return Meeting(by, fleet, None)
+    return Meeting(by, fleet, make_fleet(folder / "radio", "bed", names, [], RADIO_PORT, days=1, places=meshed(RADIO)))
+
+
+def run(bed: Bed, meeting: Meeting, cuts: Sequence[Cut], kills: Sequence[Kill], scenario: Path) -> int:
     """Run the fleet to its end; the world's exit code."""
-    guarded = ["--fleet", str(fleet.path)]
-    bed.start("router", bed.hub, "fogwatch.router", *guarded)
-    radio = f"udp/{GROUP}:{RADIO_PORT}#iface=radio"
-    if by == "tcp":
-        radio = f"tls/{RADIO}.{HUB}:{RADIO_PORT}"
-        bed.start("radio-router", bed.hub, "fogwatch.router", *guarded, "--listen", radio)
-    common = [*(["--radio", radio] if bed.radio_wires else []), "--scenario", str(scenario)]
-    common += ["--wait", str(PATIENCE_S), "--credentials"]
-    bed.start("world", bed.hub, "worldsim", *common, str(fleet.path / "world"), "--out", str(bed.out))
+    meeting.start_routers(bed)
+    common = ["--scenario", str(scenario), "--wait", str(PATIENCE_S)]
+    bed.start("world", bed.hub, "worldsim", *common, *meeting.options("world"), "--out", str(bed.out))
     for number, name in bed.names.items():
-        bed.start(f"robot-{name}", bed.space(number), "agent", *common, str(fleet.path / name))
+        bed.start(f"robot-{name}", bed.space(number), "agent", *common, *meeting.options(name))
     world = bed.processes["world"]
+    events = [(kill.at, "killed", kill.robot) for kill in kills]
+    for cut in cuts:
+        events += [(cut.at, "down", cut.robot), (cut.at + cut.lasts, "up", cut.robot)]
     done = []
-    switches = [(cut.at, True, cut.robot) for cut in cuts] + [(cut.at + cut.lasts, False, cut.robot) for cut in cuts]
-    for at, down, robot in sorted(switches):
+    for at, what, robot in sorted(events):
         while world.poll() is None and bed.ticks() * bed.scenario.step < at:
             time.sleep(0.02)
-        bed.cut(robot, down=down)
-        done.append({"robot": bed.names[robot], "link": "down" if down else "up", "tick": bed.ticks()})
-        print(f"tick {done[-1]['tick']}: {bed.names[robot]}'s link is {done[-1]['link']}", flush=True)
+        name = bed.names[robot]
+        if what == "killed":
+            bed.processes[f"robot-{name}"].kill()
+        else:
+            bed.cut(robot, down=what == "down")
+        done.append({"robot": name, "link": what, "tick": bed.ticks()})
+        said = f"{name} is killed" if what == "killed" else f"{name}'s link is {what}"
+        print(f"tick {done[-1]['tick']}: {said}", flush=True)
     code = world.wait()
     wires = {bed.names[wire.robot]: {"passed": wire.passed, "lost": wire.lost} for wire in bed.relay.wires}
-    network = {"by": by, "wires": wires, "cuts": done}
+    network = {"by": meeting.by, "wires": wires, "cuts": done}
     (bed.out / "network.json").write_text(f"{json.dumps(network, indent=2)}\n", encoding="utf-8")
     return code
 
@@ -307,6 +363,8 @@ def report(out: Path, log: Path) -> Iterator[str]:
         yield f"{link}: heard {counts['heard']} of {counts['sent']} ({_share(counts['heard'], counts['sent'])})"
     down: dict[str, int] = {}
     for switch in network["cuts"]:
+        if switch["link"] == "killed":
+            continue
         if switch["link"] == "down":
             down[switch["robot"]] = switch["tick"]
         else:
@@ -321,29 +379,30 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="run folder, new or empty")
     parser.add_argument(
         "--by",
-        choices=("group", "tcp", "fleet"),
+        choices=("group", *ROUTERS, "mesh", "fleet"),
         default="group",
-        help="multicast group, router for positions alone, or the fleet's own router",
+        help="multicast group, a router for positions over TLS or QUIC, no router at all, or the fleet's own router",
     )
     parser.add_argument("--loss", type=float, default=0.0, metavar="P", help="share lost on each radio's wire, 0 to 1")
     parser.add_argument("--seed", type=int, default=1, metavar="K", help="of what is lost (default: %(default)s)")
     parser.add_argument(
         "--cut", action="append", default=[], metavar="ROBOT:AT:FOR", help="take a robot's wires down, simulated s"
     )
+    parser.add_argument(
+        "--kill", action="append", default=[], metavar="ROBOT:AT", help="kill a robot's process at a simulated time, s"
+    )
     options = parser.parse_args(arguments)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        scenario, cuts = _check(options)
+        scenario, cuts, kills = _check(options)
         check_rights()
         clear_up_after_others()
         bed = Bed(scenario, options.out, Relay(options.loss, options.seed), radio_wires=options.by != "fleet")
         with tempfile.TemporaryDirectory(prefix="fogwatch-bed-") as secrets:
-            names = [spec.name for spec in scenario.roster]
-            hosts = [f"{BODY}.{HUB}", f"{RADIO}.{HUB}"]
-            fleet = make_fleet(Path(secrets) / "bed", "bed", names, hosts, BODY_PORT, days=1)
+            meeting = make_meeting(options.by, Path(secrets), [spec.name for spec in scenario.roster])
             try:
                 bed.build()
-                code = run(bed, options.by, cuts, options.scenario, fleet)
+                code = run(bed, meeting, cuts, kills, options.scenario)
             finally:
                 bed.clear()
     except BadInput as bad:
@@ -359,7 +418,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return code
 
 
-def _check(options: argparse.Namespace) -> tuple[Scenario, list[Cut]]:
+def _check(options: argparse.Namespace) -> tuple[Scenario, list[Cut], list[Kill]]:
     scenario = load_scenario(options.scenario)
     if options.by == "fleet":
         if scenario.pace == "lockstep":
@@ -377,17 +436,26 @@ def _check(options: argparse.Namespace) -> tuple[Scenario, list[Cut]]:
     if options.out.exists() and any(options.out.iterdir()):
         raise BadInput(f"--out {options.out}: not empty; choose another folder")
     numbers = {spec.name: spec.number for spec in scenario.roster}
-    cuts = []
-    for text in options.cut:
-        name, _, times = text.partition(":")
+    cuts = [Cut(robot, *times) for robot, times in _at("cut", "ROBOT:AT:FOR", "r2:20:10", options, numbers)]
+    kills = [Kill(robot, *times) for robot, times in _at("kill", "ROBOT:AT", "r2:20", options, numbers)]
+    return scenario, cuts, kills
+
+
+def _at(
+    option: str, form: str, example: str, options: argparse.Namespace, numbers: Mapping[str, int]
+) -> Iterator[tuple[int, list[float]]]:
+    """What an option says happens to robots: their numbers, and times."""
+    for text in getattr(options, option):
+        name, *words = text.split(":")
         try:
-            at, lasts = (float(word) for word in times.split(":"))
+            times = [float(word) for word in words]
         except ValueError:
-            raise BadInput(f"--cut {text}: expected ROBOT:AT:FOR, such as r2:20:10") from None
+            times = []
+        if len(times) != form.count(":"):
+            raise BadInput(f"--{option} {text}: expected {form}, such as {example}")
         if name not in numbers:
-            raise BadInput(f"--cut {text}: no robot of {options.scenario} is called {name}")
-        cuts.append(Cut(numbers[name], at, lasts))
-    return scenario, cuts
+            raise BadInput(f"--{option} {text}: no robot of {options.scenario} is called {name}")
+        yield numbers[name], times
 
 
 def _course(journal: Journal, name: str, down: int, up: int) -> str:

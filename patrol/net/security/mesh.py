@@ -1,9 +1,10 @@
 """A fleet without a router: the members that meet each other directly, and where the first ones listen.
 
 Each member's folder holds the same file `MESH`, which is no secret: who is a member, and known addresses. A member
-listens at its own, if it has one, and connects to all others; gossip tells it of those without. It lets in whoever has
-a certificate of the fleet's authority, and each may do what its role may do at a router: access rules hold at each
-member's own door.
+listens at its own, if it has one, and connects to all others; gossip tells it of those without. Both ends connect,
+since each lets in one at a time: a connection whose packets are lost can hold up all others at a door for 30 s. A
+member lets in whoever has a certificate of the fleet's authority, and each may do what its role may do at a router:
+access rules hold at each member's own door.
 
 The name of a host is not verified, because members may have any address: the certificate's common name says which
 member it is, and one that no rule names may do nothing.
@@ -25,8 +26,11 @@ from patrol.net.security.roles import COMMON_NAMES, Role, access_control, role_o
 MESH = "mesh.json"
 """The file in a member's folder that names the members of a fleet without a router."""
 LEASE_S = 5.0
-"""A member that is silent for so long is gone for the others, s: the longest time until they notice that it has died.
-With 2 s, sessions ended by mistake where 30 % of the datagrams were lost."""
+"""A member that is silent for so long is gone for the others, s: the longest time until they notice its death."""
+_SIGNS = 16
+"""Signs of life in that time, of each link. Where all are lost, the link for what may be lost is given up for good, and
+positions then travel on the other one, which repeats them until they arrive: late. With Zenoh's 4 this happened within
+minutes where 30 % of the datagrams were lost."""
 _ANYWHERE, _HERE = "quic/0.0.0.0:0?mixed_rel=1", "quic/127.0.0.1:0?mixed_rel=1"
 """Any free port, for members whose address nobody needs to know."""
 _REMEDY = "copy mesh.json from the fleet's folder again"
@@ -56,7 +60,7 @@ class Mesh:
         return tuple(place for user, place in self.places.items() if user != role.user)
 
     def listens_at(self, role: Role, *, beside: bool) -> str:
-        """Return where a member listens: at its address, on all of its host's, or on any free port.
+        """Return where a member listens: at its known address, or on any free port.
 
         Args:
             role: The member's.
@@ -65,12 +69,7 @@ class Mesh:
         place = None if beside else self.places.get(role.user)
         if place is None:
             return _HERE if all(map(is_local, self.places.values())) else _ANYWHERE
-        host, port = address_of(place)
-        if is_local(place):
-            return place
-        protocol, _, rest = place.partition("/")
-        _, mark, reliability = rest.partition("?")
-        return f"{protocol}/{'[::]' if ':' in host else '0.0.0.0'}:{port}{mark}{reliability}"
+        return place
 
     def session(self, listen: str) -> dict[str, object]:
         """Give the settings for Zenoh's configuration of a member's session, but for its certificate, by key.
@@ -84,6 +83,7 @@ class Mesh:
             "scouting/gossip/autoconnect_strategy": {"peer": {"to_router": "always", "to_peer": "greater-zid"}},
             "listen/endpoints": [listen],
             "transport/link/tx/lease": round(LEASE_S * 1000),
+            "transport/link/tx/keep_alive": _SIGNS,
             "transport/link/tls/verify_name_on_connect": False,
             "access_control": access_control(fleet_keys(self.fleet), self.members, COMMON_NAMES, routers=False),
         }
@@ -128,3 +128,11 @@ def _texts(says: Mapping[str, Any], name: str, where: str) -> dict[str, str]:
     if not isinstance(value, dict) or not all(isinstance(text, str) for text in value.values()):
         raise BadInput(f'{where}: expected "{name}", an object of texts; {_REMEDY}')
     return value
+
+
+def everywhere(place: str) -> str:
+    """Return the locator to listen on for a place that is no address of this machine: now, or as others see it."""
+    host, port = address_of(place)
+    protocol, _, rest = place.partition("/")
+    _, mark, reliability = rest.partition("?")
+    return f"{protocol}/{'[::]' if ':' in host else '0.0.0.0'}:{port}{mark}{reliability}"

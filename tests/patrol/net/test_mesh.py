@@ -20,7 +20,7 @@ from patrol.net.mailbox import Mailbox
 from patrol.net.messages.stop_orders import Order, Outcome, StopOrders, ask_robots, robots_to_ask
 from patrol.net.open_links import open_links
 from patrol.net.security.credentials import Credentials, read_credentials
-from patrol.net.security.mesh import MESH, read_mesh
+from patrol.net.security.mesh import MESH, everywhere, read_mesh
 from patrol.net.security.roles import robot_role
 from patrol.net.settings import client_settings
 from tests.routers import PATIENCE_S, await_seen, free_port, needs_openssl
@@ -229,6 +229,17 @@ def test_a_radio_on_a_mesh_of_its_own(folder: Path, join: Join, tmp_path: Path) 
         link.close()
 
 
+def test_a_member_listens_everywhere_where_its_address_is_not_this_machine_s(tmp_path: Path, join: Join) -> None:
+    """It may be behind another address, as in a container, or may not have it yet."""
+    port = free_port(SOCK_DGRAM)
+    made = make_fleet(tmp_path / "f", "mesh", ["r1", "r2"], [], port, 1, {"r1": "192.0.2.1", "r2": "127.0.0.1"})
+    r1 = join("r1", made.path)
+    text = (made.path / MESH).read_text(encoding="utf-8").replace("192.0.2.1", "127.0.0.1")
+    (made.path / "viewer" / MESH).write_text(text, encoding="utf-8")
+    await_neighbours(join("viewer", made.path), "r1")
+    await_neighbours(r1, "viewer")
+
+
 def test_where_members_listen(tmp_path: Path) -> None:
     made = make_fleet(tmp_path / "f", "f", ["r1", "r2"], [], 7447, 1, {"r1": "192.0.2.1", "r2": "fd00::2"})
     assert made.mesh == read_mesh(made.path / MESH, "test") == read_mesh(made.path / "viewer" / MESH, "test")
@@ -236,8 +247,10 @@ def test_where_members_listen(tmp_path: Path) -> None:
     def own(name: str) -> Credentials:
         return read_credentials(made.path / name, "test")
 
-    assert own("r1").listens_at == "quic/0.0.0.0:7447?mixed_rel=1"
-    assert own("r2").listens_at == "quic/[::]:7447?mixed_rel=1"
+    assert own("r1").listens_at == "quic/192.0.2.1:7447?mixed_rel=1"
+    assert own("r2").listens_at == "quic/[fd00::2]:7447?mixed_rel=1"
+    assert everywhere(own("r1").listens_at) == "quic/0.0.0.0:7447?mixed_rel=1"
+    assert everywhere(own("r2").listens_at) == "quic/[::]:7447?mixed_rel=1"
     assert replace(own("r2"), beside=True).listens_at == own("viewer").listens_at == "quic/0.0.0.0:0?mixed_rel=1"
     assert own("r1").router == "quic/[fd00::2]:7447?mixed_rel=1"
     assert own("world").router == "quic/192.0.2.1:7447?mixed_rel=1,quic/[fd00::2]:7447?mixed_rel=1"
