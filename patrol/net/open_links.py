@@ -72,9 +72,7 @@ def open_links(
     if radio is None:
         return link, link
     try:
-        if on_a_mesh is not None:
-            return link, open_link(on_a_mesh.router, wait_s, waiting_for(radio), stopped, on_a_mesh)
-        return link, _open_air(radio, wait_s, waiting_for(radio), stopped, credentials, callers)
+        return link, open_air(radio, wait_s, waiting_for(radio), stopped, on_a_mesh or credentials, callers)
     except (LinkDown, GroupDown, SerialDown) as down:
         link.close()
         if stopped():
@@ -82,19 +80,35 @@ def open_links(
         raise BadInput(f"--radio {radio}: {down}") from None
 
 
-def _open_air(
+def open_air(
     radio: str,
     wait_s: float,
     waiting: Callable[[float], None],
     stopped: Callable[[], bool],
-    credentials: Credentials | None,
-    callers: Mapping[int, str],
+    credentials: Credentials | None = None,
+    callers: Mapping[int, str] = MappingProxyType({}),
 ) -> Air:
-    """Open what carries positions: a group, a serial line, or a router of its own."""
+    """Open what carries positions alone: a group, a serial line, a mesh, or a router of its own.
+
+    Args:
+        radio: Where robots hear each other, checked (`patrol.net.keys.check_radio`).
+        wait_s: How long to wait for a router.
+        waiting: As for `patrol.net.link.open_link`.
+        stopped: Whether to give up.
+        credentials: For a mesh or a router; None for a router that asks for none.
+        callers: As for `open_links`.
+
+    Raises:
+        LinkDown: No router has answered in time, or the mesh cannot be listened for.
+        GroupDown: The group cannot be joined.
+        SerialDown: The line cannot be used.
+    """
     if is_group(radio):
         return open_group(radio)
     if is_serial(radio):
         return open_serial(radio, callers)
+    if credentials is not None and credentials.mesh is not None:
+        return open_link(credentials.router, wait_s, waiting, stopped, credentials)
     # A link that has been cut delivers on its return what is long out of date; with a short lease it is a new one.
     settings = client_settings(radio, RADIO_LEASE_S, credentials)
     return Link(open_session(settings, radio, wait_s, waiting, stopped))

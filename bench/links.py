@@ -1,0 +1,209 @@
+"""What robots hear of each other over links that lose datagrams, and how late, by what carries positions: one table.
+
+    sudo .venv/bin/python -m bench.links                             # half an hour
+    sudo .venv/bin/python -m bench.links --ways mesh,quic --losses 0.3
+
+Six hosts, each a network namespace of its own, are joined by wires that lose each datagram on its way to a host with a
+given probability (`deploy/testbed.py`). On each a process sends ten positions of 20 bytes a second and hears the
+others', by the same code as a robot. What was sent in half a minute counts, after another in which they meet.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median, quantiles
+from types import SimpleNamespace
+from typing import Any, cast
+
+from deploy.testbed import GROUP, HUB, IMPOSSIBLE, RADIO, RADIO_PORT, Bed, Impossible, Relay, check_rights, make_meeting
+from fogwatch.fleet_folder import make_fleet
+from patrol.net.keys import fleet_keys, robot_of
+from patrol.net.mailbox import Mailbox
+from patrol.net.open_links import open_air
+from patrol.net.security.credentials import read_credentials
+from patrol.scenario import Scenario
+
+AT = f"{RADIO}.{HUB}:{RADIO_PORT}"
+ROUTERS = {
+    "TCP": f"tcp/{AT}",
+    "TLS": f"tls/{AT}",
+    "UDP, mixed reliability": f"udp/{AT}?rel=1;mixed_rel=1",
+    "QUIC": f"quic/{AT}",
+    "QUIC, mixed reliability": f"quic/{AT}?mixed_rel=1",
+}
+"""Where a router listens, by what carries positions through it."""
+GUARDED = ("tls/", "quic/")
+WAYS = ("multicast", *ROUTERS, "mesh")
+LOSSES = (0.0, 0.1, 0.3, 0.6)
+ROBOTS = tuple(f"r{number}" for number in range(1, 7))
+FLEET = "links"
+MEET_S, COUNT_S, END_S = 30.0, 30.0, 6.0
+PERIOD_S = 0.1
+_FRAME = struct.Struct("<dI8x")
+
+
+@dataclass(frozen=True)
+class Heard:
+    """What one host has heard.
+
+    Attributes:
+        first_s: When it first heard each of the others, s after the start.
+        delays_s: Of the frames that were sent while it counted, by their sender; one that came twice counts once.
+        sent: How many it has sent meanwhile.
+    """
+
+    first_s: dict[str, float]
+    delays_s: dict[str, list[float]]
+    sent: int
+
+
+def main() -> int:
+    """Measure, and print the table; the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--ways", default=";".join(WAYS), help="of carrying positions, with semicolons between them")
+    parser.add_argument("--losses", default=",".join(map(str, LOSSES)), help="shares of datagrams that are lost")
+    parser.add_argument("--host", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.host is not None:
+        return _be_a_host(json.loads(options.host))
+    ways, losses = options.ways.split(";"), [float(loss) for loss in options.losses.split(",")]
+    if unknown := set(ways) - set(WAYS):
+        parser.error(f"--ways: {min(unknown)}: choose among {'; '.join(WAYS)}")
+    try:
+        check_rights()
+        for line in _table(ways, losses):
+            print(line, flush=True)
+    except Impossible as impossible:
+        print(f"links: not possible here: {impossible}", file=sys.stderr)
+        return IMPOSSIBLE
+    return 0
+
+
+def _table(ways: Sequence[str], losses: Sequence[float]) -> Iterator[str]:
+    yield "| carried by | lost | heard | median ms | 95 % ms | largest ms | pairs that met in 30 s | the last s |"
+    yield "|---|---|---|---|---|---|---|---|"
+    for way in ways:
+        for loss in losses:
+            yield _row(way, loss, _measure(way, loss))
+
+
+def _row(way: str, loss: float, hosts: dict[str, Heard]) -> str:
+    pairs = len(hosts) * (len(hosts) - 1)
+    delays = sorted(1e3 * delay for host in hosts.values() for each in host.delays_s.values() for delay in each)
+    sent = sum(host.sent for host in hosts.values()) * (len(hosts) - 1)
+    met = [first for host in hosts.values() for first in host.first_s.values() if first <= MEET_S]
+    late = (
+        f"{median(delays):.1f} | {quantiles(delays, n=20)[-1]:.0f} | {delays[-1]:.0f}"
+        if len(delays) > 1
+        else "- | - | -"
+    )
+    last = f"{max(met):.1f}" if met else "-"
+    return f"| {way} | {loss:.0%} | {len(delays) / sent:.1%} | {late} | {len(met)} of {pairs} | {last} |"
+
+
+def _measure(way: str, loss: float) -> dict[str, Heard]:
+    """Let all hosts send and hear over links that lose so much."""
+    roster = [SimpleNamespace(number=number, name=name) for number, name in enumerate(ROBOTS, 1)]
+    with tempfile.TemporaryDirectory(prefix="fogwatch-links-") as temporary:
+        folder = Path(temporary)
+        bed = Bed(cast("Scenario", SimpleNamespace(roster=roster)), folder / "out", Relay(loss, 1), radio_wires=True)
+        try:
+            radios, credentials = _prepare(way, folder, bed)
+            begin_s = time.time() + 1.0
+            hosts = {
+                name: _start(
+                    bed,
+                    number,
+                    {
+                        "name": name,
+                        "radio": radios[name],
+                        "credentials": credentials.get(name),
+                        "begin_s": begin_s,
+                    },
+                )
+                for number, name in bed.names.items()
+            }
+            answers = {name: json.loads(host.communicate()[0]) for name, host in hosts.items()}
+        finally:
+            bed.clear()
+    return {name: Heard(**answer) for name, answer in answers.items()}
+
+
+def _prepare(way: str, folder: Path, bed: Bed) -> tuple[dict[str, str], dict[str, str]]:
+    """Make the network, and a router where one is needed; each host's radio, and its credentials where it needs any."""
+    bed.build()
+    if way == "mesh":
+        meeting = make_meeting("mesh", folder, ROBOTS)
+        assert meeting.radio is not None
+        own = {name: str(meeting.radio.path / name) for name in ROBOTS}
+        return own, own
+    if way == "multicast":
+        return dict.fromkeys(ROBOTS, f"udp/{GROUP}:{RADIO_PORT}#iface=radio"), {}
+    radio = ROUTERS[way]
+    if not radio.startswith(GUARDED):
+        bed.start("router", bed.hub, "fogwatch.router", "--listen", radio, "--open")
+        return dict.fromkeys(ROBOTS, radio), {}
+    fleet = make_fleet(folder / "fleet", FLEET, ROBOTS, [f"{RADIO}.{HUB}"], RADIO_PORT, 1)
+    bed.start("router", bed.hub, "fogwatch.router", "--fleet", str(fleet.path), "--listen", radio)
+    return dict.fromkeys(ROBOTS, radio), {name: str(fleet.path / name) for name in ROBOTS}
+
+
+def _start(bed: Bed, number: int, what: dict[str, Any]) -> subprocess.Popen[str]:
+    command = [
+        "ip",
+        "netns",
+        "exec",
+        bed.space(number),
+        sys.executable,
+        "-m",
+        "bench.links",
+        "--host",
+        json.dumps(what),
+    ]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+
+
+def _be_a_host(what: dict[str, Any]) -> int:
+    """Send and hear on one host, and print what came of it."""
+    credentials = None if what["credentials"] is None else read_credentials(Path(what["credentials"]), "host")
+    keys = fleet_keys("bed" if credentials is None else credentials.fleet)
+    own, begin_s = what["name"], what["begin_s"]
+    others = {keys.position(name): name for name in ROBOTS if name != own}
+    count_from, count_to = begin_s + MEET_S, begin_s + MEET_S + COUNT_S
+    end_s = count_to + END_S
+    air = open_air(what["radio"], end_s - time.time(), lambda _waited: None, lambda: time.time() > end_s, credentials)
+    mailbox: Mailbox[bytes] = Mailbox(others, bytes, _FRAME.size, 4096)
+    air.subscribe(keys.position("*"), mailbox)
+    post = air.broadcast(keys.position(own))
+    heard = Heard({}, {name: [] for name in others.values()}, 0)
+    seen: set[tuple[str, int]] = set()
+    sent = counted = 0
+    while (now := time.time()) < end_s:
+        if now >= begin_s + sent * PERIOD_S and now < count_to:
+            post(_FRAME.pack(now, sent))
+            sent += 1
+            counted += now >= count_from
+        if (news := mailbox.get(max(min(begin_s + sent * PERIOD_S, end_s) - now, 0.001))) is None:
+            continue
+        name = robot_of(news[0])
+        at_s, number = _FRAME.unpack(news[1])
+        heard.first_s.setdefault(name, time.time() - begin_s)
+        if count_from <= at_s < count_to and (name, number) not in seen:
+            seen.add((name, number))
+            heard.delays_s[name].append(time.time() - at_s)
+    print(json.dumps({"first_s": heard.first_s, "delays_s": heard.delays_s, "sent": counted}), flush=True)
+    air.close()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
