@@ -49,6 +49,10 @@ TELL_S = (1.0, 5.0)
 ECHO_S = 3600.0
 """Longest wait for a router that does not answer, s."""
 
+MSGPACK = zenoh.Encoding.ZENOH_BYTES.with_schema("msgpack")
+"""What tools that show a fleet's messages need to know to show more than bytes. Every message carries it, so it is
+short."""
+
 SETTLE_S = 1.0
 """How long a process that looks at a mesh waits for the other robots and the world, after it has met the first, s."""
 
@@ -119,6 +123,7 @@ class Link:
             key,
             congestion_control=control,
             priority=zenoh.Priority.INTERACTIVE_HIGH,
+            encoding=MSGPACK,
             express=not together,
         )
         self._declared.append(publisher)
@@ -137,6 +142,7 @@ class Link:
             key,
             congestion_control=zenoh.CongestionControl.DROP,
             priority=zenoh.Priority.INTERACTIVE_HIGH,
+            encoding=MSGPACK,
             express=False,
             reliability=zenoh.Reliability.BEST_EFFORT,
             allowed_destination=zenoh.Locality.REMOTE,
@@ -151,7 +157,10 @@ class Link:
             key: To publish under.
         """
         publisher = self._session.declare_publisher(
-            key, congestion_control=zenoh.CongestionControl.DROP, priority=zenoh.Priority.DATA_LOW
+            key,
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=zenoh.Priority.DATA_LOW,
+            encoding=MSGPACK,
         )
         self._declared.append(publisher)
         return publisher.put

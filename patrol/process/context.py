@@ -35,13 +35,14 @@ from patrol.process.reporting.logs import Log, begin_log
 from patrol.process.reporting.metrics import MetricsServer, listen_at
 from patrol.process.reporting.notify import Notifier
 from patrol.process.reporting.supervision import Supervision, take_supervision
-from patrol.process.reporting.vitals import Vitals
+from patrol.process.reporting.vitals import CONNECTIONS, Vitals
 from patrol.process.starting.readiness import StartFailure, StartReport, report_start
 
 if TYPE_CHECKING:
     from patrol.net.link import Link
     from patrol.net.mailbox import Air
-    from patrol.net.security.roles import Kind
+    from patrol.net.security.mesh import Mesh
+    from patrol.net.security.roles import Kind, Role
     from patrol.prepare import Prepared
     from patrol.scenario import Scenario
 
@@ -162,7 +163,22 @@ class ProcessContext:
         closing.callback(link.close)
         if air is not link:
             closing.callback(air.close)
+        if link.mesh is not None and met.credentials is not None and not quiet:
+            self._follow_mesh(link, link.mesh, met.credentials.role)
         return link, air
+
+    def _follow_mesh(self, link: Link, mesh: Mesh, own: Role) -> None:
+        """Say which other members come and go, and count the connected ones."""
+        self.vitals.probe(CONNECTIONS, lambda: len(link.neighbours.names))
+
+        def tell(common_name: str, there: bool) -> None:
+            role = mesh.members.get(common_name)
+            if role is None:
+                self.log.warning(f"{common_name} {'connects' if there else 'is gone'}: no member, so it may do nothing")
+            elif role != own:
+                self.log.info(f"{role.name} is {'connected' if there else 'no longer connected'}")
+
+        link.neighbours.tell(tell)
 
     def warm(self, packages: Sequence[str], scenario: Scenario | None = None) -> None:
         """Make sure that the kernels of some packages are compiled.

@@ -182,3 +182,37 @@ def test_a_message_that_is_too_long_is_put_together_by_nobody(links: Callable[[]
             if (arrived := mailbox.get(1.0)) is not None:
                 heard.append(arrived[1])
     assert max(heard) == MAX_MESSAGE // 2
+
+
+@pytest.mark.parametrize("way", [Link.post, Link.broadcast, Link.publisher])
+def test_messages_say_how_they_are_encoded(way: Callable[[Link, str], Callable[[bytes], None]], endpoint: str) -> None:
+    """For tools that know nothing of fogwatch."""
+    config = zenoh.Config()
+    config.insert_json5("mode", '"client"')
+    config.insert_json5("connect/endpoints", f'["{endpoint}"]')
+    arrived: Mailbox[str] = Mailbox(("t",), bytes.decode, 100)
+    link = open_link(endpoint, PATIENCE_S)
+    with zenoh.open(config) as tool:
+        tool.declare_subscriber("t", lambda sample: arrived.put("t", str(sample.encoding)))
+        post, until = way(link, "t"), time.monotonic() + PATIENCE_S
+        while (news := arrived.get(0.05)) is None:
+            assert time.monotonic() < until
+            post(b"x")
+    assert news == ("t", "zenoh/bytes;msgpack")
+    assert link.close(PATIENCE_S)
+
+
+def test_a_client_finds_the_next_router_where_the_first_is_gone() -> None:
+    first, second = free_endpoint(), free_endpoint()
+    routers = [open_router(first), open_router(second, others=[first])]
+    both = open_link(f"{first},{second}", PATIENCE_S)
+    other = open_link(second, PATIENCE_S)
+    mailbox: Mailbox[int] = Mailbox(("t",), whole, 100)
+    other.subscribe("t", mailbox)
+    post = both.post("t", waits=False)
+    assert reach(post, mailbox, b"1") == ("t", 1)
+    assert routers[0].close(PATIENCE_S)
+    while reach(post, mailbox, b"2") == ("t", 1):
+        pass  # it was sent before the first router went
+    for link in (both, other, routers[1]):
+        assert link.close(PATIENCE_S)
