@@ -12,6 +12,7 @@ import shutil
 import signal
 from collections.abc import Iterator
 from pathlib import Path
+from socket import SOCK_DGRAM
 
 import numpy as np
 import pytest
@@ -267,7 +268,7 @@ def test_the_closed_fleet_of_simulated_robots_can_be_driven_as_its_page_says(
     monkeypatch.setattr("os.nice", lambda _: 0)  # it would hold for all tests after this one
     for file in (ROOT / "examples" / "maps").glob("office.*"):
         shutil.copy(file, file.name)
-    ports = {"7448": str(free_port()), "init hall-1": f"init hall-1 --port {free_port()}"}
+    ports = {"7450": str(free_port()), "init hall-1": f"init hall-1 --port {free_port(SOCK_DGRAM)}"}
     for number, line in enumerate(COMMANDS["docs/ros2/closed-fleet.md"]):
         words = shlex.split(re.sub("|".join(ports), lambda match: ports[match[0]], line))[1:]
         if words[0] not in WAITING:
