@@ -127,6 +127,12 @@ test-hosts: install ## a router and two robots, a host each: one robot is cut of
 	$(BIN)/python -P deploy/testbed.py examples/three-hosts.yaml --by fleet --cut r2:90:60 \
 		--out runs/hosts-$$(date +%Y%m%d-%H%M%S)
 
+.PHONY: test-mesh
+test-mesh: develop ## six robots without a router lose 30 % of what they send, and one is killed (Linux, root; half an hour)
+	$(BIN)/python -m pytest -q tests/patrol/net/test_mesh.py
+	$(BIN)/python -P deploy/testbed.py examples/six-hosts.yaml --by mesh --loss 0.3 --kill r2:600 \
+		--out runs/mesh-$$(date +%Y%m%d-%H%M%S)
+
 .PHONY: accept
 accept: develop ## long measurements, and variants of tests of which CI runs one
 	$(BIN)/python -m pytest -m accept

@@ -36,9 +36,10 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from agent.ports import State
 from fogwatch.fleet_folder import FleetFolder, make_fleet
@@ -56,6 +57,12 @@ ROUTERS = {"tcp": f"tls/{RADIO}.{HUB}:{RADIO_PORT}", "quic": f"quic/{RADIO}.{HUB
 """Where a router that carries nothing but positions listens, by what carries them."""
 MOST_ROBOTS = 100
 GRACE_S = 3.0
+DOWN, UP, KILLED = "down", "up", "killed"
+HALF, PAGE = "half", "page"
+SOON_S = 2.0
+REPORTED_S = 0.3
+"""By when robots have reported what they had heard before something happened, s."""
+HEARD = Path(__file__).with_name("heard.py")
 PATIENCE_S = 600.0
 """How long a process waits for the router and for the others, also where it is cut off from them."""
 
@@ -176,19 +183,36 @@ class Bed:
         for space in namespaces(self.mark):
             ip("netns", "delete", space)
 
-    def start(self, name: str, space: str, module: str, *arguments: str) -> None:
-        """Start a process of fogwatch in a namespace. It dies with this one."""
+    def start(self, name: str, space: str, what: str | Path, *arguments: str) -> None:
+        """Start a module or a script in a namespace. It dies with this one."""
         logs = self.out / "logs"
         logs.mkdir(parents=True, exist_ok=True)
         mortal = ["setpriv", "--pdeathsig", "KILL"]
-        command = ["ip", "netns", "exec", space, *mortal, sys.executable, "-P", "-m", module, *arguments]
+        command = ["ip", "netns", "exec", space, *mortal, sys.executable, "-P"]
+        command += [str(what) if isinstance(what, Path) else f"-m{what}", *arguments]
         with (logs / f"{name}.log").open("ab") as log:
             self.processes[name] = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=log, stderr=log)
 
-    def cut(self, robot: int, *, down: bool) -> None:
-        """Take all wires of a robot down, or up again, at the hub's end."""
-        for kind in ("body", "radio")[: 1 + self.radio_wires]:
-            ip("-n", self.hub, "link", "set", f"{kind}{robot}", "down" if down else "up")
+    def bring_about(self, event: Event) -> None:
+        """Kill a process, take all wires of a robot down or up, or part the radios' network in two, or join it."""
+        if event.what == KILLED:
+            self.processes[event.who].kill()
+        elif event.who == HALF:
+            self._part(apart=event.what == DOWN)
+        else:
+            number = {name: number for number, name in self.names.items()}[event.who]
+            for kind in ("body", "radio")[: 1 + self.radio_wires]:
+                ip("-n", self.hub, "link", "set", f"{kind}{number}", event.what)
+
+    def _part(self, *, apart: bool) -> None:
+        """Give the radios of the second half of the robots a hub of their own, or join the two."""
+        if apart:
+            ip("-n", self.hub, "link", "add", "apart", "type", "bridge", "mcast_snooping", "0")
+            ip("-n", self.hub, "link", "set", "apart", "up")
+        for number in sorted(self.names)[len(self.names) // 2 :]:
+            ip("-n", self.hub, "link", "set", f"radio{number}", "master", "apart" if apart else "radio")
+        if not apart:
+            ip("-n", self.hub, "link", "delete", "apart")
 
     def ticks(self) -> int:
         """How many ticks the world has done."""
@@ -223,20 +247,12 @@ class Bed:
 
 
 @dataclass(frozen=True)
-class Kill:
-    """A robot's process is killed at a simulated time, s."""
+class Event:
+    """What happens at a simulated time, s: a link goes down or comes up again, or a process is killed."""
 
-    robot: int
     at: float
-
-
-@dataclass(frozen=True)
-class Cut:
-    """A robot's wires are down from a simulated time on, for so long (both in s)."""
-
-    robot: int
-    at: float
-    lasts: float
+    what: str
+    who: str
 
 
 def ip(*arguments: str) -> str:
@@ -320,32 +336,29 @@ def make_meeting(by: str, folder: Path, names: Sequence[str]) -> Meeting:
     return Meeting(by, fleet, make_fleet(folder / "radio", "bed", names, [], RADIO_PORT, days=1, places=meshed(RADIO)))
 
 
-def run(bed: Bed, meeting: Meeting, cuts: Sequence[Cut], kills: Sequence[Kill], scenario: Path) -> int:
+def run(bed: Bed, meeting: Meeting, events: Sequence[Event], scenario: Path) -> int:
     """Run the fleet to its end; the world's exit code."""
     meeting.start_routers(bed)
     common = ["--scenario", str(scenario), "--wait", str(PATIENCE_S)]
     bed.start("world", bed.hub, "worldsim", *common, *meeting.options("world"), "--out", str(bed.out))
     for number, name in bed.names.items():
-        bed.start(f"robot-{name}", bed.space(number), "agent", *common, *meeting.options(name))
+        bed.start(name, bed.space(number), "agent", *common, *meeting.options(name))
+    viewer = str(meeting.fleet.path / "viewer")
+    bed.start(PAGE, bed.hub, "monitor", "--credentials", viewer, "--wait", str(PATIENCE_S))
+    if bed.radio_wires:
+        bed.start("heard", bed.hub, HEARD, viewer, str(bed.out / "heard.jsonl"), *bed.names.values())
     world = bed.processes["world"]
-    events = [(kill.at, "killed", kill.robot) for kill in kills]
-    for cut in cuts:
-        events += [(cut.at, "down", cut.robot), (cut.at + cut.lasts, "up", cut.robot)]
     done = []
-    for at, what, robot in sorted(events):
-        while world.poll() is None and bed.ticks() * bed.scenario.step < at:
+    for event in sorted(events, key=lambda event: event.at):
+        while world.poll() is None and bed.ticks() * bed.scenario.step < event.at:
             time.sleep(0.02)
-        name = bed.names[robot]
-        if what == "killed":
-            bed.processes[f"robot-{name}"].kill()
-        else:
-            bed.cut(robot, down=what == "down")
-        done.append({"robot": name, "link": what, "tick": bed.ticks()})
-        said = f"{name} is killed" if what == "killed" else f"{name}'s link is {what}"
+        bed.bring_about(event)
+        done.append({"who": event.who, "what": event.what, "tick": bed.ticks(), "at_s": time.time()})
+        said = f"{event.who} is killed" if event.what == KILLED else f"{event.who}'s link is {event.what}"
         print(f"tick {done[-1]['tick']}: {said}", flush=True)
     code = world.wait()
     wires = {bed.names[wire.robot]: {"passed": wire.passed, "lost": wire.lost} for wire in bed.relay.wires}
-    network = {"by": meeting.by, "wires": wires, "cuts": done}
+    network = {"by": meeting.by, "wires": wires, "events": done}
     (bed.out / "network.json").write_text(f"{json.dumps(network, indent=2)}\n", encoding="utf-8")
     return code
 
@@ -362,13 +375,13 @@ def report(out: Path, log: Path) -> Iterator[str]:
     for link, counts in summary.get("direct", {}).get("links", {}).items():
         yield f"{link}: heard {counts['heard']} of {counts['sent']} ({_share(counts['heard'], counts['sent'])})"
     down: dict[str, int] = {}
-    for switch in network["cuts"]:
-        if switch["link"] == "killed":
-            continue
-        if switch["link"] == "down":
-            down[switch["robot"]] = switch["tick"]
+    for event in network["events"]:
+        if event["what"] == KILLED or event["who"] == HALF:
+            yield _after(out, network["events"], event)
+        elif event["what"] == DOWN:
+            down[event["who"]] = event["tick"]
         else:
-            yield _course(read_journal(out / "journal"), switch["robot"], down[switch["robot"]], switch["tick"])
+            yield _course(read_journal(out / "journal"), event["who"], down[event["who"]], event["tick"])
     yield f"mean MFoW {summary['mfow_mean_s']:.1f} s; verdict {summary['verdict']['outcome']}; {out}"
 
 
@@ -386,15 +399,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--loss", type=float, default=0.0, metavar="P", help="share lost on each radio's wire, 0 to 1")
     parser.add_argument("--seed", type=int, default=1, metavar="K", help="of what is lost (default: %(default)s)")
     parser.add_argument(
-        "--cut", action="append", default=[], metavar="ROBOT:AT:FOR", help="take a robot's wires down, simulated s"
+        "--cut",
+        action="append",
+        default=[],
+        metavar="ROBOT:AT:FOR",
+        help=f"take a robot's wires down, simulated s; {HALF} parts the radios' network in two",
     )
     parser.add_argument(
-        "--kill", action="append", default=[], metavar="ROBOT:AT", help="kill a robot's process at a simulated time, s"
+        "--kill",
+        action="append",
+        default=[],
+        metavar="PROCESS:AT",
+        help="kill a process at a simulated time, s: a robot's, router, radio-router, page or world",
     )
     options = parser.parse_args(arguments)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        scenario, cuts, kills = _check(options)
+        scenario, events = _check(options)
         check_rights()
         clear_up_after_others()
         bed = Bed(scenario, options.out, Relay(options.loss, options.seed), radio_wires=options.by != "fleet")
@@ -402,7 +423,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             meeting = make_meeting(options.by, Path(secrets), [spec.name for spec in scenario.roster])
             try:
                 bed.build()
-                code = run(bed, meeting, cuts, kills, options.scenario)
+                code = run(bed, meeting, events, options.scenario)
             finally:
                 bed.clear()
     except BadInput as bad:
@@ -418,7 +439,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return code
 
 
-def _check(options: argparse.Namespace) -> tuple[Scenario, list[Cut], list[Kill]]:
+def _check(options: argparse.Namespace) -> tuple[Scenario, list[Event]]:
     scenario = load_scenario(options.scenario)
     if options.by == "fleet":
         if scenario.pace == "lockstep":
@@ -435,16 +456,20 @@ def _check(options: argparse.Namespace) -> tuple[Scenario, list[Cut], list[Kill]
         raise BadInput(f"--loss {options.loss:g}: expected a share from 0 to 1")
     if options.out.exists() and any(options.out.iterdir()):
         raise BadInput(f"--out {options.out}: not empty; choose another folder")
-    numbers = {spec.name: spec.number for spec in scenario.roster}
-    cuts = [Cut(robot, *times) for robot, times in _at("cut", "ROBOT:AT:FOR", "r2:20:10", options, numbers)]
-    kills = [Kill(robot, *times) for robot, times in _at("kill", "ROBOT:AT", "r2:20", options, numbers)]
-    return scenario, cuts, kills
+    robots = [spec.name for spec in scenario.roster]
+    parts = [*robots, "world", PAGE, *(() if options.by == "mesh" else ("router",))]
+    parts += ["radio-router"] if options.by in ROUTERS else []
+    halves = [HALF] if options.by != "fleet" else []
+    events = [Event(at, KILLED, who) for who, at in _at("kill", "PROCESS:AT", "r2:20", options, parts)]
+    for who, at, lasts in _at("cut", "ROBOT:AT:FOR", "r2:20:10", options, [*robots, *halves]):
+        events += [Event(at, DOWN, who), Event(at + lasts, UP, who)]
+    return scenario, events
 
 
 def _at(
-    option: str, form: str, example: str, options: argparse.Namespace, numbers: Mapping[str, int]
-) -> Iterator[tuple[int, list[float]]]:
-    """What an option says happens to robots: their numbers, and times."""
+    option: str, form: str, example: str, options: argparse.Namespace, names: Sequence[str]
+) -> Iterator[tuple[Any, ...]]:
+    """What an option says happens: to whom, and times."""
     for text in getattr(options, option):
         name, *words = text.split(":")
         try:
@@ -453,9 +478,9 @@ def _at(
             times = []
         if len(times) != form.count(":"):
             raise BadInput(f"--{option} {text}: expected {form}, such as {example}")
-        if name not in numbers:
-            raise BadInput(f"--{option} {text}: no robot of {options.scenario} is called {name}")
-        yield numbers[name], times
+        if name not in names:
+            raise BadInput(f"--{option} {text}: {options.scenario} has no {name}; choose among {', '.join(names)}")
+        yield name, *times
 
 
 def _course(journal: Journal, name: str, down: int, up: int) -> str:
@@ -468,6 +493,42 @@ def _course(journal: Journal, name: str, down: int, up: int) -> str:
     back = next((k for k, row in rows if row.decision_ms is not None and row.state != State.HOLDING), None)
     again = "never decided again" if back is None else f"decided again {(back - up) * step:g} s after its link was back"
     return f"{name} {again}; mean MFoW {mfow} its cut"
+
+
+def _after(out: Path, events: Sequence[dict[str, Any]], event: dict[str, Any]) -> str:
+    """How long those that are left took to hear each other after something had happened."""
+    what = f"{event['who']} {event['what']}"
+    if not (out / "heard.jsonl").exists():
+        return what
+    dead = {one["who"] for one in events if one["what"] == KILLED and one["at_s"] <= event["at_s"]}
+    waits = [
+        (wait_s, hears, heard)
+        for hears, heard, wait_s in _silences(out / "heard.jsonl", event["at_s"] + REPORTED_S)
+        if not {hears, heard} & dead
+    ]
+    longest_s, hears, heard = max(waits)
+    within = sum(wait_s <= SOON_S for wait_s, _, _ in waits)
+    return (
+        f"{what}: {within} of {len(waits)} pairs of those left heard each other within {SOON_S:g} s, the last, {hears} "
+        f"{heard}, after {longest_s:.1f} s"
+    )
+
+
+def _silences(file: Path, since_s: float) -> Iterator[tuple[str, str, float]]:
+    """Each robot, each other that it hears, and how long from some time on it took to hear that again, s."""
+    before: dict[str, dict[str, int]] = {}
+    after: dict[tuple[str, str], float] = {}
+    for line in file.read_text(encoding="utf-8").splitlines():
+        at_s, robot, heard = json.loads(line)
+        if at_s < since_s:
+            before[robot] = heard
+            continue
+        for other, count in heard.items():
+            if count > before.get(robot, {}).get(other, count):
+                after.setdefault((robot, other), at_s - since_s)
+    for robot, heard in before.items():
+        for other in heard:
+            yield robot, other, after.get((robot, other), float("inf"))
 
 
 def _share(part: int, whole: int) -> str:

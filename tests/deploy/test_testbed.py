@@ -94,7 +94,9 @@ def decided(ticks: Sequence[TickRecord], place: int) -> list[int]:
         ({"radio": {"via": "ether"}, "pace": "lockstep"}, ("--by", "fleet"), "pace = lockstep"),
         ({}, ("--by", "fleet", "--loss", "0.1"), "only radio wires lose frames"),
         ({}, ("--cut", "r2:soon"), "--cut r2:soon: expected ROBOT:AT:FOR"),
-        ({}, ("--cut", "r9:1:2"), "no robot of"),
+        ({}, ("--cut", "r9:1:2"), "has no r9; choose among r1, r2, r3, half"),
+        ({}, ("--kill", "r2"), "--kill r2: expected PROCESS:AT"),
+        ({}, ("--kill", "r2:1:2"), "--kill r2:1:2: expected PROCESS:AT"),
     ],
 )
 def test_what_makes_no_sense_is_refused(
@@ -107,7 +109,7 @@ def test_what_makes_no_sense_is_refused(
 
 
 @pytest.mark.network
-@pytest.mark.parametrize("by", ["group", "tcp"])
+@pytest.mark.parametrize("by", ["group", "tcp", "quic", "mesh"])
 def test_robots_on_a_network_hear_each_other(by: str, bed: Bed) -> None:
     ran = bed(SCENARIO, "--by", by)
     assert ran.code == 0, ran.said
@@ -128,7 +130,7 @@ def test_robots_on_a_network_hear_each_other(by: str, bed: Bed) -> None:
 def test_a_robot_that_is_cut_off_halts_and_comes_back_while_the_others_go_on(bed: Bed) -> None:
     ran = bed(SCENARIO, "--cut", "r2:10:8")
     assert ran.code == 0, ran.said
-    down, up = (switch["tick"] for switch in ran.file("network.json")["cuts"])
+    down, up = (switch["tick"] for switch in ran.file("network.json")["events"])
     ticks = ran.ticks
     quiet = ticks[down + 4 : up]  # the watchdog takes two ticks; the tick in which the link went, two more
     places = {(tick.robots[1].x, tick.robots[1].y) for tick in quiet}
@@ -163,7 +165,7 @@ def test_a_host_that_is_cut_off_from_the_fleet_s_router_comes_back_by_itself(via
     ran = bed({**at_pace, "duration": 50.0, "watchdog": 2.0}, "--by", "fleet", "--cut", "r2:10:20")
     assert ran.code == 0, ran.said
     assert "r2 decided again" in ran.said
-    down, up = (switch["tick"] for switch in ran.file("network.json")["cuts"])
+    down, up = (switch["tick"] for switch in ran.file("network.json")["events"])
     quiet = range(down + 6, up)
     assert not set(decided(ran.ticks, 1)) & set(quiet)
     assert len(set(decided(ran.ticks, 0)) & set(quiet)) > ENOUGH * len(quiet), "r1 stood still too"
@@ -203,3 +205,20 @@ def test_a_reliable_link_turns_loss_into_delay(bed: Bed) -> None:
     assert ran.code == 0, ran.said
     assert min(wire["lost"] for wire in ran.file("network.json")["wires"].values()) > 0
     assert ran.file("summary.json")["direct"]["heard_share"] > 0.85
+
+
+@pytest.mark.network
+def test_a_robot_that_dies_in_a_mesh_silences_no_other(bed: Bed) -> None:
+    ran = bed(SCENARIO, "--by", "mesh", "--loss", "0.3", "--kill", "r1:20")
+    assert ran.code == 0, ran.said
+    (death,) = ran.file("network.json")["events"]
+    assert (death["who"], death["what"]) == ("r1", "killed")
+    heard = [json.loads(line) for line in (ran.folder / "heard.jsonl").read_text(encoding="utf-8").splitlines()]
+    for robot, other in (("r2", "r3"), ("r3", "r2")):
+        counts = [counts[other] for at_s, name, counts in heard if name == robot and at_s > death["at_s"] + 1.0]
+        assert counts[-1] > counts[0], f"{robot} has not heard {other} any more"
+    silent = [counts["r1"] for at_s, name, counts in heard if name == "r2" and at_s > death["at_s"] + 1.0]
+    assert len(set(silent)) == 1, "a dead robot was heard"
+    for name, wire in ran.file("network.json")["wires"].items():
+        assert 0.2 < wire["lost"] / (wire["lost"] + wire["passed"]) < 0.4, name
+    assert "r1 killed: " in ran.said
