@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from statistics import median, quantiles
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any, NoReturn, cast
 
 from deploy.testbed import GROUP, HUB, IMPOSSIBLE, RADIO, RADIO_PORT, Bed, Impossible, Relay, check_rights, make_meeting
 from fogwatch.fleet_folder import make_fleet
@@ -30,6 +30,7 @@ from patrol.net.keys import fleet_keys, robot_of
 from patrol.net.mailbox import Mailbox
 from patrol.net.open_links import open_air
 from patrol.net.security.credentials import read_credentials
+from patrol.process.lifeline import leave
 from patrol.scenario import Scenario
 
 AT = f"{RADIO}.{HUB}:{RADIO_PORT}"
@@ -74,7 +75,7 @@ def main() -> int:
     parser.add_argument("--host", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.host is not None:
-        return _be_a_host(json.loads(options.host))
+        _be_a_host(json.loads(options.host))
     ways, losses = options.ways.split(";"), [float(loss) for loss in options.losses.split(",")]
     if unknown := set(ways) - set(WAYS):
         parser.error(f"--ways: {min(unknown)}: choose among {'; '.join(WAYS)}")
@@ -172,7 +173,7 @@ def _start(bed: Bed, number: int, what: dict[str, Any]) -> subprocess.Popen[str]
     return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
 
 
-def _be_a_host(what: dict[str, Any]) -> int:
+def _be_a_host(what: dict[str, Any]) -> NoReturn:
     """Send and hear on one host, and print what came of it."""
     credentials = None if what["credentials"] is None else read_credentials(Path(what["credentials"]), "host")
     keys = fleet_keys("bed" if credentials is None else credentials.fleet)
@@ -202,7 +203,7 @@ def _be_a_host(what: dict[str, Any]) -> int:
             heard.delays_s[name].append(time.time() - at_s)
     print(json.dumps({"first_s": heard.first_s, "delays_s": heard.delays_s, "sent": counted}), flush=True)
     air.close()
-    return 0
+    leave(0)
 
 
 if __name__ == "__main__":

@@ -49,6 +49,11 @@ def main() -> int:
     code = run_app(app)
     if _HEEDS_CTRL_C:
         signal.signal(signal.SIGINT, _leave)  # while the interpreter puts itself away
+    if "patrol.net.link" in sys.modules:
+        from patrol.net.link import is_closing
+
+        if is_closing():
+            os._exit(code)
     return code
 
 

@@ -40,6 +40,9 @@ CLOSE_S, MESH_CLOSE_S = 2.0, 0.3
 """Longest wait for closing, s; under loss closing has taken longer. In a mesh Zenoh closes only when its attempts to
 connect to members that are not there have ended, up to 10 s later; by then all that was declared has gone."""
 
+CLOSING = "closing"
+"""The name of the threads that close sessions."""
+
 SEE_S = 5.0
 """Longest wait for the router's list of tokens, s."""
 
@@ -324,10 +327,15 @@ def close_session(session: zenoh.Session, declared: list[Any], limit_s: float) -
 
     if session.is_closed():
         return True
-    closing = threading.Thread(target=close, daemon=True)
+    closing = threading.Thread(target=close, name=CLOSING, daemon=True)
     closing.start()
-    closing.join(limit_s)  # Zenoh aborts a process that ends while a thread is leaving it
+    closing.join(limit_s)
     return closed.is_set()
+
+
+def is_closing() -> bool:
+    """Return True if a session still closes: its thread aborts an interpreter that ends, so `os._exit` must end it."""
+    return any(thread.name == CLOSING for thread in threading.enumerate())
 
 
 def _answers(query: zenoh.Query, key: str) -> Post:
