@@ -175,6 +175,8 @@ class ProcessContext:
             role = mesh.members.get(common_name)
             if role is None:
                 self.log.warning(f"{common_name} {'connects' if there else 'is gone'}: no member, so it may do nothing")
+            elif role == own and own.robot and there:  # a world has two sessions
+                self.log.warning(f"another process is {own.name} as well; end it, or revoke {own.name}: it has a copy")
             elif role != own:
                 self.log.info(f"{role.name} is {'connected' if there else 'no longer connected'}")
 
