@@ -5,9 +5,9 @@
     build/ros-venv/bin/python deploy/ros/relay.py --connect tcp/127.0.0.1:7447 --topics '/robot1/.*|/tf.*'
     fogwatch doctor --connect tcp/127.0.0.1:7447 --namespace robot1
 
-Once a second it looks at the ROS graph. What other nodes publish goes to Zenoh, under the topic's name without its first
-slash; what they subscribe to comes from there. Messages pass as the bytes that they are. Each topic is shown on Zenoh by
-a liveliness token, so that `fogwatch doctor` sees who publishes and who obeys.
+Once a second it looks at the ROS graph. What other nodes publish goes to Zenoh, under the topic's name without its
+first slash; what they subscribe to comes from there. Messages pass as the bytes that they are. Each topic is shown on
+Zenoh by a liveliness token, so that `fogwatch doctor` sees who publishes and who obeys.
 
 It carries no services and so no actions; for them, and for cameras, use zenoh-bridge-ros2dds itself. It needs rclpy and
 eclipse-zenoh, and of each type the Python package: a topic whose package is missing is named and left out.
@@ -122,7 +122,11 @@ class Relay:
                 session, route.key, cache=cache, publisher_detection=route.latched, allowed_destination=elsewhere
             )
             ends.callback(sender.undeclare)
-            heard = self.node.create_subscription(kind, route.topic, lambda raw: sender.put(raw), profile, raw=True)
+
+            def send(raw: bytes) -> None:  # rclpy asks for its signature, which a method of Zenoh does not have
+                sender.put(raw)
+
+            heard = self.node.create_subscription(kind, route.topic, send, profile, raw=True)
             ends.callback(self.node.destroy_subscription, heard)
         else:
             told = self.node.create_publisher(kind, route.topic, profile)
@@ -140,9 +144,7 @@ def main() -> int:
     """Relay until interrupted; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--connect", required=True, metavar="LOCATOR", help="the Zenoh router, tcp/HOST:7447")
-    parser.add_argument(
-        "--topics", default=".*", metavar="REGEX", help="carry these alone, by full name (default: all)"
-    )
+    parser.add_argument("--topics", default=".*", metavar="REGEX", help="carry these, by full name (default: all)")
     parser.add_argument("--wait", type=float, default=60.0, metavar="S", help="for the router (default: %(default)g s)")
     options = parser.parse_args()
     try:
