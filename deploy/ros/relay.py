@@ -21,6 +21,7 @@ import argparse
 import importlib
 import json
 import re
+import signal
 import sys
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
@@ -29,7 +30,7 @@ from typing import Any
 
 BAD_INPUT, INTERRUPTED = 2, 130
 NAME = "fogwatch_relay"
-LOOK_S = 1.0
+LOOK_S, HEED_S = 1.0, 0.2
 DEPTH = 10
 OWN_OF_ROS = re.compile(r"/(rosout|parameter_events)|.*/_.*")
 """Topics that every node has, and hidden ones."""
@@ -151,7 +152,7 @@ def main() -> int:
         wanted = re.compile(options.topics)
         rclpy: Any = importlib.import_module("rclpy")
         zenoh: Any = importlib.import_module("zenoh")
-        for module in ("rclpy.executors", "rclpy.qos", "zenoh.ext"):
+        for module in ("rclpy.executors", "rclpy.qos", "rclpy.signals", "zenoh.ext"):
             importlib.import_module(module)
         config = zenoh.Config()
         for field, value in (
@@ -173,14 +174,17 @@ def main() -> int:
     except Exception as error:  # noqa: BLE001 - Zenoh's errors have no class of their own in all its versions
         print(f"--connect {options.connect}: {error}; is a Zenoh router running there?", file=sys.stderr)
         return BAD_INPUT
-    rclpy.init()
-    try:
-        with session, suppress(rclpy.executors.ExternalShutdownException):
-            rclpy.spin(Relay(rclpy, zenoh, session, wanted).node)
-    except KeyboardInterrupt:
-        pass
-    finally:
-        rclpy.try_shutdown()
+    leaving: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda heard, _frame: leaving.append(heard))
+    rclpy.init(signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
+    with session:
+        executor = rclpy.executors.SingleThreadedExecutor()
+        executor.add_node(Relay(rclpy, zenoh, session, wanted).node)
+        print(f"relays to {options.connect}", flush=True)
+        while not leaving:
+            executor.spin_once(timeout_sec=HEED_S)
+        rclpy.shutdown()
     return INTERRUPTED
 
 

@@ -70,11 +70,6 @@ class ZenohRos2Link:
         self._show(Entity(self._format.domain, self._id, self._node_number, self._node_number, EntityKind.NODE, node))
 
     @property
-    def format(self) -> Format:
-        """The format of its keys and messages."""
-        return self._format
-
-    @property
     def node(self) -> NodeName:
         """Its own name."""
         return self._node
