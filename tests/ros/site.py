@@ -124,6 +124,23 @@ class Site:
         begin = len(self.track)
         self.until(lambda: length_m(self.track[begin:]) > way_m and self.track[-1]["speed"] > 0.1)
 
+    def recovers(self, begin: int) -> None:
+        """Wait until the agent drives the robot again after something died.
+
+        DDS may bring the robot's odometry seconds before the robot hears commands. Then the agent holds the robot, as
+        one whose wheels are blocked, until an operator releases it.
+
+        Args:
+            begin: The length of the agent's log when it died.
+        """
+        self.says("agent", "drives again", begin)
+        moves = len(self.track)
+        held = "its pose stays where it is, though it was told to go"
+        self.until(lambda: length_m(self.track[moves:]) > 0.5 or held in self.read_log("agent")[begin:])
+        if held in self.read_log("agent")[begin:]:
+            self.control("release")
+        self.drives()
+
     def stands(self) -> None:
         """Wait until the robot stands, and check that it stays where it is for a second of its own steps."""
         self.until(lambda: self.track[-1]["speed"] == self.track[-1]["turn"] == 0.0)

@@ -71,23 +71,21 @@ def test_it_stands_while_the_relay_is_dead(site: Site) -> None:
     if site.kind != "bridge":
         pytest.skip("there is no relay")
     site.drives()
+    said = len(site.read_log("agent"))
     site.kill("relay")
     site.stands()
-    said = len(site.read_log("agent"))
-    site.says("agent", "stands: no odometry for", 0)
+    site.says("agent", "stands: no odometry for", said)
     site.start_relay()
-    site.says("agent", "drives again", said)
-    site.drives()
+    site.recovers(said)
 
 
 def test_it_goes_on_when_the_robot_has_been_switched_off_and_on(site: Site) -> None:
     site.drives()
-    site.kill("base")
     said = len(site.read_log("agent"))
+    site.kill("base")
     site.says("agent", "stands: no odometry for", said)
     site.start_base()
-    site.says("agent", "drives again", said)
-    site.drives()
+    site.recovers(said)
 
 
 def test_the_doctor_sees_the_robot_and_names_what_is_missing(site: Site) -> None:
