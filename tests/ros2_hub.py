@@ -57,7 +57,6 @@ class HubLink:
 
     def __init__(self, hub: Hub, node: NodeName) -> None:
         self._hub, self.node = hub, node
-        self.forgotten_s = 0.0
         self.connected = True
 
     def is_ours(self, entity: Entity) -> bool:

@@ -55,8 +55,6 @@ class ZenohRos2Link:
         node: The node's name and namespace.
     """
 
-    forgotten_s = 2.0 * LEASE_S
-
     def __init__(self, session: zenoh.Session, form: Format, node: NodeName) -> None:
         self._session = session
         store()  # says at once if it cannot be had, and not on Zenoh's thread

@@ -67,11 +67,6 @@ class Ros2Link(Protocol):
     """A node of ROS 2. What is declared on it lives until `close`; the thread that hears may call nothing of it."""
 
     @property
-    def forgotten_s(self) -> float:
-        """The longest time for which the graph shows a node that died without a word, s."""
-        ...
-
-    @property
     def node(self) -> NodeName:
         """Its own name."""
         ...

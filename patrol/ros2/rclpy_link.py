@@ -24,9 +24,6 @@ from patrol.ros2.ports import Asked, Sender, Service
 CLOSE_S = 5.0
 """Longest time for the thread that hears to end, s."""
 
-FORGOTTEN_S = 30.0
-"""Time in which DDS forgets a node that died without a word, s: Fast DDS after 20 s."""
-
 _OURS, _OTHERS = "ours", "others"
 
 M = TypeVar("M")
@@ -41,7 +38,7 @@ def import_rclpy() -> Any:
         BadInput: It is not installed, or not for this Python.
     """
     try:
-        for name in ("executors", "qos", "signals"):
+        for name in ("event_handler", "executors", "qos", "signals"):
             importlib.import_module(f"rclpy.{name}")
     except ImportError as error:
         raise BadInput(
@@ -59,8 +56,6 @@ class RclpyLink:
         node: The node's name and namespace.
         domain: The ROS_DOMAIN_ID.
     """
-
-    forgotten_s = FORGOTTEN_S
 
     def __init__(self, rclpy: Any, node: NodeName, domain: int) -> None:
         store()  # says at once if it cannot be had
@@ -123,8 +118,11 @@ class RclpyLink:
                 return
             mailbox.put(Received(message, at_s, info["source_timestamp"], sequence, sender))
 
+        quiet = self._rclpy.event_handler.SubscriptionEventCallbacks(use_default_callbacks=False)
         for wanted in dict.fromkeys((qos, SENSOR)):
-            self._node.create_subscription(message_class, full, receive, self._profile(wanted), raw=True)
+            self._node.create_subscription(
+                message_class, full, receive, self._profile(wanted), event_callbacks=quiet, raw=True
+            )
             self._declared[EntityKind.SUBSCRIPTION, full] += 1
 
     def call(self, name: str, service: Service[Q, A], request: Q, limit_s: float) -> RosMailbox[A]:

@@ -103,7 +103,7 @@ class Site:
 
     def doctor(self, *needed: str) -> None:
         """Ask what a patrol lacks until all of this is said: a relay that was just started does not know all topics."""
-        words = ["--connect", self.endpoint, "--namespace", base.NAMESPACE, "--localisation", "pose", "--seconds", "2"]
+        words = ["--connect", self.endpoint, "--namespace", base.NAMESPACE, "--localisation", "pose", "--seconds", "1"]
         said = [""]
 
         def says_it() -> bool:
@@ -122,7 +122,7 @@ class Site:
     def drives(self, way_m: float = 1.0) -> None:
         """Wait until the robot has come so far, and is moving."""
         begin = len(self.track)
-        self.until(lambda: length_m(self.track[begin:]) > way_m and self.track[-1]["speed"] > 0.1)
+        self.until(lambda: length_m(self.track[begin:]) > way_m and abs(self.track[-1]["speed"]) > 0.1)
 
     def recovers(self, begin: int) -> None:
         """Wait until the agent drives the robot again after something died.
@@ -223,22 +223,16 @@ def draw(site: Site, path: Path) -> None:
     axes.imshow(terrain.passable, origin="lower", extent=(xmin, xmax, ymin, ymax), cmap="gray")
     axes.plot([one["x"] for one in site.track], [one["y"] for one in site.track], linewidth=1.5)
     done = [(number, event) for number, event in site.events if 0 < number <= len(site.track)]
-    for count, (number, event) in enumerate(done):
+    for count, (number, _) in enumerate(done, start=1):
         one = site.track[number - 1]
         axes.plot(one["x"], one["y"], "o", color="C3", markersize=4)
-        axes.annotate(
-            f"{count + 1} {event}",
-            (one["x"], one["y"]),
-            xytext=(6, 6 + 8 * (count % 3)),
-            textcoords="offset points",
-            fontsize=7,
-        )
-    axes.set(
-        title=f"{site.kind}: {length_m(site.track):.1f} m in {len(site.track)} steps of 50 ms",
-        xlabel="x (m)",
-        ylabel="y (m)",
-    )
-    FigureCanvasAgg(figure).print_png(path)
+        axes.annotate(str(count), (one["x"], one["y"]), xytext=(5 + 9 * (count % 4), 5), textcoords="offset points")
+    listed = "\n".join(f"{count} {event}" for count, (_, event) in enumerate(done, start=1))
+    axes.text(1.02, 1.0, listed, transform=axes.transAxes, va="top")
+    title = f"{site.kind}: {length_m(site.track):.1f} m in {len(site.track)} steps of 50 ms"
+    axes.set(title=title, xlabel="x (m)", ylabel="y (m)")
+    FigureCanvasAgg(figure)
+    figure.savefig(path)
 
 
 @contextmanager

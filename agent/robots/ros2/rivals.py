@@ -17,6 +17,8 @@ LOOK_S = 1.0
 """Time between two looks at the graph, s."""
 GRAPH_S = 2.0
 """Longest time of a look, s."""
+GONE_S = 4.0
+"""Time to wait, at the start, for another driver to go: a router forgets one that was cut off after 2 s."""
 _AGAIN_S = 0.2
 _LONGEST = 100
 _MOST = 4
@@ -67,14 +69,14 @@ class Rivals:
     def release(self) -> None:
         """Keep all drivers: an operator's word ends none."""
 
-    def are_there(self, wait_s: float | None = None, stopped: Callable[[], bool] = lambda: False) -> list[str]:
+    def are_there(self, wait_s: float = GONE_S, stopped: Callable[[], bool] = lambda: False) -> list[str]:
         """Find the other drivers of the robot that do not go; waits.
 
         Args:
-            wait_s: How long to wait for them to go, s; None until the graph has forgotten those that died.
+            wait_s: How long to wait for them to go, s.
             stopped: Whether to give up.
         """
-        end_s = time.monotonic() + (self._link.forgotten_s if wait_s is None else wait_s)
+        end_s = time.monotonic() + wait_s
         while self._look() and time.monotonic() < end_s and not stopped():
             self._over.wait(_AGAIN_S)
         return self._found
