@@ -232,7 +232,7 @@ def draw(site: Site, path: Path) -> None:
     title = f"{site.kind}: {length_m(site.track):.1f} m in {len(site.track)} steps of 50 ms"
     axes.set(title=title, xlabel="x (m)", ylabel="y (m)")
     FigureCanvasAgg(figure)
-    figure.savefig(path)
+    figure.savefig(path, bbox_inches="tight")
 
 
 @contextmanager
