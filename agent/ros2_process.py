@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from agent.robots.ros2.options import SCENARIO_START, domain_of, drive_settings, options_of
+from agent.robots.ros2.options import FORMATS, SCENARIO_START, domain_of, drive_settings, options_of
 from patrol.errors import BadInput, NotPrepared
 from patrol.process.context import AskedToLeave, ProcessContext, run_with
 from patrol.process.lifeline import rest_before_pause
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from agent.robots.ros2.shown import Shown
     from patrol.ground.terrain import Terrain
     from patrol.pose import Pose
-    from patrol.ros2.link import ZenohRos2Link
     from patrol.ros2.ports import Ros2Link
     from patrol.scenario import RobotSpec, Scenario
 
@@ -142,7 +141,8 @@ def _find_and_patrol(process: ProcessContext, overrides: dict[str, object]) -> i
     if scenario is not None:
         _check_scenario(scenario, settings.drive)
     terrain = _check_ground(options, name, scenario, overrides)
-    check_locator(options.connect, "--connect")
+    if options.connect is not None:
+        check_locator(options.connect, "--connect")
     check_radio(options.radio, "--radio", "direct")
     if options.epoch is not None:
         check_epoch(options.epoch, time.time(), say)
@@ -184,7 +184,7 @@ def _patrol(process: ProcessContext, scenario: Scenario, hardware: Hardware, sho
     numbers = {spec.name: spec.number for spec in scenario.roster}
     alone_s = LISTEN_S + LISTEN_MORE_S * (numbers.get(name, 1) - 1)
     rivals = _alone(hardware, process)
-    if options.router == options.connect:
+    if options.router is not None and options.router == options.connect:
         where = f"the robot's own router, {options.connect}"
         process.log.info(f"meets its fleet at {where}; give --router if others have another")
     ticks = Ticks(options.epoch, options.wait, alone_s)
@@ -261,20 +261,24 @@ def _check_start(settings: DriveSettings, terrain: Terrain | None) -> None:
         )
 
 
-def _link(process: ProcessContext) -> ZenohRos2Link:
-    """Join the robot's router. Raises AskedToLeave, or BadInput when there is none."""
+def _link(process: ProcessContext) -> Ros2Link:
+    """Join the robot's router, or its ROS. Raises AskedToLeave, or BadInput when there is none."""
     from patrol.net.keys import check_locator
     from patrol.net.link import LinkDown
     from patrol.net.security.credentials import read_credentials
     from patrol.ros2.formats import format_named
     from patrol.ros2.link import open_ros2
     from patrol.ros2.names import NodeName, check_name
+    from patrol.ros2.rclpy_link import RclpyLink, import_rclpy
 
     options = process.options
-    locator = check_locator(options.connect, "--connect")
     namespace = options.namespace.strip("/")
     if namespace:
         check_name(namespace, "--namespace")
+    node = NodeName(NODE, namespace)
+    if options.robot == "rclpy":
+        return RclpyLink(import_rclpy(), node, domain_of(options))
+    locator = check_locator(options.connect, "--connect")
     option, proof = "--ros-credentials", options.ros_credentials
     if proof is None and locator.startswith("tls/"):
         option, proof = "--credentials", options.credentials
@@ -282,8 +286,8 @@ def _link(process: ProcessContext) -> ZenohRos2Link:
     try:
         return open_ros2(
             locator,
-            format_named(options.format, domain_of(options), "--format"),
-            NodeName(NODE, namespace),
+            format_named(options.format or FORMATS[0], domain_of(options), "--format"),
+            node,
             options.wait,
             lambda waited: process.log.info(f"waiting for the robot's router at {locator} ({waited:.0f} s)"),
             process.leaving,
@@ -295,10 +299,8 @@ def _link(process: ProcessContext) -> ZenohRos2Link:
         raise BadInput(f"--connect {options.connect}: {down}; is the robot's Zenoh router running?") from None
 
 
-def _found(hardware: Hardware, link: ZenohRos2Link, process: ProcessContext) -> Pose:
+def _found(hardware: Hardware, link: Ros2Link, process: ProcessContext) -> Pose:
     """Return where the robot is at first. Raises AskedToLeave, or BadInput when it cannot be found."""
-    from patrol.ros2.formats import other_format
-
     wait_s = process.options.wait
     initial = _initial_pose(hardware)
     began = reported_at = time.monotonic()
@@ -319,7 +321,7 @@ def _found(hardware: Hardware, link: ZenohRos2Link, process: ProcessContext) -> 
         if now - reported_at < SAY_S and now - began < wait_s:
             continue
         reported_at = now
-        other = other_format(link.format, lambda graph: link.tokens(graph, GRAPH_S))
+        other = link.other_format(GRAPH_S)
         if now - began >= wait_s:
             remedy = f"the nodes on this router speak {other}" if other else "fogwatch doctor says more"
             raise BadInput(f"the robot was not found within {wait_s:g} s: {doubt}; {remedy}")
@@ -414,6 +416,10 @@ def _choose_router(process: ProcessContext) -> None:
     options = process.options
     if options.credentials is None:
         options.router, options.fleet = options.router or options.connect, options.fleet or FLEET
+        if options.router is None:
+            raise BadInput(
+                "--router: missing; --robot rclpy needs one for operators and the fleet, which fogwatch router starts"
+            )
     process.meet(Kind.ROBOT)
 
 

@@ -26,7 +26,7 @@ settings.register_profile("free", deadline=None, print_blob=True)
 settings.register_profile("fixed", settings.get_profile("free"), derandomize=True, database=None)
 settings.load_profile("fixed")
 
-ONLY_NAMED = ("accept", "network", "site")
+ONLY_NAMED = ("accept", "network", "ros", "site")
 """Markers of tests that run only where ``-m`` names them."""
 
 SLOW = ("processes", "browser")

@@ -6,7 +6,6 @@ import time
 from collections import defaultdict
 from typing import Any
 
-from patrol.ros2.formats import Format, RmwZenoh
 from patrol.ros2.mailbox import Received, RosMailbox
 from patrol.ros2.names import USUAL, Entity, EntityKind, NodeName, Qos, full_name
 from patrol.ros2.ports import Asked
@@ -58,7 +57,6 @@ class HubLink:
 
     def __init__(self, hub: Hub, node: NodeName) -> None:
         self._hub, self.node = hub, node
-        self.format: Format = RmwZenoh()
         self.connected = True
 
     def is_ours(self, entity: Entity) -> bool:
@@ -97,6 +95,11 @@ class HubLink:
         """Offer a service."""
         del service
         self._hub.services[self.resolve(name)] = mailbox
+
+    def other_format(self, limit_s: float) -> str:
+        """No node has another format."""
+        del limit_s
+        return ""
 
     def graph(self, limit_s: float) -> list[Entity]:
         """All that is there."""

@@ -188,14 +188,14 @@ def test_documents_name_files_that_exist() -> None:
     assert not missing
 
 
-LOCKS = ("requirements.lock", "requirements-run.lock", "requirements-bench.lock", "requirements-docs.lock")
-"""Lock files: of all that work needs, of the part that a run needs, of the benchmarks' rivals, of the site."""
+OWN_LOCKS = ("bench", "docs", "ros")
+"""The extras that have lock files of their own, and that no other part of the project asks for."""
+
+LOCKS = ("requirements.lock", "requirements-run.lock", *(f"requirements-{extra}.lock" for extra in OWN_LOCKS))
+"""Lock files: of all that work needs, of the part that a run needs, of each extra with its own."""
 
 RUN_EXTRAS = ("sim", "monitor", "checkout")
 """The extras that the lock file of a run is for."""
-
-OWN_LOCKS = ("bench", "docs")
-"""The extras that the third and the fourth lock file are for, and no other part of the project asks for."""
 
 
 def locked(name: str) -> dict[str, list[str]]:
@@ -225,11 +225,11 @@ def test_lock_pins_and_hashes_everything_and_names_no_host(name: str) -> None:
 def test_locks_hold_what_the_project_asks_for() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())
     extras = dict(project["project"]["optional-dependencies"])
-    rivals, site = (extras.pop(name) for name in OWN_LOCKS)
+    own = [extras.pop(name) for name in OWN_LOCKS]
     base = [*project["build-system"]["requires"], *project["project"]["dependencies"]]
     asked = [*base, *(line for extra in extras.values() for line in extra)]
     run = [*base, *(line for extra in RUN_EXTRAS for line in extras[extra])]
-    for lines, lock in zip((asked, run, rivals, site), map(pinned, LOCKS), strict=True):
+    for lines, lock in zip((asked, run, *own), map(pinned, LOCKS), strict=True):
         for wanted in map(Requirement, lines):
             if wanted.name == "fogwatch":
                 continue

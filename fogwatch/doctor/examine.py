@@ -225,6 +225,8 @@ def _of_pose(seen: Survey, topics: Sequence[Topic]) -> Iterator[Finding]:
             "start its localisation (amcl, slam_toolbox); if it waits for a pose, give the agent a --start; if"
             " there is none, give --localisation odometry and the agent a --start"
         )
+        if posed:
+            remedy = f"have it give them in {wanted.map_frame}, or give --map-frame with the frame that is the map's"
         yield Finding(Level.MISSING, problem, remedy)
 
 

@@ -10,7 +10,8 @@
     ear.py           what is overheard of a topic: how often, how old, the newest message
     ports.py         what a link can do
     goals.py         the action NavigateToPose, both sides
-    link.py          the link itself, the only file here that knows Zenoh
+    link.py          the link over Zenoh, the only file here that knows it
+    rclpy_link.py    the link of a node of ROS itself, the only file here that knows rclpy
 
 What needs the extra ``ros2`` imports it when a message is coded for the first time.
 """

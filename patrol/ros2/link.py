@@ -24,7 +24,7 @@ from patrol.printable import printable
 from patrol.ros2.codec import CODINGS, decode, encode
 from patrol.ros2.definitions import NO_HASH, store
 from patrol.ros2.ear import Ear
-from patrol.ros2.formats import Attachment, Format, Origin, attachment_of, gid_of
+from patrol.ros2.formats import Attachment, Format, Origin, attachment_of, gid_of, other_format
 from patrol.ros2.mailbox import Received, RosMailbox
 from patrol.ros2.names import SERVICE, USUAL, Entity, EntityKind, NodeName, Qos, full_name
 from patrol.ros2.ports import Asked, Sender, Service
@@ -67,11 +67,6 @@ class ZenohRos2Link:
         self._declared: list[Any] = []
         self._clients: dict[str, _Attacher] = {}
         self._show(Entity(self._format.domain, self._id, self._node_number, self._node_number, EntityKind.NODE, node))
-
-    @property
-    def format(self) -> Format:
-        """The format of its keys and messages."""
-        return self._format
 
     @property
     def node(self) -> NodeName:
@@ -194,6 +189,10 @@ class ZenohRos2Link:
         """Return the ROS graph's entities now, as far as the format tells; waits (`patrol.ros2.ports.Ros2Link`)."""
         found = map(self._format.entity, self.tokens(self._format.graph, limit_s))
         return [entity for entity in found if entity is not None]
+
+    def other_format(self, limit_s: float) -> str:
+        """Return the format of nodes that this link cannot hear, and the remedy (`patrol.ros2.ports.Ros2Link`)."""
+        return other_format(self._format, lambda graph: self.tokens(graph, limit_s))
 
     def tokens(self, expression: str, limit_s: float) -> list[str]:
         """Return the liveliness tokens that there are now, each once, at most 10 000; waits.

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
-from patrol.ros2.formats import Format
 from patrol.ros2.mailbox import RosMailbox
 from patrol.ros2.names import USUAL, Entity, NodeName, Qos
 
@@ -37,7 +36,7 @@ class Asked(Generic[Q, A]):
 
     Attributes:
         request: What is asked.
-        answer: Sends the response; once, from any thread but Zenoh's.
+        answer: Sends the response; once, from any thread but the one that hears.
     """
 
     request: Q
@@ -65,12 +64,7 @@ class Sender(Protocol[M_contra]):
 
 
 class Ros2Link(Protocol):
-    """A node of ROS 2. What is declared on it lives until `close`; nothing of it may be called on Zenoh's thread."""
-
-    @property
-    def format(self) -> Format:
-        """The format of its keys and messages."""
-        ...
+    """A node of ROS 2. What is declared on it lives until `close`; the thread that hears may call nothing of it."""
 
     @property
     def node(self) -> NodeName:
@@ -83,7 +77,7 @@ class Ros2Link(Protocol):
 
     @property
     def connected(self) -> bool:
-        """True if the robot's router is at the other end now."""
+        """True if the robot's router is at the other end now, or none is needed."""
         ...
 
     def resolve(self, name: str) -> str:
@@ -135,6 +129,14 @@ class Ros2Link(Protocol):
             name: The service's name.
             service: Its kind.
             mailbox: Where requests wait.
+        """
+        ...
+
+    def other_format(self, limit_s: float) -> str:
+        """Return the format of nodes that this link cannot hear, and the remedy; empty where there are none; waits.
+
+        Args:
+            limit_s: How long to wait at most.
         """
         ...
 

@@ -60,8 +60,7 @@ def found(monkeypatch: pytest.MonkeyPatch, odometry: int, knows: int | None) -> 
     monkeypatch.setattr(ros2_process, "_LOOK_S", 0.0)
     monkeypatch.setattr(ros2_process, "_initial_pose", lambda _hardware: initial)
     monkeypatch.setattr(ros2_process, "time", SimpleNamespace(monotonic=lambda: LOOK_S * next(moments)))
-    link = SimpleNamespace(format=None, tokens=lambda *_: [])
-    monkeypatch.setattr("patrol.ros2.formats.other_format", lambda *_: "")
+    link = SimpleNamespace(other_format=lambda _limit_s: "")
     process = SimpleNamespace(
         options=SimpleNamespace(wait=60.0), ending=Event(), log=SimpleNamespace(info=lambda _line: None)
     )

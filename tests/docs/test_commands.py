@@ -47,7 +47,7 @@ def check(line: str) -> None:
     words = words[: len(words) - helped]
     if words and words[0] in {"agent", "robot-sim", "router"}:
         others = {"robot-sim": sim_parser, "router": router_parser}
-        made = others.get(words[0], ros2_parser if "ros2" in words else simulated_parser)()
+        made = others.get(words[0], ros2_parser if {"ros2", "rclpy"} & set(words) else simulated_parser)()
         if not helped:
             made.parse_args(words[1:])
         return

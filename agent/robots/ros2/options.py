@@ -23,6 +23,9 @@ SCENARIO_START = "scenario"
 
 FORMATS = ("rmw_zenoh", "rmw_zenoh-humble", "bridge")
 
+ROBOTS = ("ros2", "rclpy")
+"""The values of --robot: over Zenoh without ROS, or as a node of the ROS that is installed here."""
+
 DESCRIPTION = """Drive a ROS 2 robot on patrol, over its Zenoh router; ROS is not needed on this machine."""
 
 HELP = """
@@ -51,6 +54,14 @@ where it agrees, the robot drives. A place on --map, or a file with a pose on th
   --start pose.yaml                of: ros2 topic echo --once /amcl_pose > pose.yaml; or Nav2's parameters, initial_pose
   --start scenario                 where --scenario has it
 
+On the robot itself, or wherever ROS 2 is installed, the agent can be a node of it, without a Zenoh router of the robot:
+
+  source /opt/ros/kilted/setup.bash
+  fogwatch agent --robot rclpy --namespace robot1 --map map.yaml --router tcp/192.168.1.10:7447
+
+--router is then the fleet's router (fogwatch router), over which operators stop the robot. With --scenario, --namespace
+has to be given, if only as ''. Goals for Nav2 (--drive nav2) go over Zenoh alone.
+
 A robot whose own map is not --map has --transform, which fogwatch map align finds.
 
 Speeds are in m/s, lengths in m, angles in rad. --drive says what the robot is told:
@@ -73,16 +84,16 @@ Exit codes: 1 the robot or its policy failed, 2 bad input, 130 interrupted.
 def wanted(arguments: Sequence[str]) -> bool:
     """Return True if a command line of ``fogwatch agent`` is meant for a ROS 2 robot.
 
-    A robot of a simulated fleet may be called ros2; its command line names a scenario and no robot's router.
+    A robot of a simulated fleet may be called ros2 or rclpy; its command line names a scenario, and neither a robot's
+    router nor a namespace.
 
     Args:
         arguments: The command line.
     """
-    named = any(one == "--robot=ros2" for one in arguments) or any(
-        first == "--robot" and second == "ros2" for first, second in itertools.pairwise(arguments)
-    )
-    words = {one.partition("=")[0] for one in arguments}
-    return named and ("--connect" in words or "--scenario" not in words)
+    split = [word for one in arguments for word in (one.split("=", 1) if one.startswith("--") else [one])]
+    robot = next((second for first, second in itertools.pairwise(split) if first == "--robot"), "")
+    own = {"ros2": "--connect", "rclpy": "--namespace"}.get(robot)
+    return own is not None and (own in split or "--scenario" not in split)
 
 
 def options_of(arguments: Sequence[str]) -> argparse.Namespace:
@@ -97,11 +108,12 @@ def options_of(arguments: Sequence[str]) -> argparse.Namespace:
 def ros2_parser() -> ProcessParser:
     """Return the parser of a ROS 2 robot's command line."""
     parser = ProcessParser("fogwatch agent --robot ros2", DESCRIPTION, HELP)
-    parser.add_argument("--robot", choices=["ros2"], required=True, help="a ROS 2 robot")
+    robots = "a ROS 2 robot, over Zenoh, or by the rclpy that is installed here"
+    parser.add_argument("--robot", choices=ROBOTS, required=True, help=robots)
     add = parser.add_argument_group("the robot").add_argument
-    add("--connect", required=True, metavar="LOCATOR", help="the robot's Zenoh router, tcp/HOST:7447")
+    add("--connect", metavar="LOCATOR", help="the robot's Zenoh router, tcp/HOST:7447; not with rclpy")
     add("--namespace", default="", metavar="NS", help="the robot's namespace, such as robot1 (default: none)")
-    add("--format", choices=FORMATS, default="rmw_zenoh", help="what is spoken there (default: %(default)s)")
+    add("--format", choices=FORMATS, help=f"what is spoken there (default: {FORMATS[0]})")
     add("--domain", type=int, metavar="N", help="ROS_DOMAIN_ID (default: of the environment, or 0)")
     add(
         "--ros-credentials",
@@ -180,6 +192,7 @@ def drive_settings(options: argparse.Namespace) -> DriveSettings:
     _check("--braking", braking, 0.01, 100.0)
     if options.delay is not None:
         _check("--delay", options.delay, 0.0, 0.4)
+    _check_robot(options)
     if options.write_scenario is not None and (options.scenario is not None or options.map is None):
         raise BadInput("--write-scenario: needs --map, and no --scenario; leave it out")
     if options.drive == "ackermann" and options.scenario is None and options.model != "car":
@@ -223,6 +236,21 @@ def drive_settings(options: argparse.Namespace) -> DriveSettings:
         sim_time=options.use_sim_time,
         topics=topics_given(options.topic),
     )
+
+
+def _check_robot(options: argparse.Namespace) -> None:
+    """Refuse options that mean nothing for how the robot is reached."""
+    if options.robot == "ros2":
+        if options.connect is None:
+            raise BadInput("--connect: the robot's Zenoh router is missing; give it as tcp/HOST:7447")
+        return
+    for name in ("connect", "format", "ros_credentials"):
+        if getattr(options, name) is not None:
+            raise BadInput(
+                f"--{name.replace('_', '-')}: --robot rclpy needs no Zenoh router of the robot; leave it out"
+            )
+    if options.drive == "nav2":
+        raise BadInput("--drive nav2: --robot rclpy sends no goals; give --robot ros2, or --drive twist-stamped")
 
 
 def domain_of(options: argparse.Namespace) -> int:

@@ -69,7 +69,7 @@ class AgentCommand(PassedOn):
         from agent.robots.ros2.options import ros2_parser
 
         ros2, simulated = ros2_parser().list_options(), simulated_parser().list_options()
-        return f"With --robot ros2, for a ROS 2 robot:\n\n{ros2}\nFor a robot that a world simulates:\n\n{simulated}"
+        return f"For --robot ros2 or rclpy, of ROS 2:\n\n{ros2}\nFor a robot that a world simulates:\n\n{simulated}"
 
 
 class RouterCommand(PassedOn):

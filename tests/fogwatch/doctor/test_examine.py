@@ -166,7 +166,7 @@ def test_a_robot_without_a_map_can_patrol_and_one_without_a_place_cannot() -> No
     robot.seen.wanted = Wanted(localisation=Source.POSE)
     assert robot.examined().fit
     robot.seen.wanted = Wanted(localisation=Source.POSE, map_frame="site")
-    assert "and poses in the frame map alone" in says(robot.examined(), Level.MISSING)
+    assert "and poses in the frame map alone; have it give them in site" in says(robot.examined(), Level.MISSING)
     elsewhere = ros.TFMessage((ros.Transform(NOW_NS, "map", "robot2/odom", Pose(0.0, 0.0, 0.0)),))
     robot.sends("/tf", elsewhere).seen.wanted = Wanted()
     assert not robot.examined().fit

@@ -214,7 +214,7 @@ def test_huge_and_malformed_messages_are_refused_and_the_next_is_heard(join: Joi
     sender = join(RmwZenoh(), "robot").publisher("cmd_vel", TwistStamped)
     reach(sender, AHEAD, mailbox)
     raw = open_link(endpoint, PATIENCE_S)
-    post = raw.post(us.format.key("/robot1/cmd_vel", "geometry_msgs/msg/TwistStamped"))
+    post = raw.post(RmwZenoh().key("/robot1/cmd_vel", "geometry_msgs/msg/TwistStamped"))
     other = raw.post("0/robot1/cmd_vel/geometry_msgs::msg::dds_::TwistStamped_/RIHS01_beef")
     for payload in (bytes(3_000_000), b"", b"\x00\x01\x00\x00", b"\xff" * 76):
         post(payload)

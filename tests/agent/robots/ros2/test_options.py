@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -46,6 +47,9 @@ def options(*more: str) -> argparse.Namespace:
         ("--robot ros2 --help", True),
         ("--robot ros2", True),
         ("--robot ros2 --scenario s.yaml --credentials c", False),
+        ("--robot rclpy --router tcp/h:1", True),
+        ("--robot=rclpy --scenario s.yaml --namespace=robot1 --credentials c", True),
+        ("--robot rclpy --scenario s.yaml --credentials c", False),
         ("--robot r1 --scenario s.yaml --credentials c", False),
         ("--credentials ros2 --scenario s.yaml", False),
         ("--help", False),
@@ -130,6 +134,28 @@ def test_the_domain_is_the_environments_unless_it_is_given(monkeypatch: pytest.M
 def test_what_cannot_be_used_is_one_line(more: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
     line = ["--robot", "ros2", "--connect", "tcp/127.0.0.1:9", *more]
     assert main(line) == 2
+    said = capsys.readouterr().err.strip()
+    assert words in said
+    assert "\n" not in said
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("--robot ros2", "--connect: the robot's Zenoh router is missing"),
+        ("--robot rclpy --connect tcp/h:1", "--connect: --robot rclpy needs no Zenoh router of the robot"),
+        ("--robot rclpy --format bridge", "--format: --robot rclpy needs no Zenoh router of the robot"),
+        ("--robot rclpy --ros-credentials c", "--ros-credentials: --robot rclpy needs no Zenoh router of the robot"),
+        ("--robot rclpy --drive nav2", "--drive nav2: --robot rclpy sends no goals"),
+        ("--robot rclpy", "--router: missing; --robot rclpy needs one for operators and the fleet"),
+        ("--robot rclpy --router tcp/127.0.0.1:9", "source ROS's setup.bash with the Python that it is for"),
+    ],
+)
+def test_how_the_robot_is_reached(
+    line: str, words: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "rclpy", None)
+    assert main([*line.split(), "--map", OFFICE]) == 2
     said = capsys.readouterr().err.strip()
     assert words in said
     assert "\n" not in said

@@ -1,0 +1,130 @@
+"""The link of a node of ROS: what DDS matches, what the graph shows, what is not installed."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from patrol.errors import BadInput
+from patrol.ros2.definitions import CANCEL_GOAL
+from patrol.ros2.mailbox import Received, RosMailbox
+from patrol.ros2.messages import (
+    AckermannDriveStamped,
+    Bool,
+    CancelRequest,
+    CancelResponse,
+    TFMessage,
+    Twist,
+    TwistStamped,
+)
+from patrol.ros2.names import LATCHED, SENSOR, USUAL, EntityKind, NodeName, Qos
+from patrol.ros2.ports import Sender, Service
+from patrol.ros2.rclpy_link import RclpyLink, import_rclpy
+from tests.routers import PATIENCE_S
+
+pytestmark = [
+    pytest.mark.ros,
+    pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning"),
+    # rclpy says so of its own warning that a subscription asks for more than a publisher gives.
+    pytest.mark.filterwarnings("ignore:Deprecated in favor of:DeprecationWarning"),
+]
+
+Join = Callable[[str], RclpyLink]
+AHEAD = TwistStamped(1_700_000_000_000_000_000, "base_link", Twist(1.0, 0.0, 0.5))
+
+
+@pytest.fixture
+def join(domain: int) -> Iterator[Join]:
+    made: list[RclpyLink] = []
+
+    def joined(name: str) -> RclpyLink:
+        made.append(RclpyLink(import_rclpy(), NodeName(name, "robot1"), domain))
+        return made[-1]
+
+    yield joined
+    for link in made:
+        assert link.connected
+        assert link.close(PATIENCE_S)
+        assert not link.connected
+
+
+def until(is_so: Callable[[], bool]) -> None:
+    end_s = time.monotonic() + PATIENCE_S
+    while not is_so():
+        assert time.monotonic() < end_s
+        time.sleep(0.02)
+
+
+def reach(sender: Sender[TwistStamped], mailbox: RosMailbox[TwistStamped]) -> Received[TwistStamped]:
+    end_s = time.monotonic() + PATIENCE_S
+    while (received := mailbox.take(0.05)) is None:
+        assert time.monotonic() < end_s
+        sender.send(AHEAD)
+    return received
+
+
+@pytest.mark.parametrize("offered", [USUAL, SENSOR, LATCHED])
+@pytest.mark.parametrize("wanted", [USUAL, SENSOR, LATCHED])
+def test_every_subscription_hears_every_publisher_once(offered: Qos, wanted: Qos, join: Join) -> None:
+    mailbox: RosMailbox[TwistStamped] = RosMailbox(1000)
+    join("fogwatch").subscribe("cmd_vel", TwistStamped, mailbox, wanted)
+    sender = join("base").publisher("cmd_vel", TwistStamped, offered)
+    received = reach(sender, mailbox)
+    assert received.message == AHEAD
+    assert abs(time.time_ns() - (received.sent_ns or 0)) < PATIENCE_S * 1e9
+    assert len(received.sender) == 16
+    assert received.sequence is not None
+    heard = [received.sequence, *(reach(sender, mailbox).sequence for _ in range(20))]
+    assert len(set(heard)) == len(heard)
+    assert sender.sent >= len(heard)
+
+
+def test_what_is_latched_reaches_those_who_come_late(join: Join) -> None:
+    mailbox: RosMailbox[Bool] = RosMailbox()
+    sender = join("operator").publisher("stop", Bool, LATCHED)
+    sender.send(Bool(True))
+    join("fogwatch").subscribe("stop", Bool, mailbox, LATCHED)
+    received = mailbox.take(PATIENCE_S)
+    assert received is not None
+    assert received.message == Bool(True)
+
+
+def test_the_graph_tells_our_own_from_another_of_our_name(join: Join) -> None:
+    us = join("fogwatch")
+    us.publisher("cmd_vel", TwistStamped)
+    us.subscribe("cmd_vel", TwistStamped, RosMailbox())
+
+    def others() -> set[tuple[EntityKind, str]]:
+        return {(one.kind, one.topic) for one in us.graph(0.0) if not us.is_ours(one) and one.node.name == "fogwatch"}
+
+    own = (EntityKind.PUBLISHER, "/robot1/cmd_vel")
+    until(lambda: any(us.is_ours(one) and (one.kind, one.topic) == own for one in us.graph(0.0)))
+    assert own not in others()
+    assert (EntityKind.NODE, "") not in others()
+    them = join("fogwatch")
+    until(lambda: (EntityKind.NODE, "") in others())
+    them.publisher("cmd_vel", TwistStamped)
+    until(lambda: own in others())
+    hashes = {one.type_hash for one in us.graph(0.0) if one.topic == "/robot1/cmd_vel"}
+    assert len(hashes) == 1
+    assert hashes.pop().startswith("RIHS01_")
+
+
+def test_what_ros_has_no_package_of_is_named(join: Join) -> None:
+    us = join("fogwatch")
+    mailbox: RosMailbox[TFMessage] = RosMailbox()
+    us.subscribe("/tf", TFMessage, mailbox)
+    assert mailbox.said == {"type": "/tf: this ROS has no tf2_msgs/msg/TFMessage; install its package tf2_msgs"}
+    with pytest.raises(BadInput, match="install its package ackermann_msgs"):
+        us.publisher("ackermann_cmd", AckermannDriveStamped)
+
+
+def test_services_are_refused(join: Join) -> None:
+    us = join("fogwatch")
+    cancel = Service(CANCEL_GOAL, CancelRequest, CancelResponse)
+    with pytest.raises(BadInput, match="--robot rclpy calls no services"):
+        us.call("cancel", cancel, CancelRequest(bytes(16)), 1.0)
+    with pytest.raises(BadInput, match="--robot rclpy offers no services"):
+        us.serve("cancel", cancel, RosMailbox())
