@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 import shutil
+import subprocess
+import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -30,6 +32,9 @@ pytestmark = needs_openssl
 MEMBERS = ("r1", "r2", "r3", "world", "viewer", "operator")
 KEYS = fleet_keys("mesh")
 TRY_S = 0.05
+LONG_ENOUGH_S = 20.0
+"""A certificate's validity in which its holder meets the others also on a busy machine."""
+ENOUGH = 20
 SHORT_S = 2.0
 """How long a process tries that nobody lets in."""
 
@@ -177,6 +182,100 @@ def test_strangers_and_members_that_were_revoked_do_not_get_in(join: Join, folde
     shutil.copy(own / MESH, folder / "r2" / MESH)
     with pytest.raises(BadInput, match="r2 is no member of fleet mesh; copy the fleet's"):
         read_credentials(folder / "r2", "test")
+
+
+def end_certificate(fleet: Path, member: str, common_name: str, after_s: float) -> None:
+    """Replace a member's certificate by one that ends soon."""
+    own, work = fleet / member, fleet / "work"
+    work.mkdir()
+    (work / "index").touch()
+    (work / "serial").write_text("10\n", encoding="ascii")
+    (work / "ca.cnf").write_text(
+        f"[ca]\ndefault_ca=own\n[own]\nnew_certs_dir={work}\ndatabase={work}/index\nserial={work}/serial\n"
+        "default_md=sha256\npolicy=any\nx509_extensions=of\n[any]\nO=optional\nCN=supplied\n"
+        "[of]\nextendedKeyUsage=serverAuth,clientAuth\n",
+        encoding="ascii",
+    )
+    end = time.strftime("%Y%m%d%H%M%SZ", time.gmtime(time.time() + after_s))
+    wish, authority = str(work / "wish.pem"), fleet / "authority"
+    subprocess.run(
+        ["openssl", "req", "-new", "-key", own / "key.pem", "-subj", f"/O=fogwatch/CN={common_name}", "-out", wish],
+        check=True,
+        capture_output=True,
+    )
+    command: list[str | Path] = [
+        "openssl",
+        "ca",
+        "-batch",
+        "-notext",
+        "-config",
+        work / "ca.cnf",
+        "-in",
+        wish,
+        "-enddate",
+        end,
+    ]
+    command += ["-cert", authority / "certificate.pem", "-keyfile", authority / "key.pem"]
+    subprocess.run([*command, "-out", own / "certificate.pem"], check=True, capture_output=True)
+
+
+def test_a_connection_ends_with_the_certificate_and_does_not_come_back(join: Join, folder: Path) -> None:
+    end_certificate(folder, "r2", "robot-r2.1", LONG_ENOUGH_S)
+    r1, r2, r3 = join("r1"), join("r2"), join("r3")
+    gone = threading.Event()
+    await_neighbours(r1, "r2", "r3")
+    await_neighbours(r2, "r1", "r3")
+    r1.neighbours.tell(lambda name, there: gone.set() if name == "robot-r2.1" and not there else None)
+    assert gone.wait(PATIENCE_S)
+    until = time.monotonic() + PATIENCE_S
+    while r2.neighbours.names:
+        assert time.monotonic() < until
+        time.sleep(TRY_S)
+    assert not r2.neighbours.await_any(SHORT_S)
+    assert r1.neighbours.names == {"robot-r3.1"}
+    box = hear(r3, KEYS.position("*"), KEYS.position("r1"))
+    assert arrives(r1.broadcast(KEYS.position("r1")), box) == KEYS.position("r1")
+
+
+def test_a_copy_of_a_certificate_shows_itself_to_its_owner(join: Join, folder: Path) -> None:
+    """Others cannot tell the two apart."""
+    r1, r2 = join("r1"), join("r2")
+    await_neighbours(r2, "r1")
+    assert "robot-r2.1" not in r2.neighbours.names
+    credentials = replace(read_credentials(folder / "r2", "test"), beside=True)
+    thief = open_link(credentials.router, PATIENCE_S, credentials=credentials)
+    await_neighbours(r2, "r2")
+    box = hear(r1, KEYS.position("*"), KEYS.position("r2"))
+    assert arrives(thief.broadcast(KEYS.position("r2")), box) == KEYS.position("r2")
+    thief.close()
+
+
+def test_a_member_that_floods_takes_no_room_from_the_others(join: Join) -> None:
+    r1, r2, r3 = join("r1"), join("r2"), join("r3")
+    await_neighbours(r3, "r1", "r2")
+    box = hear(r3, KEYS.position("*"), KEYS.position("r1"), KEYS.position("r2"))
+    flood, own = r2.broadcast(KEYS.position("r2")), r1.broadcast(KEYS.position("r1"))
+    assert arrives(flood, box) == KEYS.position("r2")
+    over = threading.Event()
+
+    def go_on() -> None:
+        while not over.is_set():
+            flood(bytes(60))
+
+    flooding = threading.Thread(target=go_on)
+    flooding.start()
+    heard = flooded = 0
+    until = time.monotonic() + PATIENCE_S
+    while (heard < ENOUGH or flooded < 10 * ENOUGH) and time.monotonic() < until:
+        own(b"here")
+        for _ in range(ENOUGH):
+            if (news := box.get(TRY_S)) is not None:
+                mine = news[0] == KEYS.position("r1")
+                heard, flooded = heard + mine, flooded + (not mine)
+    over.set()
+    flooding.join()
+    assert heard >= ENOUGH
+    assert flooded + box.refused["overflow"] >= 10 * ENOUGH
 
 
 def test_an_order_to_all_reaches_robots_that_have_not_been_met_yet(join: Join) -> None:
