@@ -20,6 +20,8 @@ from worldsim.process import _remedy, main
 class FakeLink:
     closed = 0
 
+    mesh = None
+
     def close(self) -> bool:
         self.closed += 1
         return True

@@ -254,7 +254,7 @@ def test_a_scenario_that_does_not_fit_its_ground_is_named(
         (["sweep"], "FILE is missing; for example: fogwatch sweep"),
         (
             ["fleet", "init", "a", "b"],
-            "--robots NAME,NAME is missing; for example: fogwatch fleet init yards-1",
+            "--robots NAME[=HOST],... is missing; for example: fogwatch fleet init yards-1",
         ),
         (["fleet", "init", "a", "b", "--robots", "r1"], "b: not expected here; for example: fogwatch fleet init"),
         (["control", "RUN", "intruder"], "control intruder: give its place too, such as '[12, 30]'"),

@@ -135,6 +135,7 @@ def lie(folder: Path) -> Iterator[Callable[[str], Link]]:
         link.close()
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("liar", MEMBERS)
 def test_no_member_can_speak_for_another(liar: str, join: Join, lie: Callable[[str], Link]) -> None:
     """One session sends all, in order: what comes under its own keys shows that the forged was not let through."""
@@ -161,6 +162,7 @@ def test_no_member_can_speak_for_another(liar: str, join: Join, lie: Callable[[s
     assert arrived == own
 
 
+@pytest.mark.processes
 def test_strangers_and_members_that_were_revoked_do_not_get_in(join: Join, folder: Path, tmp_path: Path) -> None:
     """What the others hear of a member shows that they would have heard the stranger."""
     strange = new_fleet(tmp_path / "strange", r1="127.0.0.1").path
@@ -219,6 +221,7 @@ def end_certificate(fleet: Path, member: str, common_name: str, after_s: float) 
     subprocess.run([*command, "-out", own / "certificate.pem"], check=True, capture_output=True)
 
 
+@pytest.mark.processes
 def test_a_connection_ends_with_the_certificate_and_does_not_come_back(join: Join, folder: Path) -> None:
     end_certificate(folder, "r2", "robot-r2.1", LONG_ENOUGH_S)
     r1, r2, r3 = join("r1"), join("r2"), join("r3")

@@ -37,7 +37,7 @@ def test_the_help_of_a_process_is_its_own(
         (["agent", "--robot", "ros2", *CONNECT], "is the robot's Zenoh router running?"),
         (
             ["agent", "--robot", "ros2"],
-            "--connect LOCATOR is missing: the robot's Zenoh router, tcp/HOST:7447; all",
+            "--connect: the robot's Zenoh router is missing; give it as tcp/HOST:7447",
         ),
         (["agent", "--robot", "r1", "--fleet", "f"], "fogwatch agent: --scenario FILE is missing: the scenario, the"),
         (["robot-sim"], "--connect LOCATOR is missing: the Zenoh router of the robots, tcp/HOST:7447; --robots NAME"),
