@@ -1,7 +1,7 @@
 """What robots hear of each other over links that lose datagrams, and how late, by what carries positions: one table.
 
     sudo .venv/bin/python -m bench.links                             # half an hour
-    sudo .venv/bin/python -m bench.links --ways mesh,quic --losses 0.3
+    sudo .venv/bin/python -m bench.links --ways "mesh;QUIC" --losses 0.3
 
 Six hosts, each a network namespace of its own, are joined by wires that lose each datagram on its way to a host with a
 given probability (`deploy/testbed.py`). On each a process sends ten positions of 20 bytes a second and hears the
@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import struct
 import subprocess
 import sys
@@ -121,15 +122,11 @@ def _measure(way: str, loss: float) -> dict[str, Heard]:
             radios, credentials = _prepare(way, folder, bed)
             begin_s = time.time() + 1.0
             hosts = {
-                name: _start(
+                name: start_host(
                     bed,
                     number,
-                    {
-                        "name": name,
-                        "radio": radios[name],
-                        "credentials": credentials.get(name),
-                        "begin_s": begin_s,
-                    },
+                    "bench.links",
+                    {"name": name, "radio": radios[name], "credentials": credentials.get(name), "begin_s": begin_s},
                 )
                 for number, name in bed.names.items()
             }
@@ -158,51 +155,67 @@ def _prepare(way: str, folder: Path, bed: Bed) -> tuple[dict[str, str], dict[str
     return dict.fromkeys(ROBOTS, radio), {name: str(fleet.path / name) for name in ROBOTS}
 
 
-def _start(bed: Bed, number: int, what: dict[str, Any]) -> subprocess.Popen[str]:
-    command = [
-        "ip",
-        "netns",
-        "exec",
-        bed.space(number),
-        sys.executable,
-        "-m",
-        "bench.links",
-        "--host",
-        json.dumps(what),
-    ]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+def start_host(bed: Bed, number: int, module: str, what: dict[str, Any]) -> subprocess.Popen[str]:
+    """Start a module as a host's process, which reads and writes lines. It dies with this one."""
+    mortal = ["setpriv", "--pdeathsig", "KILL"]
+    command = ["ip", "netns", "exec", bed.space(number), *mortal, sys.executable]
+    command += ["-m", module, "--host", json.dumps(what)]
+    return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+
+def exchange(
+    what: dict[str, Any],
+    robots: Sequence[str],
+    begin_s: float,
+    period_s: float,
+    send_until_s: float = math.inf,
+    end_s: float = math.inf,
+) -> Iterator[tuple[str, float, int]]:
+    """Send and hear on one host, by the code of a robot; yield sender, time and number of each frame, own ones too.
+
+    Args:
+        what: The host's name, its radio, and the folder of its credentials, if it has any.
+        robots: The names of all.
+        begin_s: When the first frame is due.
+        period_s: Time between frames.
+        send_until_s: When the last frame is due.
+        end_s: When hearing ends.
+    """
+    credentials = None if what["credentials"] is None else read_credentials(Path(what["credentials"]), "host")
+    keys = fleet_keys("bed" if credentials is None else credentials.fleet)
+    own = what["name"]
+    air = open_air(what["radio"], end_s - time.time(), lambda _waited: None, lambda: time.time() > end_s, credentials)
+    mailbox: Mailbox[bytes] = Mailbox([keys.position(name) for name in robots if name != own], bytes, _FRAME.size, 4096)
+    air.subscribe(keys.position("*"), mailbox)
+    post = air.broadcast(keys.position(own))
+    sent = 0
+    while (now := time.time()) < end_s:
+        if now >= begin_s + sent * period_s and now < send_until_s:
+            post(_FRAME.pack(now, sent))
+            yield own, now, sent
+            sent += 1
+        if (news := mailbox.get(max(min(begin_s + sent * period_s, end_s) - now, 0.001))) is not None:
+            yield robot_of(news[0]), *_FRAME.unpack(news[1])
+    air.close()
 
 
 def _be_a_host(what: dict[str, Any]) -> NoReturn:
     """Send and hear on one host, and print what came of it."""
-    credentials = None if what["credentials"] is None else read_credentials(Path(what["credentials"]), "host")
-    keys = fleet_keys("bed" if credentials is None else credentials.fleet)
-    own, begin_s = what["name"], what["begin_s"]
-    others = {keys.position(name): name for name in ROBOTS if name != own}
+    begin_s = what["begin_s"]
     count_from, count_to = begin_s + MEET_S, begin_s + MEET_S + COUNT_S
-    end_s = count_to + END_S
-    air = open_air(what["radio"], end_s - time.time(), lambda _waited: None, lambda: time.time() > end_s, credentials)
-    mailbox: Mailbox[bytes] = Mailbox(others, bytes, _FRAME.size, 4096)
-    air.subscribe(keys.position("*"), mailbox)
-    post = air.broadcast(keys.position(own))
-    heard = Heard({}, {name: [] for name in others.values()}, 0)
+    heard = Heard({}, {name: [] for name in ROBOTS if name != what["name"]}, 0)
     seen: set[tuple[str, int]] = set()
-    sent = counted = 0
-    while (now := time.time()) < end_s:
-        if now >= begin_s + sent * PERIOD_S and now < count_to:
-            post(_FRAME.pack(now, sent))
-            sent += 1
-            counted += now >= count_from
-        if (news := mailbox.get(max(min(begin_s + sent * PERIOD_S, end_s) - now, 0.001))) is None:
+    counted = 0
+    for name, at_s, number in exchange(what, ROBOTS, begin_s, PERIOD_S, count_to, count_to + END_S):
+        counts = count_from <= at_s < count_to
+        if name == what["name"]:
+            counted += counts
             continue
-        name = robot_of(news[0])
-        at_s, number = _FRAME.unpack(news[1])
         heard.first_s.setdefault(name, time.time() - begin_s)
-        if count_from <= at_s < count_to and (name, number) not in seen:
+        if counts and (name, number) not in seen:
             seen.add((name, number))
             heard.delays_s[name].append(time.time() - at_s)
     print(json.dumps({"first_s": heard.first_s, "delays_s": heard.delays_s, "sent": counted}), flush=True)
-    air.close()
     leave(0)
 
 

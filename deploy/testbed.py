@@ -201,19 +201,19 @@ class Bed:
         if event.what == KILLED:
             self.processes[event.who].kill()
         elif event.who == HALF:
-            self._part(apart=event.what == DOWN)
+            self.part(sorted(self.names)[len(self.names) // 2 :], "radio", apart=event.what == DOWN)
         else:
             number = {name: number for number, name in self.names.items()}[event.who]
             for kind in ("body", "radio")[: 1 + self.radio_wires]:
                 ip("-n", self.hub, "link", "set", f"{kind}{number}", event.what)
 
-    def _part(self, *, apart: bool) -> None:
-        """Give the radios of the second half of the robots a hub of their own, or join the two."""
+    def part(self, robots: Sequence[int], kind: str, *, apart: bool) -> None:
+        """Give the wires of some robots, of a kind, a hub of their own, or join them with the others again."""
         if apart:
             ip("-n", self.hub, "link", "add", "apart", "type", "bridge", "mcast_snooping", "0")
             ip("-n", self.hub, "link", "set", "apart", "up")
-        for number in sorted(self.names)[len(self.names) // 2 :]:
-            ip("-n", self.hub, "link", "set", f"radio{number}", "master", "apart" if apart else "radio")
+        for number in robots:
+            ip("-n", self.hub, "link", "set", f"{kind}{number}", "master", "apart" if apart else kind)
         if not apart:
             ip("-n", self.hub, "link", "delete", "apart")
 
