@@ -55,6 +55,11 @@ def test_the_image_of_a_role_starts_its_process_with_the_credentials_that_are_mo
     assert (options.fleet if role == "router" else options.credentials) == Path("/fleet")
 
 
+def test_a_router_starts_only_where_it_is_asked_for_and_nothing_depends_on_it() -> None:
+    assert [name for name, service in SERVICES.items() if service.get("profiles") == ["router"]] == ["router"]
+    assert not [name for name, service in SERVICES.items() if "depends_on" in service]
+
+
 def test_one_image_has_all_commands() -> None:
     assert [*stage("fogwatch")["ENTRYPOINT"], *stage("fogwatch")["CMD"]][-3:] == ["-m", "fogwatch", "--help"]
 

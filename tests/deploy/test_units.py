@@ -10,8 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from patrol.net.security.credentials import AUTHORITY, CERTIFICATE, KEY, MEMBER, ROUTER
+from fogwatch.fleet_folder import make_fleet
+from patrol.net.security.credentials import AUTHORITY, CERTIFICATE, KEY, MEMBER, ROUTER, read_credentials
+from patrol.net.security.mesh import MESH
 from tests.deploy.command_lines import DEPLOY, options_in
+from tests.routers import needs_openssl
 
 UNITS = {path.stem: path for path in sorted((DEPLOY / "systemd").glob("*.service"))}
 SPECIFIERS = {"%i": "r1", "%d": "/run/credentials/unit", "%%": "%"}
@@ -65,10 +68,29 @@ def test_a_unit_gives_its_process_the_credentials_that_the_manager_keeps(name: s
     folder = options.fleet if module == "fogwatch.router" else options.credentials
     assert folder == Path(SPECIFIERS["%d"])
     given = dict(value.split(":") for key, value in service(name) if key == "LoadCredential")
-    assert set(given) == {ROUTER if module == "fogwatch.router" else MEMBER, AUTHORITY, CERTIFICATE, KEY}
+    own = {ROUTER} if module == "fogwatch.router" else {MEMBER, MESH}
+    assert set(given) == {*own, AUTHORITY, CERTIFICATE, KEY}
     for file, source in given.items():
         assert Path(source).name == file
         assert Path(source).parents[1] == Path("/etc/fogwatch")
+
+
+@needs_openssl
+@pytest.mark.parametrize("name", [name for name in UNITS if name != "fogwatch-router"])
+def test_a_member_of_a_fleet_with_a_router_needs_no_mesh(name: str, tmp_path: Path) -> None:
+    """The service manager puts a default in the place of a file that is missing, instead of failing the unit."""
+    (file, _, default) = dict(service(name))["SetCredential"].partition(":")
+    fleet = make_fleet(tmp_path / "fleet", "yards", ["r1"], [], 7447, 1)
+    folder = fleet.path / "r1"
+    assert file == MESH
+    assert not (folder / file).exists()
+    (folder / file).write_text(default, encoding="utf-8")
+    assert read_credentials(folder, "--credentials").mesh is None
+
+
+@pytest.mark.parametrize("name", UNITS)
+def test_no_unit_requires_another(name: str) -> None:
+    assert "fogwatch-" not in UNITS[name].read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("name", UNITS)
