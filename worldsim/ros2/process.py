@@ -5,9 +5,10 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from patrol.errors import BadInput
@@ -17,11 +18,14 @@ from patrol.process.lifeline import Ending
 from worldsim.ros2.options import check, errors_of, parser, robots_of, starts_of, transform_of, unplugged
 
 if TYPE_CHECKING:
+    from patrol.pose import Pose
     from patrol.prepare import Prepared
     from patrol.process.reporting.vitals import Vitals
     from patrol.scenario import Scenario
     from worldsim.ros2.node import Habits
     from worldsim.ros2.simulation import Simulation
+
+    Note = Callable[[float, Mapping[str, Pose]], None]
 
 NODE = "robot_sim"
 
@@ -54,7 +58,7 @@ def _run(process: ProcessContext) -> int:
     with nullcontext() if options.scenario is None else naming(options.scenario):
         prepared = prepare(scenario)
     pace = options.pace or scenario.factor or 1.0
-    simulation = _simulation(process, prepared, pace)
+    simulation = _simulation(process, prepared, pace, _noting(process))
     say(f"simulates {', '.join(names)} at {options.connect}")
     show(simulation, process.vitals)
     _keep_time(simulation, pace, options.duration, plugs, process.ending, say)
@@ -84,7 +88,25 @@ def _scenario(options: argparse.Namespace) -> Scenario:
     return load_scenario(raw, called="options", aliases={"terrain.map": "--map", "robots": "--robots"})
 
 
-def _simulation(process: ProcessContext, prepared: Prepared, pace: float) -> Simulation:
+def _noting(process: ProcessContext) -> Note | None:
+    """Return what writes true poses down as they come; None where no option asks for it."""
+    path: Path | None = process.options.poses
+    if path is None:
+        return None
+    try:
+        file = process.closing.enter_context(path.open("w", encoding="ascii", buffering=1))
+    except OSError as error:
+        raise BadInput(f"--poses {path}: cannot be written ({error.strerror}); give another file") from None
+    print("time_s,robot,x,y,heading", file=file)
+
+    def note(time_s: float, poses: Mapping[str, Pose]) -> None:
+        for name, pose in poses.items():
+            print(f"{time_s:.2f},{name},{pose.x:.4f},{pose.y:.4f},{pose.heading:.4f}", file=file)
+
+    return note
+
+
+def _simulation(process: ProcessContext, prepared: Prepared, pace: float, note: Note | None) -> Simulation:
     """Return the robots, each with a connection of its own."""
     from patrol.net.keys import check_locator
     from patrol.net.link import LinkDown
@@ -92,6 +114,7 @@ def _simulation(process: ProcessContext, prepared: Prepared, pace: float) -> Sim
     from patrol.ros2.formats import format_named
     from patrol.ros2.link import open_ros2
     from patrol.ros2.names import NodeName, check_name
+    from worldsim.ros2.bodies import bodies_named
     from worldsim.ros2.node import RobotNode
     from worldsim.ros2.robot import Build, SimulatedRobot
     from worldsim.ros2.simulation import CollisionGround, Simulation
@@ -128,7 +151,8 @@ def _simulation(process: ProcessContext, prepared: Prepared, pace: float) -> Sim
         process.closing.callback(link.close)
         nodes[named.name] = RobotNode(link, SimulatedRobot(build), habits, terrain)
     ground = CollisionGround(terrain, sensor_footprint(scenario, terrain), prepared.patrolled, scenario.step)
-    return Simulation(nodes, ground, time.time())
+    builds = [node.robot.build for node in nodes.values()]
+    return Simulation(nodes, ground, time.time(), bodies_named(options.bodies, terrain, builds), note)
 
 
 def _habits(options: argparse.Namespace, pace: float) -> Habits:
