@@ -177,6 +177,7 @@ lock: ## rewrite the lock files from pyproject.toml (installs uv into build/)
 		--output-file requirements-run.lock pyproject.toml
 	$(LOCK) --extra bench --constraint requirements.lock --output-file requirements-bench.lock pyproject.toml
 	$(LOCK) --extra docs --constraint requirements.lock --output-file requirements-docs.lock pyproject.toml
+	echo 'mujoco>=4,<5' | $(LOCK) --constraint requirements.lock --output-file examples/mujoco/requirements.lock -
 
 LOCK := build/uv/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header --no-annotate
 

@@ -1,6 +1,6 @@
 """Bodies in MuJoCo for simulated ROS 2 robots: driven wheels with inertia and slip, between walls made of the map.
 
-    pip install -r examples/mujoco/requirements.txt
+    pip install -r examples/mujoco/requirements.lock
     fogwatch robot-sim --scenario examples/mujoco/office.yaml --bodies examples/mujoco/bodies.py:MujocoBodies \
         --connect tcp/127.0.0.1:7447 --robots robot1,robot2,robot3 --margin 0.1
 
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import cycle
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from patrol.errors import BadInput
 from patrol.ground.maps.load import read_terrain
 from patrol.ground.maps.map_file import read_map_file
 from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.palette import ROBOTS, UNCOUNTED, rgb
 from patrol.pose import Pose, Twist, wrap
 from worldsim.ros2.bodies import Moved
 from worldsim.ros2.robot import Build, SimulatedRobot
@@ -26,7 +28,7 @@ from worldsim.ros2.robot import Build, SimulatedRobot
 try:
     import mujoco
 except ModuleNotFoundError:
-    raise BadInput("examples/mujoco: needs MuJoCo; pip install -r examples/mujoco/requirements.txt") from None
+    raise BadInput("examples/mujoco: needs MuJoCo; pip install -r examples/mujoco/requirements.lock") from None
 
 TIMESTEP_S = 0.004
 WALL_M = 0.5
@@ -49,6 +51,11 @@ JITTER = 0.02
 """Standard deviation of what an encoder counts in a step, as a share of it."""
 
 _WALL, _HULL, _FLOOR = 1, 2, 4  # bits by which MuJoCo decides what collides
+
+
+def as_rgba(colour: str) -> list[float]:
+    """Return a colour as MuJoCo wants it."""
+    return [*(part / 255 for part in rgb(colour)), 1.0]
 
 
 def merge_cells(occupied: BoolGrid) -> list[tuple[int, int, int, int]]:
@@ -78,7 +85,7 @@ def add_walls(spec: mujoco.MjSpec, terrain: Terrain) -> None:
             type=mujoco.mjtGeom.mjGEOM_BOX,
             size=[0.5 * cell * (end_column - column), 0.5 * cell * (end_row - row), 0.5 * WALL_M],
             pos=[x + cell * (0.5 * (column + end_column) - 1), y + cell * (0.5 * (row + end_row) - 1), 0.5 * WALL_M],
-            rgba=[0.55, 0.57, 0.6, 1],
+            rgba=as_rgba(UNCOUNTED),
             contype=_WALL,
             conaffinity=_HULL,
         )
@@ -151,9 +158,10 @@ def make_model(terrain: Terrain, builds: Sequence[Build], spread: float = UNEVEN
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     west, south, east, north = terrain.bounds
-    image = spec.add_texture(name="floor", type=mujoco.mjtTexture.mjTEXTURE_2D, nchannel=3)
-    image.width, image.height, image.builtin = terrain.width, terrain.height, mujoco.mjtBuiltin.mjBUILTIN_FLAT
-    image.rgb1 = [0.9, 0.9, 0.88]
+    flat = {"builtin": mujoco.mjtBuiltin.mjBUILTIN_FLAT, "rgb1": [1, 1, 1], "rgb2": [1, 1, 1]}
+    spec.add_texture(type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, width=8, height=48, **flat)
+    sides = {"width": terrain.width, "height": terrain.height}
+    spec.add_texture(name="floor", type=mujoco.mjtTexture.mjTEXTURE_2D, nchannel=3, **sides, **flat)
     material = spec.add_material(name="floor")
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "floor"
     spec.worldbody.add_geom(
@@ -166,14 +174,11 @@ def make_model(terrain: Terrain, builds: Sequence[Build], spread: float = UNEVEN
         conaffinity=0,
     )
     add_walls(spec, terrain)
-    colours = ([0.85, 0.2, 0.15, 1], [0.15, 0.45, 0.85, 1], [0.2, 0.65, 0.3, 1], [0.75, 0.5, 0.1, 1])
-    for build, rgba in zip(builds, colours * len(builds), strict=False):
+    for build, colour in zip(builds, cycle(ROBOTS), strict=False):
         if build.spec.model != "differential":
-            raise BadInput(
-                f"robots.{build.spec.number - 1}.model = {build.spec.model}: these have wheels; differential"
-            )
+            raise BadInput(f"{build.spec.name}: model {build.spec.model} is none of these bodies; give differential")
         shares = 1 + spread * np.random.default_rng((build.seed, build.spec.number)).standard_normal(2)
-        add_robot(spec, build, (WHEEL * build.spec.radius * shares).tolist(), rgba)
+        add_robot(spec, build, (WHEEL * build.spec.radius * shares).tolist(), as_rgba(colour))
     model: mujoco.MjModel = spec.compile()
     return model
 
@@ -200,9 +205,8 @@ class MujocoBodies:
         commands = [robot.body.command for robot in robots]
         told = np.array([(twist.speed, twist.turn_rate) for twist in commands if isinstance(twist, Twist)])
         apart = 0.5 * TRACK * radii * told[:, 1]
-        self.data.ctrl[:] = np.stack([told[:, 0] - apart, told[:, 0] + apart], axis=1).ravel() / (WHEEL * radii).repeat(
-            2
-        )
+        self.data.ctrl[0::2] = (told[:, 0] - apart) / (WHEEL * radii)  # left wheels
+        self.data.ctrl[1::2] = (told[:, 0] + apart) / (WHEEL * radii)
         at_wall, at_robot = np.zeros(len(robots), dtype=bool), np.zeros(len(robots), dtype=bool)
         for _ in range(round(step_s / self.model.opt.timestep)):
             mujoco.mj_step(self.model, self.data)
@@ -214,9 +218,8 @@ class MujocoBodies:
         turned, self._counts = (counts - self._counts) * (2 * math.pi / COUNTS), counts
         moved = []
         for number, radius in enumerate(radii.tolist()):
-            left, right = (
-                WHEEL * radius * turned[number] * (1 + JITTER * self._noise[number].standard_normal(2))
-            ).tolist()
+            noise = 1 + JITTER * self._noise[number].standard_normal(2)
+            left, right = (WHEEL * radius * turned[number] * noise).tolist()
             ahead, turn = 0.5 * (left + right), (right - left) / (TRACK * radius)
             counted = Pose(ahead * math.cos(0.5 * turn), ahead * math.sin(0.5 * turn), turn)
             moved.append(Moved(self.pose(number), counted, bool(at_wall[number]), bool(at_robot[number])))

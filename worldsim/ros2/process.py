@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from patrol.process.reporting.vitals import Vitals
     from patrol.scenario import Scenario
     from worldsim.ros2.node import Habits
+    from worldsim.ros2.robot import Build
     from worldsim.ros2.simulation import Simulation
 
     Note = Callable[[float, Mapping[str, Pose]], None]
@@ -116,30 +117,16 @@ def _simulation(process: ProcessContext, prepared: Prepared, pace: float, note: 
     from patrol.ros2.names import NodeName, check_name
     from worldsim.ros2.bodies import bodies_named
     from worldsim.ros2.node import RobotNode
-    from worldsim.ros2.robot import Build, SimulatedRobot
+    from worldsim.ros2.robot import SimulatedRobot
     from worldsim.ros2.simulation import CollisionGround, Simulation
 
     options, scenario, terrain = process.options, prepared.scenario, prepared.terrain
-    specs = {spec.name: spec for spec in scenario.roster}
+    builds = _builds(options, prepared)
+    bodies = bodies_named(options.bodies, terrain, list(builds.values()))
     habits = _habits(options, pace)
     locator = check_locator(options.connect, "--connect")
     nodes = {}
     for named in robots_of(options):
-        if named.name not in specs:
-            raise BadInput(f"--robots {named.name}: no robot of the scenario, which has {', '.join(list(specs)[:8])}")
-        spec = specs[named.name]
-        if options.scenario is not None and options.margin >= spec.radius:
-            raise BadInput(f"--margin {options.margin:g}: {spec.name}'s radius is {spec.radius:g} m; give less")
-        margin = 0.0 if options.scenario is None else options.margin
-        body = replace(spec, radius=spec.radius - margin)
-        build = Build(
-            body,
-            prepared.starts[spec.number - 1],
-            errors_of(options),
-            options.acceleration,
-            options.watchdog,
-            options.seed,
-        )
         form = format_named(named.format, options.domain, f"--robots {named.name}")
         node = NodeName(NODE, check_name(named.name, "--robots"))
         try:
@@ -149,10 +136,33 @@ def _simulation(process: ProcessContext, prepared: Prepared, pace: float, note: 
                 raise AskedToLeave from None
             raise BadInput(f"--connect {options.connect}: {down}; start one: fogwatch router") from None
         process.closing.callback(link.close)
-        nodes[named.name] = RobotNode(link, SimulatedRobot(build), habits, terrain)
+        nodes[named.name] = RobotNode(link, SimulatedRobot(builds[named.name]), habits, terrain)
     ground = CollisionGround(terrain, sensor_footprint(scenario, terrain), prepared.patrolled, scenario.step)
-    builds = [node.robot.build for node in nodes.values()]
-    return Simulation(nodes, ground, time.time(), bodies_named(options.bodies, terrain, builds), note)
+    return Simulation(nodes, ground, time.time(), bodies, note)
+
+
+def _builds(options: argparse.Namespace, prepared: Prepared) -> dict[str, Build]:
+    """Return how each robot is built, by its name."""
+    from worldsim.ros2.robot import Build
+
+    specs = {spec.name: spec for spec in prepared.scenario.roster}
+    builds = {}
+    for named in robots_of(options):
+        if named.name not in specs:
+            raise BadInput(f"--robots {named.name}: no robot of the scenario, which has {', '.join(list(specs)[:8])}")
+        spec = specs[named.name]
+        if options.scenario is not None and options.margin >= spec.radius:
+            raise BadInput(f"--margin {options.margin:g}: {spec.name}'s radius is {spec.radius:g} m; give less")
+        margin = 0.0 if options.scenario is None else options.margin
+        builds[named.name] = Build(
+            replace(spec, radius=spec.radius - margin),
+            prepared.starts[spec.number - 1],
+            errors_of(options),
+            options.acceleration,
+            options.watchdog,
+            options.seed,
+        )
+    return builds
 
 
 def _habits(options: argparse.Namespace, pace: float) -> Habits:
@@ -201,6 +211,7 @@ def _keep_time(
         due_s = begin_s + (simulation.time_s + STEP_S) / pace
         if ending.wait(max(0.0, due_s - time.monotonic())):
             return
+        simulation.late_s = max(simulation.late_s, time.monotonic() - due_s)
         for name in [name for name, at_s in plugs.items() if simulation.patrolled_s >= at_s]:
             del plugs[name]
             simulation.unplug(name, time.monotonic())

@@ -53,6 +53,7 @@ class Simulation:
     Attributes:
         nodes: The robots' nodes, by name.
         time_s: The robots' time since the beginning, s.
+        late_s: By how much a step came too late, at most, s of wall time; the process keeps this.
 
     Args:
         nodes: The robots' nodes, by name.
@@ -72,6 +73,7 @@ class Simulation:
     ) -> None:
         self.nodes = nodes
         self.time_s = 0.0
+        self.late_s = 0.0
         self._ground = ground
         self._epoch_s = epoch_s
         self._bodies = OwnBodies(ground.terrain) if bodies is None else bodies
@@ -141,6 +143,7 @@ class Simulation:
         return {
             "simulated_s": self.time_s,
             "patrolled_s": self.patrolled_s,
+            "late_max_s": self.late_s,
             "mfow_mean_s": self._mean(self._mfow),
             "mfow_late_mean_s": self._mean(self._mfow[len(self._mfow) // 2 :]),
             "mfow_max_s": max(self._mfow) * self._ground.look_s if self._mfow else None,
