@@ -27,7 +27,7 @@ Robots that talk like real ones, with a localisation, on a Zenoh router that you
 
 Other bodies than our own, such as those of a physics engine (docs/ros2/mujoco.md):
 
-  fogwatch robot-sim --map plan.yaml --robots robot1 --bodies examples/mujoco/bodies.py:MujocoBodies
+  fogwatch robot-sim --map plan.yaml --robots robot1 ... --bodies examples/mujoco/bodies.py:MujocoBodies
 
 Each robot may have a format of its own; --scenario says body and place of each, as it does for the agents:
 

@@ -114,10 +114,11 @@ class Simulation:
         robots = [node.robot for node in self.nodes.values()]
         for node in self.nodes.values():
             node.hear(now_s)
-            node.robot.begin(now_s, STEP_S)
         if self._begun_s is None and all(robot.commands for robot in robots):
             self._begun_s = self.time_s
         self._look()
+        for robot in robots:
+            robot.begin(now_s, STEP_S)
         for robot, moved in zip(robots, self._bodies.move(robots, STEP_S), strict=True):
             robot.end(moved, STEP_S)
         self._steps += 1

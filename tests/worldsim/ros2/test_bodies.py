@@ -78,8 +78,8 @@ def test_bodies_of_ones_own_move_and_count_as_they_say(file: Path) -> None:
 def test_our_own_bodies_stray_only_where_something_stops_them() -> None:
     hub, one = Hub(), robot()
     simulation = simulated(hub, one)
-    for _ in range(20):
-        tell(hub, Twist(1.0, 0.0, 0.3))
+    for count in range(20):
+        tell(hub, Twist(1.0 - 0.1 * (count % 4), 0.0, 0.3 * (count % 3)))
         run(simulation, 0.1)
     assert one.strayed.ticks == 3
     assert one.strayed.greatest_m < 1e-9
