@@ -151,8 +151,8 @@ def add_robot(spec: mujoco.MjSpec, build: Build, wheel_radii: Sequence[float], r
         motor.forcelimited, motor.forcerange = True, [-torque, torque]
 
 
-def make_model(terrain: Terrain, builds: Sequence[Build], spread: float = UNEVEN) -> mujoco.MjModel:
-    """Build floor, walls and robots; `spread` is the standard deviation of the wheels' radii, as a share."""
+def make_model(terrain: Terrain, builds: Sequence[Build]) -> mujoco.MjModel:
+    """Build floor, walls and robots."""
     spec = mujoco.MjSpec()
     spec.option.timestep = TIMESTEP_S
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
@@ -177,7 +177,7 @@ def make_model(terrain: Terrain, builds: Sequence[Build], spread: float = UNEVEN
     for build, colour in zip(builds, cycle(ROBOTS), strict=False):
         if build.spec.model != "differential":
             raise BadInput(f"{build.spec.name}: model {build.spec.model} is none of these bodies; give differential")
-        shares = 1 + spread * np.random.default_rng((build.seed, build.spec.number)).standard_normal(2)
+        shares = 1 + UNEVEN * np.random.default_rng((build.seed, build.spec.number)).standard_normal(2)
         add_robot(spec, build, (WHEEL * build.spec.radius * shares).tolist(), as_rgba(colour))
     model: mujoco.MjModel = spec.compile()
     return model

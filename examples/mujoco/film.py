@@ -33,6 +33,13 @@ except BadInput as bad:
     sys.exit(2)
 
 
+WIDTH, HEIGHT = 640, 358
+EVERY, PAUSE_MS = 2, 100
+"""Ticks from one frame to the next, and for how long each is shown."""
+STALEST_S = 60.0
+"""Age of the darkest floor, s."""
+
+
 def read_poses(path: Path) -> Iterator[tuple[float, dict[str, Pose]]]:
     """Read the poses of each tick."""
     with path.open(encoding="ascii", newline="") as file:
@@ -43,16 +50,15 @@ def read_poses(path: Path) -> Iterator[tuple[float, dict[str, Pose]]]:
 class Scene:
     """Draws the robots and the fog of one moment."""
 
-    def __init__(self, prepared: Prepared, margin_m: float, stalest_s: float, size: tuple[int, int]) -> None:
+    def __init__(self, prepared: Prepared, margin_m: float) -> None:
         scenario = prepared.scenario
         self.truth = Truth(sensor_footprint(scenario, prepared.terrain), prepared.patrolled)
         self.specs = [replace(spec, radius=spec.radius - margin_m) for spec in scenario.roster]
         builds = [Build(spec, Pose(0.0, 0.0, 0.0), Errors(), math.inf, 0.5, 0) for spec in self.specs]
         self._model = make_model(prepared.terrain, builds)
         self._model.vis.headlight.ambient[:] = 0.5
-        self._model.vis.global_.offwidth, self._model.vis.global_.offheight = size
         self._data = mujoco.MjData(self._model)
-        self._size, self._step_s, self._colours = size, scenario.step, fog_scale(stalest_s)
+        self._step_s, self._colours = scenario.step, fog_scale(STALEST_S)
         west, south, east, north = prepared.terrain.bounds
         self._camera = mujoco.MjvCamera()
         self._camera.lookat[:] = [0.5 * (west + east), 0.5 * (south + north) - 0.3, 0]
@@ -70,7 +76,7 @@ class Scene:
             turned = [math.cos(0.5 * pose.heading), 0, 0, math.sin(0.5 * pose.heading)]
             joint.qpos[:] = [pose.x, pose.y, 0, *turned]
         mujoco.mj_forward(self._model, self._data)
-        with mujoco.Renderer(self._model, self._size[1], self._size[0]) as renderer:  # a new one takes the new floor
+        with mujoco.Renderer(self._model, HEIGHT, WIDTH) as renderer:  # a new one takes the new floor
             renderer.update_scene(self._data, self._camera)
             return Image.fromarray(renderer.render())
 
@@ -84,25 +90,20 @@ def main() -> None:
     parser.add_argument("--margin", type=float, default=0.1, help="by which its radii exceed the bodies (%(default)s)")
     parser.add_argument("--from", dest="begin_s", type=float, default=0.0, help="patrol time at the beginning, s")
     parser.add_argument("--to", dest="end_s", type=float, default=math.inf, help="patrol time at the end, s")
-    parser.add_argument("--every", type=int, default=2, help="ticks between two frames (default: %(default)s)")
-    parser.add_argument("--fps", type=float, default=10.0, help="frames per second (default: %(default)g)")
-    parser.add_argument("--stalest", type=float, default=60.0, help="age of the darkest floor (default: %(default)g s)")
-    parser.add_argument("--width", type=int, default=640, help="pixels (default: %(default)s)")
     parser.add_argument("--out", type=Path, default=Path("patrol.webp"), help="an animated WebP (default: %(default)s)")
     options = parser.parse_args()
     with naming(options.scenario):
         prepared = prepare(load_scenario(options.scenario))
-    scene = Scene(prepared, options.margin, options.stalest, (options.width, round(0.56 * options.width)))
+    scene = Scene(prepared, options.margin)
     frames = []
     for tick, (time_s, poses) in enumerate(read_poses(options.poses)):
         scene.truth.observe(tick, [(spec.number, poses[spec.name]) for spec in scene.specs])
-        if options.begin_s <= time_s <= options.end_s and tick % options.every == 0:
+        if options.begin_s <= time_s <= options.end_s and tick % EVERY == 0:
             frames.append(scene.draw(tick, poses))
     if not frames:
         raise BadInput(f"{options.poses}: has no poses from {options.begin_s:g} to {options.end_s:g} s; give others")
-    pause_ms = round(1000 / options.fps)
     first, *others = frames
-    first.save(options.out, save_all=True, append_images=others, duration=pause_ms, loop=0, quality=55, method=4)
+    first.save(options.out, save_all=True, append_images=others, duration=PAUSE_MS, loop=0, quality=55)
     print(f"wrote {options.out}: {len(frames)} frames")
 
 
