@@ -2,7 +2,7 @@
 
 Each robot sends under its own key. Frames that find a full queue are dropped, because a late position is worthless.
 Frames that arrive between two decisions are heard at the second of them; where a sender has sent more than fits, its
-oldest frames are dropped, and so are those that the network has held up for long (`agent.clock.Skew`). The mind's
+oldest frames are dropped, and so are those that the network has held up for long (`agent.radios.skew`). The mind's
 inbox judges whether a frame is true.
 """
 
@@ -12,8 +12,8 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Protocol
 
-from agent.clock import Skew
 from agent.ports import FleetClock
+from agent.radios.skew import Skew
 from patrol.net.keys import FleetKeys, robot_of
 from patrol.net.mailbox import Air, Mailbox, Post
 from patrol.net.messages.telemetry import Traffic

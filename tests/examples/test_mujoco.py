@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import math
+import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -156,3 +158,15 @@ def test_without_mujoco_the_remedy_is_said(terrain: Terrain, monkeypatch: pytest
         monkeypatch.delitem(sys.modules, name)
     with pytest.raises(BadInput, match=r"pip install -r examples/mujoco/requirements\.lock"):
         bodies_named(f"{BODIES}:MujocoBodies", terrain, [])
+
+
+@pytest.mark.processes
+def test_one_command_starts_a_patrol(tmp_path: Path) -> None:
+    command = [sys.executable, "-P", str(BODIES.with_name("fleet.py")), "--out", str(tmp_path / "out")]
+    subprocess.run([*command, "--bodies", "ours", "--duration", "4"], check=True, capture_output=True)
+    said = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
+    assert said["patrolled_s"] >= 4.0
+    assert [name for name, robot in said["robots"].items() if robot["commands"] > 0] == ["robot1", "robot2", "robot3"]
+    again = subprocess.run(command, check=False, capture_output=True, text=True)
+    assert again.returncode == 2
+    assert "is not empty; choose another folder" in again.stderr
