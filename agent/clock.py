@@ -1,25 +1,15 @@
-"""The ticks of a fleet as a robot counts them without a world, and the differences between robots' counts.
+"""The ticks of a fleet as a robot counts them without a world.
 
-Tick k begins at ``epoch + k * step`` on a clock that all robots share, such as Unix time. Receivers judge a position's
-tick by their own count. A robot whose count is off rejects the others' positions and is rejected by them; `Skew`
-notices and reports it.
+Tick k begins at ``epoch + k * step`` on a clock that all robots share, such as Unix time.
 """
 
 from __future__ import annotations
 
 import math
-from collections import deque
-from collections.abc import Callable, Iterable, Mapping
-from statistics import median_low
+from collections.abc import Callable
 
 from patrol.net.messages.phases import PHASE_B_SHARE
 from patrol.radio.message import CONTACT, Rejected, decode
-
-REMEMBERED = 9
-"""Number of frames of each robot by which its count is judged: a few, because some are delayed on the way."""
-
-APART = 2
-"""Largest difference of two counts that is not reported, ticks."""
 
 
 class KeptClock:
@@ -62,57 +52,6 @@ class KeptClock:
             if self._leave(left):
                 return True
         return self._leave(0.0)
-
-
-class Skew:
-    """The lead in ticks of other robots' counts over this robot's own, by the positions that they send."""
-
-    def __init__(self, names: Mapping[int, str], tolerated: int = APART) -> None:
-        """Judge the robots of a fleet.
-
-        Args:
-            names: The robots' names, by number.
-            tolerated: Largest difference that is not reported, ticks.
-        """
-        self._names = names
-        self._tolerated = tolerated
-        self._k = -1
-        self._leads: dict[int, deque[int]] = {number: deque(maxlen=REMEMBERED) for number in names}
-
-    def hear(self, k: int, frames: Iterable[bytes]) -> None:
-        """Take in the frames heard, before the inbox rejects any of them.
-
-        Args:
-            k: The tick for whose decision they were heard.
-            frames: As they were received.
-        """
-        if k != self._k + 1:  # own ticks were skipped, so what has waited meanwhile says nothing about the others
-            for leads in self._leads.values():
-                leads.clear()
-        self._k = k
-        for frame in frames:
-            try:
-                position = decode(frame)
-            except Rejected:
-                continue
-            if position.robot != CONTACT and position.robot in self._leads:
-                self._leads[position.robot].append(position.sequence - k)
-
-    @property
-    def ticks(self) -> dict[str, int]:
-        """The lead of each robot's count in ticks (negative: behind), by name, for robots heard often enough."""
-        full = {number: leads for number, leads in self._leads.items() if len(leads) == REMEMBERED}
-        return {self._names[number]: median_low(leads) for number, leads in full.items()}
-
-    def complaint(self) -> str | None:
-        """Return one line about the robots that count differently; None when there are none."""
-        leads = {name: lead for name, lead in self.ticks.items() if abs(lead) > self._tolerated}
-        if not leads:
-            return None
-        counts = ", ".join(
-            f"{name} is {abs(lead)} ticks {'ahead' if lead > 0 else 'behind'}" for name, lead in leads.items()
-        )
-        return f"ticks differ: {counts}, so positions are refused; set NTP and the same epoch on all robots"
 
 
 def epoch_of(frame: bytes, heard_s: float, step_s: float, key: bytes | None = None) -> float | None:

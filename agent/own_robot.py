@@ -20,9 +20,8 @@ from patrol.radio.message import MAX_TIME_MS
 from patrol.radio.units import ms_to_s
 
 if TYPE_CHECKING:
-    from agent.clock import Skew
     from agent.mind import Mind
-    from agent.ports import FleetClock, Radio, Robot
+    from agent.ports import FleetClock, Robot
     from agent.radios.direct import DirectRadio
     from patrol.ground.fog import Fog
     from patrol.ground.terrain import Terrain
@@ -255,7 +254,7 @@ class _Driver:
         ticks: Ticks,
     ) -> str | None:
         """Patrol until it is time to leave, then stop the robot; return how the policy has failed, or None."""
-        from agent.clock import KeptClock, Skew
+        from agent.clock import KeptClock
         from agent.mind_loop import Both, TelemetrySender, TickFigures, run_mind
         from agent.policies.found import policy_of
         from agent.radios.direct import tune_in
@@ -268,7 +267,7 @@ class _Driver:
         step_s = scenario.step / scenario.factor
         names = {member.name: member.number for member in scenario.roster}
         clock = LateClock(process.notifier.alive)
-        radio = tune_in(air, keys, name, names, clock)
+        radio = tune_in(air, keys, name, names, clock, step_s)
         epoch_s = ticks.epoch_s
         if epoch_s is None:
             epoch_s = _listen(radio, step_s, self.mind.facts.key, ticks, log.info, ending)
@@ -293,7 +292,6 @@ class _Driver:
         robot = make(site)
         telemetry = TelemetrySender(link.publisher(keys.telemetry(name)))
         telemetry.traffic = lambda final: radio.traffic(self.incarnation, final=final)
-        skew = Skew({number: other for other, number in names.items() if other != name})
         limit_s = None if policy_of(scenario).ours else DECISION_LIMIT_S
         receivers: Telemetry = Both(robot, telemetry) if isinstance(robot, Telemetry) else telemetry
         if process.supervision.counts:
@@ -302,7 +300,7 @@ class _Driver:
         log.info(f"patrols with fleet {keys.fleet}")
         failure = None
         try:
-            failure = run_mind(self.mind, robot, _Watched(radio, clock, skew, log.warning), receivers, limit_s)
+            failure = run_mind(self.mind, robot, _Watched(radio, log.warning), receivers, limit_s)
         finally:
             robot.stop(failure or ending.reason or "the driver ends")
         telemetry.close()
@@ -355,10 +353,8 @@ class LateClock:
 class _Watched:
     """A radio that reports when other robots count ticks differently."""
 
-    def __init__(self, radio: Radio, clock: LateClock, skew: Skew, say: Callable[[str], None]) -> None:
+    def __init__(self, radio: DirectRadio, say: Callable[[str], None]) -> None:
         self._radio = radio
-        self._clock = clock
-        self._skew = skew
         self._say = say
         self._due = 0.0
 
@@ -369,9 +365,8 @@ class _Watched:
     def hear(self) -> list[bytes] | None:
         """Return the frames that have arrived, after a check of the ticks that they count."""
         heard = self._radio.hear()
-        self._skew.hear(self._clock.k, heard or ())
         now = time.monotonic()
-        if now >= self._due and (complaint := self._skew.complaint()) is not None:
+        if now >= self._due and (complaint := self._radio.skew.complaint()) is not None:
             self._due = now + COMPLAIN_S
             self._say(complaint)
         return heard

@@ -108,7 +108,8 @@ def _patrol(mind: Mind, scenario: Scenario, meeting: Meeting, on_air: str | None
     telemetry = TelemetrySender(link.publisher(keys.telemetry(spec.name)))
     radio: SimRobot | DirectRadio = robot
     if scenario.radio.via == "direct":
-        radio = direct = tune_in(air, keys, spec.name, numbers, robot)
+        assert scenario.factor is not None  # a direct radio is refused in lockstep
+        radio = direct = tune_in(air, keys, spec.name, numbers, robot, scenario.step / scenario.factor)
         telemetry.traffic = lambda final: direct.traffic(options.incarnation, final=final)
     receivers: Telemetry = Both(robot, telemetry)
     if process.supervision.counts:

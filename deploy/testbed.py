@@ -8,7 +8,7 @@
 Each robot has a wire to a hub, the host of router and world: a veth pair. With `--by fleet` it carries all
 traffic. Otherwise a second wire is its radio: a pair of TAP devices between which this script carries Ethernet frames,
 or loses them on their way to the robot, with a probability that you choose. Robots then hear each other by a multicast
-group, one datagram a position, by a router over TCP or QUIC, or as a mesh: then there is no router at all, and robots
+group, one datagram a position, by a router over QUIC, or as a mesh: then there is no router at all, and robots
 and world meet on the other wires as a mesh too. A cut takes all wires of a robot down for a while. Processes
 have the folders of a fleet's members (`fogwatch fleet init`) and their certificates; each is started once, and never
 again.
@@ -56,8 +56,8 @@ BODY, RADIO = "10.77.0", "10.78.0"
 """The first three numbers of the addresses on bodies' and radios' wires; they exist inside the namespaces only."""
 HUB = 254
 GROUP, BODY_PORT, RADIO_PORT = "224.0.0.225", 7447, 7448
-ROUTERS = {"tcp": f"tls/{RADIO}.{HUB}:{RADIO_PORT}", "quic": f"quic/{RADIO}.{HUB}:{RADIO_PORT}?mixed_rel=1"}
-"""Where a router that carries nothing but positions listens, by what carries them."""
+ROUTER = f"quic/{RADIO}.{HUB}:{RADIO_PORT}?mixed_rel=1"
+"""Where a router that carries nothing but positions listens."""
 MOST_ROBOTS = 100
 GRACE_S = 3.0
 DOWN, UP, KILLED = "down", "up", "killed"
@@ -312,8 +312,8 @@ class Meeting:
             return
         guarded = ["--fleet", str(self.fleet.path)]
         bed.start("router", bed.hub, "fogwatch.router", *guarded)
-        if self.by in ROUTERS:
-            bed.start("radio-router", bed.hub, "fogwatch.router", *guarded, "--listen", ROUTERS[self.by])
+        if self.by == "quic":
+            bed.start("radio-router", bed.hub, "fogwatch.router", *guarded, "--listen", ROUTER)
 
     def options(self, member: str) -> list[str]:
         """The options by which a member's process meets the others."""
@@ -321,7 +321,7 @@ class Meeting:
         if self.by == "fleet":
             return own
         by_itself = f"udp/{GROUP}:{RADIO_PORT}#iface=radio"
-        radio = ROUTERS.get(self.by, by_itself) if self.radio is None else str(self.radio.path / member)
+        radio = (ROUTER if self.by == "quic" else by_itself) if self.radio is None else str(self.radio.path / member)
         return [*own, "--radio", radio]
 
 
@@ -395,7 +395,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="run folder, new or empty")
     parser.add_argument(
         "--by",
-        choices=("group", *ROUTERS, "mesh", "fleet"),
+        choices=("group", "quic", "mesh", "fleet"),
         default="group",
         help="multicast group, a router for positions over TLS or QUIC, no router at all, or the fleet's own router",
     )
@@ -463,7 +463,7 @@ def _check(options: argparse.Namespace) -> tuple[Scenario, list[Event]]:
         raise BadInput(f"--out {options.out}: not empty; choose another folder")
     robots = [spec.name for spec in scenario.roster]
     parts = [*robots, "world", PAGE, *(() if options.by == "mesh" else ("router",))]
-    parts += ["radio-router"] if options.by in ROUTERS else []
+    parts += ["radio-router"] if options.by == "quic" else []
     halves = [HALF] if options.by != "fleet" else []
     events = [Event(at, KILLED, who) for who, at in _at("kill", "PROCESS:AT", "r2:20", options, parts)]
     for who, at, lasts in _at("cut", "ROBOT:AT:FOR", "r2:20:10", options, [*robots, *halves]):

@@ -194,6 +194,9 @@ OWN_LOCKS = ("bench", "docs", "ros")
 LOCKS = ("requirements.lock", "requirements-run.lock", *(f"requirements-{extra}.lock" for extra in OWN_LOCKS))
 """Lock files: of all that work needs, of the part that a run needs, of each extra with its own."""
 
+EXAMPLE_LOCK = "examples/mujoco/requirements.lock"
+"""Lock file of an example's library, which nothing else needs."""
+
 RUN_EXTRAS = ("sim", "monitor", "checkout")
 """The extras that the lock file of a run is for."""
 
@@ -215,7 +218,7 @@ def pinned(name: str) -> dict[str, list[str]]:
     }
 
 
-@pytest.mark.parametrize("name", LOCKS)
+@pytest.mark.parametrize("name", [*LOCKS, EXAMPLE_LOCK])
 def test_lock_pins_and_hashes_everything_and_names_no_host(name: str) -> None:
     lines = [line for several in locked(name).values() for line in several]
     assert not [line for line in lines if "==" not in line or "--hash=sha256:" not in line]
@@ -238,7 +241,7 @@ def test_locks_hold_what_the_project_asks_for() -> None:
 
 
 def test_the_locks_agree_and_rivals_are_in_no_other_installation() -> None:
-    everybody, run, *others = map(pinned, LOCKS)
+    everybody, run, *others = map(pinned, [*LOCKS, EXAMPLE_LOCK])
     assert {name: versions for name, versions in run.items() if everybody[name] != versions} == {}
     assert run.keys().isdisjoint({"scipy", "dask", "shapely", "pytest", "mypy", "ruff", "hypothesis", "playwright"})
     for own in others:

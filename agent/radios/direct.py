@@ -2,15 +2,18 @@
 
 Each robot sends under its own key. Frames that find a full queue are dropped, because a late position is worthless.
 Frames that arrive between two decisions are heard at the second of them; where a sender has sent more than fits, its
-oldest frames are dropped. The mind's inbox judges whether a frame is true.
+oldest frames are dropped, and so are those that the network has held up for long (`agent.radios.skew`). The mind's
+inbox judges whether a frame is true.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
+from typing import Protocol
 
 from agent.ports import FleetClock
+from agent.radios.skew import Skew
 from patrol.net.keys import FleetKeys, robot_of
 from patrol.net.mailbox import Air, Mailbox, Post
 from patrol.net.messages.telemetry import Traffic
@@ -21,15 +24,27 @@ ROOM = 4 * MAX_FRAMES
 """Number of waiting frames per sender: what a robot sends in four ticks."""
 
 
+class Counting(FleetClock, Protocol):
+    """A fleet clock that knows which tick it is."""
+
+    @property
+    def k(self) -> int:
+        """The tick."""
+        ...
+
+
 class DirectRadio:
     """Radio of one robot of a fleet that talks directly (`agent.ports.Radio`).
 
     Attributes:
+        skew: Tells which frames are late, and whether others count ticks differently.
         sent: Frames sent so far.
         heard: Frames heard so far, by the sender's key.
     """
 
-    def __init__(self, mailbox: Mailbox[bytes], post: Post, numbers: Mapping[str, int], clock: FleetClock) -> None:
+    def __init__(
+        self, mailbox: Mailbox[bytes], post: Post, numbers: Mapping[str, int], clock: Counting, step_s: float
+    ) -> None:
         """Start with nothing sent or heard; `tune_in` connects everything.
 
         Args:
@@ -37,7 +52,9 @@ class DirectRadio:
             post: Sends a frame under the robot's own key.
             numbers: The others' numbers, by the key under which each sends.
             clock: Waits until it is time to decide.
+            step_s: Wall time of a tick, s.
         """
+        self.skew = Skew({number: robot_of(key) for key, number in numbers.items()}, step_s)
         self.sent = 0
         self.heard: Counter[str] = Counter()
         self._mailbox = mailbox
@@ -62,8 +79,11 @@ class DirectRadio:
         arrived: list[tuple[str, bytes]] = []
         while len(arrived) < ROOM * len(self._numbers) and (news := self._mailbox.get()) is not None:
             arrived.append(news)
-        self.heard.update(key for key, _ in arrived)
-        return [frame for _, frame in sorted(arrived, key=lambda news: self._numbers[news[0]])]
+        arrived.sort(key=lambda news: self._numbers[news[0]])
+        late = self.skew.hear(self._clock.k, [frame for _, frame in arrived])
+        in_time = [news for news, is_late in zip(arrived, late, strict=True) if not is_late]
+        self.heard.update(key for key, _ in in_time)
+        return [frame for _, frame in in_time]
 
     def show(self, vitals: Vitals) -> None:
         """Have what waits and what was dropped read with this process's figures.
@@ -93,10 +113,13 @@ class DirectRadio:
             final: Whether this is the last report.
         """
         heard = {robot_of(key): self.heard[key] for key in self._numbers}
-        return Traffic(incarnation, self.sent, heard, self._mailbox.refused.total(), final)
+        refused = self._mailbox.refused.total() + self.skew.late
+        return Traffic(incarnation, self.sent, heard, refused, final)
 
 
-def tune_in(air: Air, keys: FleetKeys, own: str, numbers: Mapping[str, int], clock: FleetClock) -> DirectRadio:
+def tune_in(
+    air: Air, keys: FleetKeys, own: str, numbers: Mapping[str, int], clock: Counting, step_s: float
+) -> DirectRadio:
     """Connect a robot to the direct radio.
 
     Args:
@@ -105,9 +128,10 @@ def tune_in(air: Air, keys: FleetKeys, own: str, numbers: Mapping[str, int], clo
         own: Name of this robot.
         numbers: Numbers of all robots of the fleet, by name.
         clock: Waits until it is time to decide.
+        step_s: Wall time of a tick, s.
     """
     others = {keys.position(name): number for name, number in numbers.items() if name != own}
     mailbox: Mailbox[bytes] = Mailbox(others, bytes, MAX_FRAME, ROOM)
-    radio = DirectRadio(mailbox, air.broadcast(keys.position(own)), others, clock)
+    radio = DirectRadio(mailbox, air.broadcast(keys.position(own)), others, clock, step_s)
     air.subscribe(keys.position("*"), mailbox)
     return radio

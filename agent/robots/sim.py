@@ -112,6 +112,11 @@ class SimRobot:
         self._answer: ReplyB | None = None  # the last one, unless withdrawn
         self._decision: Reply | None = None  # diagnostics for the next answer
 
+    @property
+    def k(self) -> int:
+        """The tick."""
+        return self._session.k
+
     # --- Robot and Radio ---------------------------------------------------------------------------------------------
 
     def tick(self) -> int | None:

@@ -26,19 +26,9 @@ def all_answers(session: zenoh.Session, key: str, payload: bytes, longest: int, 
 def answers_until(
     session: zenoh.Session, keys: Sequence[str], payload: bytes, longest: int, wait_s: float
 ) -> Iterator[tuple[str, bytes]]:
-    """Give the answers to one query under several keys; those that nobody has answered are asked again.
+    """Give answers as `answers_of` does, and ask again under keys that nobody has answered.
 
     A query ends at once where nobody is connected who could answer, also when that process has just come back.
-
-    Args:
-        session: An open Zenoh session.
-        keys: To query.
-        payload: Of the query.
-        longest: Bytes of the longest answer that is wanted; longer ones are dropped.
-        wait_s: How long to wait for answers, s.
-
-    Yields:
-        The key that was queried, and an answer, as they come.
     """
     unanswered = dict.fromkeys(keys)
     until = time.monotonic() + wait_s

@@ -109,7 +109,7 @@ def test_what_makes_no_sense_is_refused(
 
 
 @pytest.mark.network
-@pytest.mark.parametrize("by", ["group", "tcp", "quic", "mesh"])
+@pytest.mark.parametrize("by", ["group", "quic", "mesh"])
 def test_robots_on_a_network_hear_each_other(by: str, bed: Bed) -> None:
     ran = bed(SCENARIO, "--by", by)
     assert ran.code == 0, ran.said
@@ -196,15 +196,6 @@ def test_a_lossy_network_loses_its_share_and_the_fleet_patrols_on(bed: Bed) -> N
         assert len(decided(ticks, place)) > ENOUGH * TICKS
         assert summary["robots"][name]["distance_m"] > 10.0
     assert ticks[-1].seen > 2 * ticks[0].seen
-
-
-@pytest.mark.network
-def test_a_reliable_link_turns_loss_into_delay(bed: Bed) -> None:
-    """What is heard over TCP says nothing of the loss beneath: nearly all of it comes, some of it late."""
-    ran = bed(SCENARIO, "--by", "tcp", "--loss", "0.3")
-    assert ran.code == 0, ran.said
-    assert min(wire["lost"] for wire in ran.file("network.json")["wires"].values()) > 0
-    assert ran.file("summary.json")["direct"]["heard_share"] > 0.85
 
 
 @pytest.mark.network

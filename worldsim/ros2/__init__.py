@@ -3,6 +3,7 @@
 From the bottom up:
 
     odometry.py    what a robot takes itself to have driven, with noise and drift
+    bodies.py      what moves the bodies: our own motion, or another program's
     robot.py       one robot: its body, its commands and its watchdog
     nav2.py        what stands for its Nav2: a way to a goal
     node.py        what it says and hears on its topics

@@ -212,7 +212,8 @@ class RobotNode:
             if away < ANOTHER_M and abs(wrap(pose.heading - last.heading)) < ANOTHER_RAD:
                 return
         self._localised = pose
-        found = PoseWithCovarianceStamped(stamp_ns, MAP, composed(inverted(own_map), pose))
+        self.robot.odometry.localise()
+        found = PoseWithCovarianceStamped(stamp_ns, MAP, composed(inverted(own_map), self.robot.odometry.found))
         self._later(now_s, lambda: self._poses.send(found))
 
     def _later(self, now_s: float, send: Callable[[], None]) -> None:

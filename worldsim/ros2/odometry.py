@@ -18,12 +18,16 @@ class Errors:
         noise_rad: Standard deviation of the heading in each message, rad.
         drift: Drift of the position as a share of the way; it has one direction.
         drift_rad: Drift of the heading, rad per m.
+        found_m: Standard deviation of x and y of each pose that the localisation finds, m.
+        found_rad: Standard deviation of its heading, rad.
     """
 
     noise_m: float = 0.0
     noise_rad: float = 0.0
     drift: float = 0.0
     drift_rad: float = 0.0
+    found_m: float = 0.0
+    found_rad: float = 0.0
 
 
 class DriftingOdometry:
@@ -44,15 +48,22 @@ class DriftingOdometry:
         self._errors = errors
         self._identity = identity
         self._said = 0
+        self._localised = 0
+        self._found_error = Pose(0.0, 0.0, 0.0)
 
-    def move(self, pose: Pose) -> None:
+    def move(self, pose: Pose, counted: Pose | None = None) -> None:
         """The robot has moved.
 
         Args:
             pose: Where it truly is.
+            counted: The motion that its wheels counted, in its own frame, drift included; None for the true motion, to
+                which drift is added.
         """
         moved = composed(inverted(self._last), pose)
         self._last = pose
+        if counted is not None:
+            self.counted = composed(self.counted, counted)
+            return
         way = (moved.x**2 + moved.y**2) ** 0.5
         stretch = 1.0 + self._errors.drift
         turn = moved.heading + self._errors.drift_rad * way
@@ -61,7 +72,7 @@ class DriftingOdometry:
     def say(self) -> Pose:
         """Return the pose in the next message, in the frame of the odometry."""
         self._said += 1
-        x, y, heading = (self._noise(part) for part in range(3))
+        x, y, heading = (self._noise(self._said, part) for part in range(3))
         errors = self._errors
         noise = Pose(x * errors.noise_m, y * errors.noise_m, heading * errors.noise_rad)
         counted = self.counted
@@ -69,9 +80,21 @@ class DriftingOdometry:
 
     @property
     def correction(self) -> Pose:
-        """The pose of the odometry's frame on the map, as a perfect localisation would find it."""
-        return composed(self._last, inverted(self.counted))
+        """The pose of the odometry's frame on the map, as wrong as the newest pose that the localisation found."""
+        return composed(self.found, inverted(self.counted))
 
-    def _noise(self, part: int) -> float:
+    @property
+    def found(self) -> Pose:
+        """The robot's pose on the map by its localisation: the truth, and the error of the newest `localise`."""
+        return composed(self._last, self._found_error)
+
+    def localise(self) -> None:
+        """Let the localisation find the pose anew: with another error."""
+        self._localised += 1
+        x, y, heading = (self._noise(self._localised, part) for part in range(3, 6))
+        errors = self._errors
+        self._found_error = Pose(x * errors.found_m, y * errors.found_m, heading * errors.found_rad)
+
+    def _noise(self, count: int, part: int) -> float:
         seed, number = self._identity
-        return gauss(seed, Purpose.ODOMETRY, number, self._said, part)
+        return gauss(seed, Purpose.ODOMETRY, number, count, part)

@@ -25,6 +25,10 @@ Robots that talk like real ones, with a localisation, on a Zenoh router that you
   fogwatch robot-sim --map plan.yaml --connect tcp/127.0.0.1:7447 --robots robot1
   fogwatch agent --robot ros2 --namespace robot1 --map plan.yaml --connect tcp/127.0.0.1:7447
 
+Other bodies than our own, such as those of a physics engine (docs/ros2/mujoco.md):
+
+  fogwatch robot-sim --map plan.yaml --robots robot1 ... --bodies examples/mujoco/bodies.py:MujocoBodies
+
 Each robot may have a format of its own; --scenario says body and place of each, as it does for the agents:
 
   fogwatch robot-sim --scenario fleet.yaml --robots r1,r2:bridge,r3:rmw_zenoh-humble --delay 0.1 --noise 0.05
@@ -66,12 +70,17 @@ def parser() -> ProcessParser:
     add("--watchdog", type=float, default=0.5, metavar="S", help="they stop when no command comes (%(default)s s)")
     add("--drive", choices=DRIVES, default=DRIVES[0], help="what they are told (default: %(default)s)")
     add("--wheelbase", type=float, default=0.3, metavar="M", help="a car's (default: %(default)s m)")
+    add("--bodies", metavar="FILE.py:CLASS", help="moves them, instead of our own bodies (worldsim/ros2/bodies.py)")
     add("--odometry-rate", type=float, default=20.0, metavar="HZ", help="of odometry (default: %(default)s)")
     add("--delay", type=float, default=0.0, metavar="S", help="of all that they say (default: %(default)s s)")
     add("--noise", type=float, default=0.0, metavar="M", help="of x and y in odometry (default: %(default)s m)")
     add("--noise-heading", type=float, default=0.0, metavar="RAD", help="of its heading (default: %(default)s rad)")
     add("--drift", type=float, default=0.01, metavar="SHARE", help="of the way, in odometry (default: %(default)s)")
     add("--drift-heading", type=float, default=0.002, metavar="RAD/M", help="of its heading (default: %(default)s)")
+    add("--pose-noise", type=float, default=0.0, metavar="M", help="of x and y that localisation finds (%(default)s m)")
+    add(
+        "--pose-noise-heading", type=float, default=0.0, metavar="RAD", help="of its heading (default: %(default)s rad)"
+    )
     add("--show-map", action="store_true", help="publish the map, latched")
     add("--lost", action="store_true", help="their localisation waits to be told on initialpose where they are")
     add("--transform", default="0,0,0", metavar="X,Y,HEADING", help="where their map lies on ours (%(default)s)")
@@ -81,6 +90,7 @@ def parser() -> ProcessParser:
     add("--pace", type=float, metavar="X", help="times real time (default: the scenario's, or 1); else on /clock")
     add("--duration", type=float, default=math.inf, metavar="S", help="of what is measured (default: until Ctrl-C)")
     add("--out", type=Path, metavar="FILE", help="write what was measured, as JSON (default: print it)")
+    add("--poses", type=Path, metavar="FILE", help="write the true poses in each tick of the patrol, as CSV")
     add("--wait", type=float, default=60.0, metavar="S", help="for the router (default: %(default)g s)")
     return made
 
@@ -91,7 +101,14 @@ def errors_of(options: argparse.Namespace) -> Errors:
     Args:
         options: From `parser`.
     """
-    return Errors(options.noise, options.noise_heading, options.drift, options.drift_heading)
+    return Errors(
+        options.noise,
+        options.noise_heading,
+        options.drift,
+        options.drift_heading,
+        options.pose_noise,
+        options.pose_noise_heading,
+    )
 
 
 def robots_of(options: argparse.Namespace) -> list[Named]:
@@ -173,6 +190,8 @@ def check(options: argparse.Namespace) -> None:
         ("delay", 0.0, 10.0),
         ("noise", 0.0, 10.0),
         ("noise-heading", 0.0, 3.0),
+        ("pose-noise", 0.0, 10.0),
+        ("pose-noise-heading", 0.0, 3.0),
         ("drift", 0.0, 1.0),
         ("drift-heading", 0.0, 1.0),
         ("pace", 0.01, 100.0),

@@ -5,9 +5,10 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from patrol.errors import BadInput
@@ -17,11 +18,15 @@ from patrol.process.lifeline import Ending
 from worldsim.ros2.options import check, errors_of, parser, robots_of, starts_of, transform_of, unplugged
 
 if TYPE_CHECKING:
+    from patrol.pose import Pose
     from patrol.prepare import Prepared
     from patrol.process.reporting.vitals import Vitals
     from patrol.scenario import Scenario
     from worldsim.ros2.node import Habits
+    from worldsim.ros2.robot import Build
     from worldsim.ros2.simulation import Simulation
+
+    Note = Callable[[float, Mapping[str, Pose]], None]
 
 NODE = "robot_sim"
 
@@ -54,7 +59,7 @@ def _run(process: ProcessContext) -> int:
     with nullcontext() if options.scenario is None else naming(options.scenario):
         prepared = prepare(scenario)
     pace = options.pace or scenario.factor or 1.0
-    simulation = _simulation(process, prepared, pace)
+    simulation = _simulation(process, prepared, pace, _noting(process))
     say(f"simulates {', '.join(names)} at {options.connect}")
     show(simulation, process.vitals)
     _keep_time(simulation, pace, options.duration, plugs, process.ending, say)
@@ -84,7 +89,25 @@ def _scenario(options: argparse.Namespace) -> Scenario:
     return load_scenario(raw, called="options", aliases={"terrain.map": "--map", "robots": "--robots"})
 
 
-def _simulation(process: ProcessContext, prepared: Prepared, pace: float) -> Simulation:
+def _noting(process: ProcessContext) -> Note | None:
+    """Return what writes true poses down as they come; None where no option asks for it."""
+    path: Path | None = process.options.poses
+    if path is None:
+        return None
+    try:
+        file = process.closing.enter_context(path.open("w", encoding="ascii", buffering=1))
+    except OSError as error:
+        raise BadInput(f"--poses {path}: cannot be written ({error.strerror}); give another file") from None
+    print("time_s,robot,x,y,heading", file=file)
+
+    def note(time_s: float, poses: Mapping[str, Pose]) -> None:
+        for name, pose in poses.items():
+            print(f"{time_s:.2f},{name},{pose.x:.4f},{pose.y:.4f},{pose.heading:.4f}", file=file)
+
+    return note
+
+
+def _simulation(process: ProcessContext, prepared: Prepared, pace: float, note: Note | None) -> Simulation:
     """Return the robots, each with a connection of its own."""
     from patrol.net.keys import check_locator
     from patrol.net.link import LinkDown
@@ -92,31 +115,18 @@ def _simulation(process: ProcessContext, prepared: Prepared, pace: float) -> Sim
     from patrol.ros2.formats import format_named
     from patrol.ros2.link import open_ros2
     from patrol.ros2.names import NodeName, check_name
+    from worldsim.ros2.bodies import bodies_named
     from worldsim.ros2.node import RobotNode
-    from worldsim.ros2.robot import Build, SimulatedRobot
+    from worldsim.ros2.robot import SimulatedRobot
     from worldsim.ros2.simulation import CollisionGround, Simulation
 
     options, scenario, terrain = process.options, prepared.scenario, prepared.terrain
-    specs = {spec.name: spec for spec in scenario.roster}
+    builds = _builds(options, prepared)
+    bodies = bodies_named(options.bodies, terrain, list(builds.values()))
     habits = _habits(options, pace)
     locator = check_locator(options.connect, "--connect")
     nodes = {}
     for named in robots_of(options):
-        if named.name not in specs:
-            raise BadInput(f"--robots {named.name}: no robot of the scenario, which has {', '.join(list(specs)[:8])}")
-        spec = specs[named.name]
-        if options.scenario is not None and options.margin >= spec.radius:
-            raise BadInput(f"--margin {options.margin:g}: {spec.name}'s radius is {spec.radius:g} m; give less")
-        margin = 0.0 if options.scenario is None else options.margin
-        body = replace(spec, radius=spec.radius - margin)
-        build = Build(
-            body,
-            prepared.starts[spec.number - 1],
-            errors_of(options),
-            options.acceleration,
-            options.watchdog,
-            options.seed,
-        )
         form = format_named(named.format, options.domain, f"--robots {named.name}")
         node = NodeName(NODE, check_name(named.name, "--robots"))
         try:
@@ -126,9 +136,33 @@ def _simulation(process: ProcessContext, prepared: Prepared, pace: float) -> Sim
                 raise AskedToLeave from None
             raise BadInput(f"--connect {options.connect}: {down}; start one: fogwatch router") from None
         process.closing.callback(link.close)
-        nodes[named.name] = RobotNode(link, SimulatedRobot(build), habits, terrain)
+        nodes[named.name] = RobotNode(link, SimulatedRobot(builds[named.name]), habits, terrain)
     ground = CollisionGround(terrain, sensor_footprint(scenario, terrain), prepared.patrolled, scenario.step)
-    return Simulation(nodes, ground, time.time())
+    return Simulation(nodes, ground, time.time(), bodies, note)
+
+
+def _builds(options: argparse.Namespace, prepared: Prepared) -> dict[str, Build]:
+    """Return how each robot is built, by its name."""
+    from worldsim.ros2.robot import Build
+
+    specs = {spec.name: spec for spec in prepared.scenario.roster}
+    builds = {}
+    for named in robots_of(options):
+        if named.name not in specs:
+            raise BadInput(f"--robots {named.name}: no robot of the scenario, which has {', '.join(list(specs)[:8])}")
+        spec = specs[named.name]
+        if options.scenario is not None and options.margin >= spec.radius:
+            raise BadInput(f"--margin {options.margin:g}: {spec.name}'s radius is {spec.radius:g} m; give less")
+        margin = 0.0 if options.scenario is None else options.margin
+        builds[named.name] = Build(
+            replace(spec, radius=spec.radius - margin),
+            prepared.starts[spec.number - 1],
+            errors_of(options),
+            options.acceleration,
+            options.watchdog,
+            options.seed,
+        )
+    return builds
 
 
 def _habits(options: argparse.Namespace, pace: float) -> Habits:
@@ -177,6 +211,7 @@ def _keep_time(
         due_s = begin_s + (simulation.time_s + STEP_S) / pace
         if ending.wait(max(0.0, due_s - time.monotonic())):
             return
+        simulation.late_s = max(simulation.late_s, time.monotonic() - due_s)
         for name in [name for name, at_s in plugs.items() if simulation.patrolled_s >= at_s]:
             del plugs[name]
             simulation.unplug(name, time.monotonic())

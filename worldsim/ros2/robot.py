@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from patrol.ground.swept_path import path_is_free
-from patrol.ground.terrain import Terrain
+from patrol.ground.swept_path import advance
 from patrol.pose import Command, Drive, Pose, Twist, Velocity
 from patrol.ros2 import messages
 from patrol.ros2.frames import composed, inverted
 from patrol.scenario import RobotSpec
 from worldsim.robots.bodies import Body, standstill
+from worldsim.ros2.bodies import Moved
 from worldsim.ros2.odometry import DriftingOdometry, Errors
 
 STILL = messages.Twist(0.0, 0.0, 0.0)
@@ -53,14 +53,31 @@ class Touches:
     robots: int = 0
 
 
+@dataclass(slots=True)
+class Strayed:
+    """Distances between where a body is after each tick, and where exact obedience during that tick would have led it.
+
+    Attributes:
+        ticks: Number of ticks.
+        total_m: Sum of the distances, m.
+        greatest_m: The greatest of them, m.
+    """
+
+    ticks: int = 0
+    total_m: float = 0.0
+    greatest_m: float = 0.0
+
+
 class SimulatedRobot:
     """A robot in the world.
 
     Attributes:
         body: Its body.
         odometry: What it takes itself to have driven.
+        going: The velocity that its motors reach of what it was told.
         touches: What it has run into.
-        velocity: Its true velocity in its own frame.
+        velocity: Its velocity in its own frame, as its wheels count it.
+        strayed: How far it comes from where exact obedience would lead, tick by tick.
         commands: Commands received.
         watchdog_stops: How often its watchdog has stopped it.
 
@@ -72,20 +89,21 @@ class SimulatedRobot:
         self.build = build
         self.body = Body(build.spec, build.start, standstill(build.spec))
         self.odometry = DriftingOdometry(build.start, build.errors, (build.seed, build.spec.number))
+        self.going = STILL
         self.touches = Touches()
         self.velocity = STILL
+        self.strayed = Strayed()
         self.commands = 0
         self.watchdog_stops = 0
-        self._heading = build.start.heading
+        self._pose = self._ideal = build.start
         self._told = STILL
         self._told_s = -math.inf
-        self._going = STILL
         self._touching = False
 
     @property
     def pose(self) -> Pose:
         """The true pose. A holonomic robot turns only as it is told."""
-        return Pose(self.body.pose.x, self.body.pose.y, self._heading)
+        return self._pose
 
     @property
     def stands(self) -> bool:
@@ -112,33 +130,43 @@ class SimulatedRobot:
         if self._told != STILL and now_s - self._told_s > self.build.watchdog_s:
             self._told = STILL
             self.watchdog_stops += 1
-        self._going = eased(self._going, self._told, self.build.acceleration * step_s, self.build.spec.radius)
-        self.body.command = command_of(self.build.spec, self._going, self._heading).limited(self.build.spec.limits)
+        spec = self.build.spec
+        self.going = eased(self.going, self._told, self.build.acceleration * step_s, spec.radius)
+        self.body.command = command_of(spec, self.going, self._pose.heading).limited(spec.limits)
+        self._ideal = advance(self._ideal, self.body.command, step_s)
 
-    def end(self, before: Pose, terrain: Terrain, step_s: float) -> None:
+    def end(self, moved: Moved, step_s: float) -> None:
         """The world has moved the body.
 
         Args:
-            before: Where the robot was (`pose`).
-            terrain: The ground.
+            moved: What became of it.
             step_s: s.
         """
-        body = self.body
-        if self.build.spec.model == "holonomic":
-            self._heading = before.heading + self._going.turn_rate * step_s
-            body.pose = Pose(body.pose.x, body.pose.y, body.pose.heading)
-        else:
-            self._heading = body.pose.heading
-        if body.bumped and not self._touching:
-            free = path_is_free(terrain, before, body.command, step_s, self.build.spec.radius)
-            self.touches.walls += not free
-            self.touches.robots += free
-        self._touching = body.bumped
+        body, before = self.body, self._pose
+        body.distance_m += math.dist((body.pose.x, body.pose.y), (moved.pose.x, moved.pose.y))  # 0: it did it itself
+        body.pose = self._pose = moved.pose
+        touching = moved.at_wall or moved.at_robot
+        if touching and not self._touching:
+            self.touches.walls += moved.at_wall
+            self.touches.robots += not moved.at_wall
+        self._touching = touching
         if body.bumped:
-            self._going = STILL
-        moved = composed(inverted(before), self.pose)
-        self.velocity = messages.Twist(moved.x / step_s, moved.y / step_s, moved.heading / step_s)
-        self.odometry.move(self.pose)
+            self.going = STILL
+        driven = composed(inverted(before), moved.pose) if moved.counted is None else moved.counted
+        self.velocity = messages.Twist(driven.x / step_s, driven.y / step_s, driven.heading / step_s)
+        self.odometry.move(moved.pose, moved.counted)
+
+    def end_tick(self) -> None:
+        """Add to `strayed` how far the body has come from exact obedience; the next tick begins from where it is."""
+        strayed_m = math.dist((self._ideal.x, self._ideal.y), (self._pose.x, self._pose.y))
+        self.strayed.ticks += 1
+        self.strayed.total_m += strayed_m
+        self.strayed.greatest_m = max(self.strayed.greatest_m, strayed_m)
+        self.begin_tick()
+
+    def begin_tick(self) -> None:
+        """Let exact obedience begin from where the body is."""
+        self._ideal = self._pose
 
 
 def command_of(spec: RobotSpec, twist: messages.Twist, heading: float) -> Command:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +12,9 @@ import numpy as np
 from patrol.ground.fog import Fog
 from patrol.ground.footprint import Footprint
 from patrol.ground.terrain import BoolGrid, Terrain
-from worldsim.robots.motion import move
+from patrol.pose import Pose
+from patrol.ros2.frames import composed
+from worldsim.ros2.bodies import Bodies, OwnBodies
 from worldsim.ros2.node import RobotNode
 from worldsim.truth import Truth
 
@@ -50,18 +53,31 @@ class Simulation:
     Attributes:
         nodes: The robots' nodes, by name.
         time_s: The robots' time since the beginning, s.
+        late_s: By how much a step came too late, at most, s of wall time; the process keeps this.
 
     Args:
         nodes: The robots' nodes, by name.
         ground: Where they are.
         epoch_s: What the robots' time is at the beginning, s since the epoch.
+        bodies: Moves them; None for our own bodies.
+        note: Called at each look with the time since all robots are driven, s, and the true poses by name.
     """
 
-    def __init__(self, nodes: Mapping[str, RobotNode], ground: CollisionGround, epoch_s: float) -> None:
+    def __init__(
+        self,
+        nodes: Mapping[str, RobotNode],
+        ground: CollisionGround,
+        epoch_s: float,
+        bodies: Bodies | None = None,
+        note: Callable[[float, Mapping[str, Pose]], None] | None = None,
+    ) -> None:
         self.nodes = nodes
         self.time_s = 0.0
+        self.late_s = 0.0
         self._ground = ground
         self._epoch_s = epoch_s
+        self._bodies = OwnBodies(ground.terrain) if bodies is None else bodies
+        self._note = note
         self._truth = Truth(ground.footprint, ground.patrolled)
         self._steps = 0
         self._begun_s: float | None = None
@@ -98,14 +114,13 @@ class Simulation:
         robots = [node.robot for node in self.nodes.values()]
         for node in self.nodes.values():
             node.hear(now_s)
-            node.robot.begin(now_s, STEP_S)
         if self._begun_s is None and all(robot.commands for robot in robots):
             self._begun_s = self.time_s
         self._look()
-        before = [robot.pose for robot in robots]
-        move([robot.body for robot in robots], self._ground.terrain, STEP_S)
-        for robot, pose in zip(robots, before, strict=True):
-            robot.end(pose, self._ground.terrain, STEP_S)
+        for robot in robots:
+            robot.begin(now_s, STEP_S)
+        for robot, moved in zip(robots, self._bodies.move(robots, STEP_S), strict=True):
+            robot.end(moved, STEP_S)
         self._steps += 1
         self.time_s = self._steps * STEP_S
         for node in self.nodes.values():
@@ -129,6 +144,7 @@ class Simulation:
         return {
             "simulated_s": self.time_s,
             "patrolled_s": self.patrolled_s,
+            "late_max_s": self.late_s,
             "mfow_mean_s": self._mean(self._mfow),
             "mfow_late_mean_s": self._mean(self._mfow[len(self._mfow) // 2 :]),
             "mfow_max_s": max(self._mfow) * self._ground.look_s if self._mfow else None,
@@ -141,6 +157,10 @@ class Simulation:
         if self._begun_s is None or self.time_s - self._begun_s < tick * self._ground.look_s - 0.5 * STEP_S:
             return
         poses = [(node.robot.build.spec.number, node.robot.pose) for node in self.nodes.values()]
+        for node in self.nodes.values():
+            node.robot.end_tick() if tick else node.robot.begin_tick()
+        if self._note is not None:
+            self._note(tick * self._ground.look_s, {name: node.robot.pose for name, node in self.nodes.items()})
         self._truth.observe(tick, poses)
         self._mfow.append(self._truth.fog.mfow(tick))
 
@@ -149,11 +169,15 @@ class Simulation:
 
     def _of(self, name: str, node: RobotNode) -> dict[str, Any]:
         robot, plug = node.robot, self._plugs.get(name)
+        counted = composed(robot.build.start, robot.odometry.counted)
         stood_s = None if plug is None or plug.stood_s is None else plug.stood_s - plug.pulled_s
         return {
             "walls_touched": robot.touches.walls,
             "robots_touched": robot.touches.robots,
             "distance_m": robot.body.distance_m,
+            "strayed_mean_m": robot.strayed.total_m / robot.strayed.ticks if robot.strayed.ticks else None,
+            "strayed_max_m": robot.strayed.greatest_m,
+            "odometry_off_m": math.dist((robot.pose.x, robot.pose.y), (counted.x, counted.y)),
             "commands": robot.commands,
             "messages": node.said,
             "watchdog_stops": robot.watchdog_stops,

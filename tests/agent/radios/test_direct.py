@@ -4,9 +4,11 @@ from agent.radios.direct import ROOM, DirectRadio
 from patrol.net.keys import FleetKeys
 from patrol.net.mailbox import Mailbox
 from patrol.net.messages.telemetry import Traffic
-from patrol.radio.message import MAX_FRAME
+from patrol.pose import Pose
+from patrol.radio.message import MAX_FRAME, Position, encode
 
 KEYS = FleetKeys("f")
+STEP_S = 0.5
 OTHERS = {KEYS.position("r1"): 1, KEYS.position("r3"): 3}
 
 
@@ -15,6 +17,7 @@ class Clock:
 
     def __init__(self) -> None:
         self.in_time = True
+        self.k = 0
 
     def tick(self) -> int | None:
         raise AssertionError("a radio does not wait for ticks")
@@ -30,7 +33,7 @@ class Scene:
         self.sent: list[bytes] = []
         self.clock = Clock()
         self.mailbox: Mailbox[bytes] = Mailbox(OTHERS, bytes, MAX_FRAME, ROOM)
-        self.radio = DirectRadio(self.mailbox, self.sent.append, OTHERS, self.clock)
+        self.radio = DirectRadio(self.mailbox, self.sent.append, OTHERS, self.clock, STEP_S)
 
     def arrive(self, robot: str, *frames: bytes) -> None:
         for frame in frames:
@@ -76,3 +79,31 @@ def test_frames_of_its_own_name_and_of_strangers_are_not_heard() -> None:
         scene.arrive(robot, b"?")
     assert scene.radio.hear() == []
     assert scene.radio.traffic(1, final=False).refused == 2
+
+
+def frame_of(number: int, k: int) -> bytes:
+    return encode(Position.of(number, k, k * STEP_S, Pose(1.0, 1.0, 0.0)))
+
+
+def test_what_the_network_has_held_up_for_long_is_not_heard() -> None:
+    scene = Scene()
+    for k in range(20):
+        scene.clock.k = k
+        if not 10 <= k < 18:
+            scene.arrive("r1", frame_of(1, k))
+        if k == 18:
+            scene.arrive("r1", *(frame_of(1, held_up) for held_up in range(10, 18)))
+        heard = scene.radio.hear()
+        if k == 18:
+            assert heard == [frame_of(1, in_time) for in_time in (18, 14, 15, 16, 17)]
+    traffic = scene.radio.traffic(1, final=False)
+    assert (traffic.heard["r1"], traffic.refused) == (16, 4)
+
+
+def test_a_robot_whose_clock_is_behind_is_heard() -> None:
+    scene = Scene()
+    for k in range(20, 40):
+        scene.clock.k = k
+        scene.arrive("r1", frame_of(1, k - 20))
+        assert scene.radio.hear() == [frame_of(1, k - 20)]
+    assert scene.radio.skew.ticks == {"r1": -20}

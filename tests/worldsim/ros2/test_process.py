@@ -18,12 +18,13 @@ pytestmark = pytest.mark.processes
 
 
 def test_it_can_be_followed_and_says_what_was_measured(tmp_path: Path) -> None:
-    plan, out = write_plan(tmp_path), tmp_path / "sim.json"
+    plan, out, poses = write_plan(tmp_path), tmp_path / "sim.json", tmp_path / "poses.csv"
     body = ["--map", str(plan), "--speed", "0.5"]
     followed = ["--log-format", "json", "--health", "0.2", "--metrics", "127.0.0.1:0"]
     with routed() as endpoint:
         common = ["--connect", endpoint, *body]
         robots = [sys.executable, "-m", "worldsim.ros2", *common, "--robots", "robot1", "--out", str(out), *followed]
+        robots += ["--poses", str(poses)]
         agent = [sys.executable, "-m", "agent", "--robot", "ros2", "--namespace", "robot1", *common]
         agent += ["--state", str(tmp_path), "--wait", str(PATIENCE_S)]
         with (
@@ -53,3 +54,6 @@ def test_it_can_be_followed_and_says_what_was_measured(tmp_path: Path) -> None:
     summary = json.loads(out.read_text(encoding="utf-8"))["robots"]["robot1"]
     assert summary["commands"] > 5
     assert summary["walls_touched"] == 0
+    head, *rows = poses.read_text(encoding="ascii").splitlines()
+    assert head == "time_s,robot,x,y,heading"
+    assert rows[0].startswith("0.00,robot1,")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import pytest
@@ -27,6 +28,7 @@ from patrol.ros2.messages import (
 from patrol.ros2.names import LATCHED
 from patrol.scenario import RobotSpec
 from tests.ros2_hub import Hub
+from worldsim.ros2.bodies import Bodies
 from worldsim.ros2.nav2 import Navigator
 from worldsim.ros2.node import Habits, RobotNode
 from worldsim.ros2.odometry import DriftingOdometry, Errors
@@ -58,13 +60,19 @@ def robot(
     return SimulatedRobot(Build(spec, start, errors, acceleration, 0.5, 7))
 
 
-def simulated(hub: Hub, *robots: SimulatedRobot, habits: Habits = USUAL) -> Simulation:
+def simulated(
+    hub: Hub,
+    *robots: SimulatedRobot,
+    habits: Habits = USUAL,
+    bodies: Bodies | None = None,
+    note: Callable[[float, Mapping[str, Pose]], None] | None = None,
+) -> Simulation:
     nodes = {
         one.build.spec.name: RobotNode(hub.link("robot_sim", one.build.spec.name), one, habits, terrain())
         for one in robots
     }
     ground = CollisionGround(terrain(), footprint_of(terrain(), 3.0, 360.0, True, 1.0), terrain().passable, 0.5)
-    return Simulation(nodes, ground, EPOCH_S)
+    return Simulation(nodes, ground, EPOCH_S, bodies, note)
 
 
 def run(simulation: Simulation, time_s: float) -> None:

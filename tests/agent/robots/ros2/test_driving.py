@@ -271,10 +271,13 @@ class Hung:
     """Odometry that says the same for ever."""
 
     def __init__(self, odometry: DriftingOdometry) -> None:
-        self.counted, self.correction = odometry.counted, odometry.correction
+        self.counted, self.correction, self.found = odometry.counted, odometry.correction, odometry.found
 
-    def move(self, pose: Pose) -> None:
+    def move(self, pose: Pose, counted: Pose | None) -> None:
         """The robot has moved, and nobody counts."""
+
+    def localise(self) -> None:
+        """The pose stays where it is."""
 
     def say(self) -> Pose:
         return self.counted

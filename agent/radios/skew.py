@@ -1,0 +1,92 @@
+"""How far apart robots count ticks, and which of their positions come late, by the positions that they send.
+
+Receivers judge a position's tick by their own count. A robot whose count is off rejects the others' positions, or is
+rejected by them; it is named. A robot's frames that come much later than its quickest are late, whatever it counts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterable, Mapping
+from statistics import median_low
+
+from patrol.radio.message import CONTACT, Rejected, decode
+
+REMEMBERED = 9
+"""Number of frames of each robot by which its count is judged: a few, because some are delayed on the way."""
+
+LONG = 64
+"""Number of frames of each robot whose quickest tells how late another one is: more than a link delivers at once."""
+
+LATE_S = 1.0
+"""Delay from which a position is not used, s of wall time. Links that repeat what was lost, or hold it back, deliver
+some seconds late, and receivers take a position to be of the tick in which it comes."""
+
+APART = 2
+"""Largest difference of two counts that is not reported, ticks."""
+
+
+class Skew:
+    """The lead in ticks of other robots' counts over this robot's own, by the positions that they send.
+
+    Attributes:
+        late: Number of frames that came too late.
+    """
+
+    def __init__(self, names: Mapping[int, str], step_s: float) -> None:
+        """Judge the robots of a fleet.
+
+        Args:
+            names: The robots' names, by number.
+            step_s: Wall time of a tick, s.
+        """
+        self.late = 0
+        self._names = names
+        self._late = max(2 * APART, math.ceil(LATE_S / step_s))
+        self._k = -1
+        self._leads: dict[int, deque[int]] = {number: deque(maxlen=LONG) for number in names}
+
+    def hear(self, k: int, frames: Iterable[bytes]) -> list[bool]:
+        """Take in the frames heard, before the inbox rejects any of them; return which are late.
+
+        A frame is late by its sender's quickest of late, not by this robot's count: clocks may differ.
+
+        Args:
+            k: The tick for whose decision they were heard.
+            frames: As they were received.
+        """
+        if k != self._k + 1:  # own ticks were skipped, so what has waited meanwhile says nothing about the others
+            for leads in self._leads.values():
+                leads.clear()
+        self._k = k
+        return [self._is_late(k, frame) for frame in frames]
+
+    def _is_late(self, k: int, frame: bytes) -> bool:
+        try:
+            position = decode(frame)
+        except Rejected:
+            return False
+        if position.robot == CONTACT or position.robot not in self._leads:
+            return False
+        leads, lead = self._leads[position.robot], position.sequence - k
+        leads.append(lead)
+        is_late = lead < max(leads) - self._late
+        self.late += is_late
+        return is_late
+
+    @property
+    def ticks(self) -> dict[str, int]:
+        """The lead of each robot's count in ticks (negative: behind), by name, for robots heard often enough."""
+        newest = {number: list(leads)[-REMEMBERED:] for number, leads in self._leads.items()}
+        return {self._names[number]: median_low(leads) for number, leads in newest.items() if len(leads) == REMEMBERED}
+
+    def complaint(self) -> str | None:
+        """Return one line about the robots that count differently; None when there are none."""
+        leads = {name: lead for name, lead in self.ticks.items() if abs(lead) > APART}
+        if not leads:
+            return None
+        counts = ", ".join(
+            f"{name} is {abs(lead)} ticks {'ahead' if lead > 0 else 'behind'}" for name, lead in leads.items()
+        )
+        return f"ticks differ: {counts}, so positions are refused; set NTP and the same epoch on all robots"
