@@ -1,7 +1,7 @@
 """How far apart robots count ticks, and which of their positions come late, by the positions that they send.
 
 Receivers judge a position's tick by their own count. A robot whose count is off rejects the others' positions, or is
-rejected by them; it is named. A robot's frames that come much later than its quickest are late, whatever it counts.
+rejected by them; it is named. A robot's frames that come much later than most of its last ones are late, whatever it counts.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ REMEMBERED = 9
 """Number of frames of each robot by which its count is judged: a few, because some are delayed on the way."""
 
 LONG = 64
-"""Number of frames of each robot whose quickest tells how late another one is: more than a link delivers at once."""
+"""Number of frames of each robot that tell how late another one is: far more than a link delivers at once, and so many
+that a few forged ones make none late."""
 
 LATE_S = 1.0
 """Delay from which a position is not used, s of wall time. Links that repeat what was lost, or hold it back, deliver
@@ -50,7 +51,7 @@ class Skew:
     def hear(self, k: int, frames: Iterable[bytes]) -> list[bool]:
         """Take in the frames heard, before the inbox rejects any of them; return which are late.
 
-        A frame is late by its sender's quickest of late, not by this robot's count: clocks may differ.
+        A frame is late by the median of its sender's last ones, not by this robot's count: clocks may differ.
 
         Args:
             k: The tick for whose decision they were heard.
@@ -71,7 +72,7 @@ class Skew:
             return False
         leads, lead = self._leads[position.robot], position.sequence - k
         leads.append(lead)
-        is_late = lead < max(leads) - self._late
+        is_late = lead < median_low(leads) - self._late
         self.late += is_late
         return is_late
 

@@ -107,3 +107,15 @@ def test_a_robot_whose_clock_is_behind_is_heard() -> None:
         scene.arrive("r1", frame_of(1, k - 20))
         assert scene.radio.hear() == [frame_of(1, k - 20)]
     assert scene.radio.skew.ticks == {"r1": -20}
+
+
+def test_a_forged_frame_of_a_tick_to_come_makes_no_other_late() -> None:
+    scene = Scene()
+    for k in range(100):
+        scene.clock.k = k
+        if k % 10 == 3:
+            scene.arrive("r1", frame_of(1, 10**6))
+        scene.arrive("r1", frame_of(1, k))
+        heard = scene.radio.hear()
+        assert heard is not None
+        assert heard[-1] == frame_of(1, k)
