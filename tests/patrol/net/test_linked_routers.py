@@ -14,6 +14,7 @@ from fogwatch.launch.private import Secrets
 from patrol.net.keys import WORLD, FleetKeys, fleet_keys
 from patrol.net.link import Link, open_link, open_router
 from patrol.net.mailbox import Mailbox, Presence
+from patrol.net.messages.stop_orders import Order, Outcome, StopOrders, ask_robots
 from patrol.net.security.credentials import Credentials, read_credentials, read_router
 from patrol.net.security.roles import Kind, Role, robot_role
 from tests.routers import PATIENCE_S, free_endpoint, make_local_fleet, needs_openssl
@@ -192,3 +193,22 @@ def test_the_link_comes_back_when_a_router_does(sites: Sites) -> None:
     assert sites.first.close(PATIENCE_S)
     sites.start_first()
     assert heard(r2, sites.keys.position("r2"), r1) == b"here"
+
+
+def test_orders_are_obeyed_while_a_router_is_gone_and_when_it_has_come_back(sites: Sites) -> None:
+    """Zenoh has open issues on queries that end at once or never then: #2767, #2454 and #1886."""
+    sites.start_first()
+    sites.start_second()
+    for place, name in enumerate(("r1", "r2")):
+        StopOrders(sites.join(robot_role(name), place), sites.keys, name).obey(lambda _order: Outcome(True, "stands"))
+    operator = sites.join(Role(Kind.OPERATOR), 1)
+
+    def stopped(*names: str) -> set[str]:
+        return {name for name, _ in ask_robots(operator, sites.keys, names, Order.STOP, PATIENCE_S)}
+
+    assert stopped("r1", "r2") == {"r1", "r2"}
+    assert sites.first is not None
+    assert sites.first.close(PATIENCE_S)
+    assert next(ask_robots(operator, sites.keys, ["r2"], Order.STOP, PATIENCE_S))[0] == "r2"
+    sites.start_first()
+    assert stopped("r1", "r2") == {"r1", "r2"}
