@@ -267,7 +267,7 @@ class _Driver:
         step_s = scenario.step / scenario.factor
         names = {member.name: member.number for member in scenario.roster}
         clock = LateClock(process.notifier.alive)
-        radio = tune_in(air, keys, name, names, clock, step_s)
+        radio = tune_in(air, keys, name, names, clock, step_s, self.mind.facts.key)
         epoch_s = ticks.epoch_s
         if epoch_s is None:
             epoch_s = _listen(radio, step_s, self.mind.facts.key, ticks, log.info, ending)

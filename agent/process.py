@@ -109,7 +109,7 @@ def _patrol(mind: Mind, scenario: Scenario, meeting: Meeting, on_air: str | None
     radio: SimRobot | DirectRadio = robot
     if scenario.radio.via == "direct":
         assert scenario.factor is not None  # a direct radio is refused in lockstep
-        radio = direct = tune_in(air, keys, spec.name, numbers, robot, scenario.step / scenario.factor)
+        radio = direct = tune_in(air, keys, spec.name, numbers, robot, scenario.step / scenario.factor, mind.facts.key)
         telemetry.traffic = lambda final: direct.traffic(options.incarnation, final=final)
     receivers: Telemetry = Both(robot, telemetry)
     if process.supervision.counts:

@@ -14,11 +14,12 @@ from typing import Protocol
 
 from agent.ports import FleetClock
 from agent.radios.skew import Skew
+from patrol.net.frames import FrameMailbox
 from patrol.net.keys import FleetKeys, robot_of
 from patrol.net.mailbox import Air, Mailbox, Post
 from patrol.net.messages.telemetry import Traffic
 from patrol.process.reporting.vitals import Vitals
-from patrol.radio.message import MAX_FRAME, MAX_FRAMES
+from patrol.radio.message import MAX_FRAMES
 
 ROOM = 4 * MAX_FRAMES
 """Number of waiting frames per sender: what a robot sends in four ticks."""
@@ -43,7 +44,7 @@ class DirectRadio:
     """
 
     def __init__(
-        self, mailbox: Mailbox[bytes], post: Post, numbers: Mapping[str, int], clock: Counting, step_s: float
+        self, mailbox: Mailbox[bytes], post: Post, numbers: Mapping[str, int], clock: Counting, skew: Skew
     ) -> None:
         """Start with nothing sent or heard; `tune_in` connects everything.
 
@@ -52,9 +53,9 @@ class DirectRadio:
             post: Sends a frame under the robot's own key.
             numbers: The others' numbers, by the key under which each sends.
             clock: Waits until it is time to decide.
-            step_s: Wall time of a tick, s.
+            skew: Judges the frames of the others.
         """
-        self.skew = Skew({number: robot_of(key) for key, number in numbers.items()}, step_s)
+        self.skew = skew
         self.sent = 0
         self.heard: Counter[str] = Counter()
         self._mailbox = mailbox
@@ -118,7 +119,13 @@ class DirectRadio:
 
 
 def tune_in(
-    air: Air, keys: FleetKeys, own: str, numbers: Mapping[str, int], clock: Counting, step_s: float
+    air: Air,
+    keys: FleetKeys,
+    own: str,
+    numbers: Mapping[str, int],
+    clock: Counting,
+    step_s: float,
+    key: bytes | None = None,
 ) -> DirectRadio:
     """Connect a robot to the direct radio.
 
@@ -129,9 +136,11 @@ def tune_in(
         numbers: Numbers of all robots of the fleet, by name.
         clock: Waits until it is time to decide.
         step_s: Wall time of a tick, s.
+        key: Of the fleet's tags, or None.
     """
+    names = {number: name for name, number in numbers.items() if name != own}
     others = {keys.position(name): number for name, number in numbers.items() if name != own}
-    mailbox: Mailbox[bytes] = Mailbox(others, bytes, MAX_FRAME, ROOM)
-    radio = DirectRadio(mailbox, air.broadcast(keys.position(own)), others, clock, step_s)
+    mailbox = FrameMailbox(others, ROOM)
+    radio = DirectRadio(mailbox, air.broadcast(keys.position(own)), others, clock, Skew(names, step_s, key))
     air.subscribe(keys.position("*"), mailbox)
     return radio

@@ -1,7 +1,8 @@
 """How far apart robots count ticks, and which of their positions come late, by the positions that they send.
 
 Receivers judge a position's tick by their own count. A robot whose count is off rejects the others' positions, or is
-rejected by them; it is named. A robot's frames that come much later than most of its last ones are late, whatever it counts.
+rejected by them; it is named. A robot's frames that come much later than most of its last ones are late, whatever it
+counts.
 """
 
 from __future__ import annotations
@@ -35,15 +36,17 @@ class Skew:
         late: Number of frames that came too late.
     """
 
-    def __init__(self, names: Mapping[int, str], step_s: float) -> None:
+    def __init__(self, names: Mapping[int, str], step_s: float, key: bytes | None = None) -> None:
         """Judge the robots of a fleet.
 
         Args:
             names: The robots' names, by number.
             step_s: Wall time of a tick, s.
+            key: Of the fleet's tags; frames without the right one say nothing. None when it uses none.
         """
         self.late = 0
         self._names = names
+        self._key = key
         self._late = max(2 * APART, math.ceil(LATE_S / step_s))
         self._k = -1
         self._leads: dict[int, deque[int]] = {number: deque(maxlen=LONG) for number in names}
@@ -65,7 +68,7 @@ class Skew:
 
     def _is_late(self, k: int, frame: bytes) -> bool:
         try:
-            position = decode(frame)
+            position = decode(frame, self._key)
         except Rejected:
             return False
         if position.robot == CONTACT or position.robot not in self._leads:

@@ -19,12 +19,12 @@ from monitor.observation.source import Answer, Layer, RobotShape, RobotState, Se
 from monitor.observation.traps import TrapWatch
 from patrol.errors import BadInput
 from patrol.journal.records import Event, RobotTick, Status, TickRecord
+from patrol.net.frames import FrameMailbox
 from patrol.net.mailbox import Mailbox, Presence
 from patrol.net.messages.stop_orders import Order, ask_robots, robots_to_ask
 from patrol.net.messages.telemetry import Telemetry
 from patrol.prepare import inboxes_of, sensor_footprint
 from patrol.radio.fleet_key import fleet_key
-from patrol.radio.message import MAX_FRAME
 from patrol.scenario import as_mapping
 from patrol.scenario.zones import zones_at
 from patrol.wire import read
@@ -90,7 +90,7 @@ class PositionsSource:
         telemetry = {keys.telemetry(name): number for name, number in self._names.items()}
         tokens = {keys.alive(name): number for name, number in self._names.items()}
         self._number_of = {**telemetry, **tokens}
-        self._frames: Mailbox[bytes] = Mailbox(positions, bytes, MAX_FRAME)
+        self._frames = FrameMailbox(positions)
         self._reports: Mailbox[Telemetry | Presence] = Mailbox(
             [*telemetry, *tokens], partial(read, Telemetry), MAX_TELEMETRY
         )

@@ -1,11 +1,14 @@
 from __future__ import annotations
 
+import pytest
+
 from agent.radios.direct import ROOM, DirectRadio
+from agent.radios.skew import Skew
+from patrol.net.frames import FrameMailbox
 from patrol.net.keys import FleetKeys
-from patrol.net.mailbox import Mailbox
 from patrol.net.messages.telemetry import Traffic
 from patrol.pose import Pose
-from patrol.radio.message import MAX_FRAME, Position, encode
+from patrol.radio.message import Position, encode
 
 KEYS = FleetKeys("f")
 STEP_S = 0.5
@@ -29,11 +32,13 @@ class Clock:
 class Scene:
     """The radio of r2, and what it sends."""
 
-    def __init__(self) -> None:
+    def __init__(self, key: bytes | None = None) -> None:
         self.sent: list[bytes] = []
         self.clock = Clock()
-        self.mailbox: Mailbox[bytes] = Mailbox(OTHERS, bytes, MAX_FRAME, ROOM)
-        self.radio = DirectRadio(self.mailbox, self.sent.append, OTHERS, self.clock, STEP_S)
+        self.mailbox = FrameMailbox(OTHERS, ROOM)
+        self.radio = DirectRadio(
+            self.mailbox, self.sent.append, OTHERS, self.clock, Skew({1: "r1", 3: "r3"}, STEP_S, key)
+        )
 
     def arrive(self, robot: str, *frames: bytes) -> None:
         for frame in frames:
@@ -81,8 +86,8 @@ def test_frames_of_its_own_name_and_of_strangers_are_not_heard() -> None:
     assert scene.radio.traffic(1, final=False).refused == 2
 
 
-def frame_of(number: int, k: int) -> bytes:
-    return encode(Position.of(number, k, k * STEP_S, Pose(1.0, 1.0, 0.0)))
+def frame_of(number: int, k: int, key: bytes | None = None) -> bytes:
+    return encode(Position.of(number, k, k * STEP_S, Pose(1.0, 1.0, 0.0)), key)
 
 
 def test_what_the_network_has_held_up_for_long_is_not_heard() -> None:
@@ -109,13 +114,23 @@ def test_a_robot_whose_clock_is_behind_is_heard() -> None:
     assert scene.radio.skew.ticks == {"r1": -20}
 
 
-def test_a_forged_frame_of_a_tick_to_come_makes_no_other_late() -> None:
-    scene = Scene()
+@pytest.mark.parametrize(("key", "forged"), [(None, 1), (b"secret" * 4, 20)])
+def test_forged_frames_of_ticks_to_come_make_no_other_late(key: bytes | None, forged: int) -> None:
+    """With a key not even many do."""
+    scene = Scene(key)
     for k in range(100):
         scene.clock.k = k
         if k % 10 == 3:
-            scene.arrive("r1", frame_of(1, 10**6))
-        scene.arrive("r1", frame_of(1, k))
+            scene.arrive("r1", *(frame_of(1, 10**6 + again) for again in range(forged)))
+        scene.arrive("r1", frame_of(1, k, key))
         heard = scene.radio.hear()
         assert heard is not None
-        assert heard[-1] == frame_of(1, k)
+        assert heard[-1] == frame_of(1, k, key)
+
+
+def test_a_robot_is_not_heard_under_another_s_key() -> None:
+    scene = Scene()
+    contact = encode(Position.of_contact(0, 0.0, 1.0, 2.0))
+    scene.arrive("r1", frame_of(3, 0), frame_of(2, 0), contact, frame_of(1, 0))
+    assert scene.radio.hear() == [contact, frame_of(1, 0)]
+    assert scene.mailbox.refused == {"forged": 2}
