@@ -41,6 +41,10 @@ COMPLAIN_S = 10.0
 LONGEST_WAIT_S = 86_400.0
 """Longest time until tick 0, s."""
 
+MEET_S = 12.0
+"""How long robots that meet directly wait for the first other one before they count ticks alone, s: Zenoh tries a
+connection again after ten seconds."""
+
 _LISTEN_S = 0.2
 
 
@@ -270,6 +274,7 @@ class _Driver:
         radio = tune_in(air, keys, name, names, clock, step_s, self.mind.facts.key)
         epoch_s = ticks.epoch_s
         if epoch_s is None:
+            _meet(air, name, ending)
             epoch_s = _listen(radio, step_s, self.mind.facts.key, ticks, log.info, ending)
         if epoch_s is None:
             return None
@@ -391,6 +396,18 @@ def check_epoch(epoch_s: float, now_s: float, say: Callable[[str], None]) -> Non
         )
     if epoch_s > now_s:
         say(f"tick 0 begins in {epoch_s - now_s:.0f} s")
+
+
+def _meet(air: Air, own: str, ending: Ending) -> None:
+    """Wait for a connection to another robot where robots meet directly: their links open without any."""
+    from patrol.net.link import Link
+
+    if not isinstance(air, Link) or air.mesh is None:
+        return
+    others = {name for name, role in air.mesh.members.items() if role.robot not in ("", own)}
+    until = time.monotonic() + MEET_S
+    while others and not others & air.neighbours.names and time.monotonic() < until and not ending:
+        ending.wait(_LISTEN_S)
 
 
 def _listen(

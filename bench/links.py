@@ -31,6 +31,7 @@ from patrol.net.keys import fleet_keys, robot_of
 from patrol.net.mailbox import Mailbox
 from patrol.net.open_links import open_air
 from patrol.net.security.credentials import read_credentials
+from patrol.net.security.mesh import GUARDED
 from patrol.process.lifeline import leave
 from patrol.scenario import Scenario
 
@@ -43,7 +44,6 @@ ROUTERS = {
     "QUIC, mixed reliability": f"quic/{AT}?mixed_rel=1",
 }
 """Where a router listens, by what carries positions through it."""
-GUARDED = ("tls/", "quic/")
 WAYS = ("multicast", *ROUTERS, "mesh")
 LOSSES = (0.0, 0.1, 0.3, 0.6)
 ROBOTS = tuple(f"r{number}" for number in range(1, 7))

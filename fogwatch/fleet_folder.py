@@ -74,7 +74,8 @@ class FleetFolder:
         token: The operators' token.
         members: The common name of each member's certificate, by `Role.user`.
         issued: How many certificates each member has got, by `Role.user`.
-        places: In a mesh, the locators of the members whose addresses are known, by `Role.user`.
+        places: In a mesh, the locators of the members whose addresses are known, by `Role.user`; also of members that
+            were revoked, which get theirs again.
     """
 
     path: Path
@@ -102,7 +103,7 @@ class FleetFolder:
         if not self.is_mesh:
             return None
         roles = {common_name: role_of(user, FILE) for user, common_name in self.members.items()}
-        return Mesh(self.fleet, roles, self.places)
+        return Mesh(self.fleet, roles, {user: place for user, place in self.places.items() if user in self.members})
 
     @property
     def listen(self) -> str:
@@ -114,13 +115,14 @@ class FleetFolder:
         """The names of members whose folders are not here; they may have been moved to their machines."""
         return [role.name for user in self.members if not (self.path / (role := role_of(user, FILE)).name).is_dir()]
 
-    def add(self, role: Role, days: int, host: str | None = None) -> None:
+    def add(self, role: Role, days: int, host: str | None = None, called: str = "--host") -> None:
         """Add a member.
 
         Args:
             role: The new member's.
             days: How long its certificate is valid.
-            host: Name or address of its machine, in a mesh; None if others need not know it.
+            host: Name or address of its machine, in a mesh; None for the one that it had, if any.
+            called: What errors call the host.
 
         Raises:
             BadInput: It is one already, its host cannot be one, or openssl fails.
@@ -136,7 +138,8 @@ class FleetFolder:
             issue(self.path / AUTHORITY_FOLDER, part, common_name, days, listens=self.is_mesh)
             self._write_member(role, part)
         if host is not None:
-            self.places[role.user] = mesh_locator(checked_hosts([host])[0], self.port, self.places.values())
+            taken = [place for user, place in self.places.items() if user != role.user]
+            self.places[role.user] = mesh_locator(checked_hosts([host], called)[0], self.port, taken)
         self.issued[role.user], self.members[role.user] = number, common_name
         self._save()
 
@@ -157,7 +160,6 @@ class FleetFolder:
             names = ", ".join(sorted(role_of(user, FILE).name for user in self.members))
             raise BadInput(f"{role.name}: is no member of {self.fleet}; members are {names}")
         del self.members[role.user]
-        self.places.pop(role.user, None)
         other = {WORLD_ROLE: OPERATOR, OPERATOR: WORLD_ROLE}.get(role)
         if other is not None:
             self.token = os.urandom(16).hex()
@@ -295,7 +297,7 @@ def make_fleet(
             if not new_fleet.is_mesh:
                 new_fleet.renew_router(days)
             for role in roles:
-                new_fleet.add(role, days, places.get(role.name))
+                new_fleet.add(role, days, places.get(role.name), f"--robots {role.name}=")
     except OSError as error:
         raise BadInput(f"{path}: cannot be made ({error.strerror}); choose another folder") from None
     new_fleet.path = path

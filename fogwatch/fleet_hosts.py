@@ -18,19 +18,20 @@ _NUMBERS = re.compile(r"[0-9.]*")
 _WITH_PORT = re.compile(r"(?:[^:]+|\[.*\]):[0-9]+")
 
 
-def checked_hosts(hosts: Sequence[str]) -> list[str]:
+def checked_hosts(hosts: Sequence[str], called: str = "--host") -> list[str]:
     """Check hosts, and write each in one way.
 
     Args:
         hosts: Names and addresses; those of IPv6 may stand in brackets.
+        called: What errors call one.
 
     Returns:
         Each of them once, addresses without brackets.
 
     Raises:
-        BadInput: Other machines could not reach a router by one of them.
+        BadInput: Other machines could not reach its machine by one of them.
     """
-    return [*dict.fromkeys(_checked(host) for host in hosts)]
+    return [*dict.fromkeys(_checked(host, called) for host in hosts)]
 
 
 def member_locator(hosts: Sequence[str], port: int) -> str:
@@ -72,23 +73,24 @@ def listening_locator(hosts: Sequence[str], port: int) -> str:
     return f"tls/{'[::]' if any(':' in host for host in hosts) else '0.0.0.0'}:{port}"
 
 
-def _checked(host: str) -> str:
+def _checked(host: str, called: str) -> str:
     bare = host[1:-1] if host[:1] == "[" and host[-1:] == "]" else host
     try:
         address = ipaddress.ip_address(bare)
     except ValueError:
-        return _checked_name(host)
+        return _checked_name(host, called)
     if address.is_unspecified or address.is_multicast:
-        raise BadInput(f"--host {host}: is no machine's own address; give the one that members reach the router at")
+        raise BadInput(f"{called} {host}: is no machine's own address; give the one that members reach it at")
     if "%" in bare:
-        raise BadInput(f"--host {host}: a certificate cannot name an interface; leave {bare[bare.index('%') :]} out")
+        interface = bare[bare.index("%") :]
+        raise BadInput(f"{called} {host}: no certificate or file can name an interface; leave {interface} out")
     return str(address)
 
 
-def _checked_name(host: str) -> str:
+def _checked_name(host: str, called: str) -> str:
     if _WITH_PORT.fullmatch(host):
         name, _, port = host.rpartition(":")
-        raise BadInput(f"--host {host!r}: holds a port; write --host {name} --port {port}")
+        raise BadInput(f"{called} {host!r}: holds a port; write {name} here, and --port {port}")
     if not _NAME.fullmatch(host) or _NUMBERS.fullmatch(host):
-        raise BadInput(f"--host {host!r}: not the name or address of a machine; write it as in 192.168.1.10")
+        raise BadInput(f"{called} {host!r}: not the name or address of a machine; write it as in 192.168.1.10")
     return host

@@ -11,7 +11,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from functools import cached_property
 from itertools import islice
 from typing import TYPE_CHECKING, Any
@@ -22,7 +22,6 @@ from patrol.net.keys import address_of
 from patrol.net.mailbox import Mailbox, Post, Presence, Question
 from patrol.net.neighbours import Neighbours
 from patrol.net.queries import all_answers, answers_until
-from patrol.net.security.mesh import everywhere
 from patrol.net.security.roles import Kind
 from patrol.net.settings import client_settings, router_settings
 from patrol.net.zenoh_errors import first_line as _first_line
@@ -371,13 +370,16 @@ def open_link(
     if credentials is None or credentials.mesh is None:
         return Link(open_session(settings, router, wait_s, waiting, stopped))
     link = _open_listening(settings, credentials.listens_at, mesh=credentials.mesh)
-    if credentials.role.kind in (Kind.VIEWER, Kind.OPERATOR):
+    if credentials.role.kind not in (Kind.VIEWER, Kind.OPERATOR):
+        return link
+    with ExitStack() as undone:
+        undone.callback(link.close)
         if not _wait(link.neighbours.await_any, wait_s, waiting, stopped):
-            link.close()
             raise LinkDown(f"no member of fleet {credentials.fleet} answers at {router}")
         patrolling = (Kind.ROBOT, Kind.WORLD)
         names = [name for name, role in credentials.mesh.members.items() if role.kind in patrolling]
         link.neighbours.await_all(names, SETTLE_S)
+        undone.pop_all()
     return link
 
 
@@ -439,8 +441,10 @@ def _wait(
 
 
 def listens(routers: str) -> bool:
-    """Return True if anything listens at one of some addresses, so that it must have refused us; unknown for udp."""
+    """Return True if anything listens at one of some addresses, so that it must have refused us; False for quic, udp."""
     for router in routers.split(","):
+        if router.startswith(("quic/", "udp/")):
+            continue
         try:
             socket.create_connection(address_of(router), KNOCK_S).close()
         except OSError:
@@ -467,10 +471,9 @@ def _open_listening(settings: Mapping[str, object], listen: str, mesh: Mesh | No
     try:
         return Link(zenoh.open(_config({**settings, "listen/endpoints": [listen]})), mesh)
     except zenoh.ZError as error:
-        if mesh is not None and _system_error(error) == errno.EADDRNOTAVAIL and everywhere(listen) != listen:
-            return _open_listening(settings, everywhere(listen), mesh)
         if _system_error(error) == errno.EADDRINUSE:
-            raise PortBusy(f"{listen}: the port is busy; choose another") from None
+            remedy = "choose another" if mesh is None else "another process is this member already; end that one"
+            raise PortBusy(f"{listen}: the port is busy; {remedy}") from None
         raise LinkDown(f"{listen}: cannot listen there ({_first_line(error)})") from None
 
 

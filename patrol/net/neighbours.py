@@ -34,9 +34,8 @@ class Neighbours:
         """Call a function with each name, and whether it is there, from now on: at once for those that are there."""
         with self._changed:
             self._tell = tell
-            names = sorted(self._links)
-        for name in names:
-            tell(name, True)
+            for name in sorted(self._links):
+                tell(name, True)
 
     def await_all(self, names: Collection[str], wait_s: float) -> bool:
         """Wait until all of some are connected; return whether they are."""
@@ -67,6 +66,5 @@ class Neighbours:
                 del self._links[name]
             there = name in self._links
             self._changed.notify_all()
-            tell = self._tell
-        if there != before:
-            tell(name, there)
+            if there != before:
+                self._tell(name, there)

@@ -11,7 +11,7 @@ from patrol.errors import BadInput
 from patrol.net.carriers.multicast import GroupDown, open_group
 from patrol.net.carriers.serial_line import SerialDown, is_serial, open_serial
 from patrol.net.keys import is_group, is_local
-from patrol.net.link import Link, LinkDown, NotAdmitted, listens, open_link, open_session
+from patrol.net.link import Link, LinkDown, NotAdmitted, PortBusy, listens, open_link, open_session
 from patrol.net.security.credentials import Credentials, read_credentials
 from patrol.net.settings import client_settings
 
@@ -68,7 +68,8 @@ def open_links(
     except LinkDown as down:
         if stopped():
             return None
-        raise BadInput(f"{down}; {_remedy(router, credentials)}") from None
+        remedy = "" if isinstance(down, PortBusy) else f"; {_remedy(router, credentials)}"
+        raise BadInput(f"{down}{remedy}") from None
     if radio is None:
         return link, link
     try:

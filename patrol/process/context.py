@@ -152,6 +152,7 @@ class ProcessContext:
             AskedToLeave: Before they were open.
             BadInput: No router has answered in time, or the credentials cannot be used.
         """
+        from patrol.net.link import Link
         from patrol.net.open_links import open_links
 
         say = _quietly if quiet else self.log.info
@@ -163,13 +164,16 @@ class ProcessContext:
         closing.callback(link.close)
         if air is not link:
             closing.callback(air.close)
-        if link.mesh is not None and met.credentials is not None and not quiet:
-            self._follow_mesh(link, link.mesh, met.credentials.role)
+        if met.credentials is not None and not quiet:
+            if link.mesh is not None:
+                self.vitals.probe(CONNECTIONS, lambda: len(link.neighbours.names))
+                self._follow_mesh(link, link.mesh, met.credentials.role)
+            if air is not link and isinstance(air, Link) and air.mesh is not None:
+                self._follow_mesh(air, air.mesh, met.credentials.role, " by radio")
         return link, air
 
-    def _follow_mesh(self, link: Link, mesh: Mesh, own: Role) -> None:
-        """Say which other members come and go, and count the connected ones."""
-        self.vitals.probe(CONNECTIONS, lambda: len(link.neighbours.names))
+    def _follow_mesh(self, link: Link, mesh: Mesh, own: Role, by: str = "") -> None:
+        """Say which other members come and go, and by what where they meet in two ways."""
 
         def tell(common_name: str, there: bool) -> None:
             role = mesh.members.get(common_name)
@@ -178,7 +182,7 @@ class ProcessContext:
             elif role == own and own.robot and there:  # a world has two sessions
                 self.log.warning(f"another process is {own.name} as well; end it, or revoke {own.name}: it has a copy")
             elif role != own:
-                self.log.info(f"{role.name} is {'connected' if there else 'no longer connected'}")
+                self.log.info(f"{role.name} is {'connected' if there else 'no longer connected'}{by}")
 
         link.neighbours.tell(tell)
 

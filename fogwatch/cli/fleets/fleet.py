@@ -104,6 +104,8 @@ def add(
     with fleet_to_change(folder) as fleet:
         if member != THE_ROUTER and host and not fleet.is_mesh:
             raise BadInput(f"--host {host[0]}: is for the router; leave the option out")
+        if member != THE_ROUTER and len(host or []) > 1:
+            raise BadInput(f"--host: {member} has one address, not {len(host or [])}; give one")
         if member == THE_ROUTER:
             before = fleet.router
             fleet.renew_router(days, host or [])

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from patrol.errors import BadInput
 from patrol.net.keys import FleetKeys, check_locator, check_locators, fleet_keys, is_local
-from patrol.net.security.mesh import MESH, Mesh, read_mesh
+from patrol.net.security.mesh import GUARDED, MESH, Mesh, read_mesh
 from patrol.net.security.private_files import REMEDY, check_private, option_in, read_object, text_in
 from patrol.net.security.roles import COMMON_NAMES, USERNAMES, Kind, Role, access_control, robot_role, role_of
 
@@ -32,7 +32,6 @@ AUTHORITY, CERTIFICATE, KEY = "authority.pem", "certificate.pem", "key.pem"
 
 SHORTEST_TOKEN = 16
 """Characters of the shortest token."""
-_ENCRYPTED = ("tls/", "quic/")
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,7 +242,7 @@ class RouterSecurity:
         """
         if self.passwords:
             raise BadInput(f"--connect {other}: a fleet with passwords is on one machine, with one router; {REMEDY}")
-        if not other.startswith(_ENCRYPTED):
+        if not other.startswith(GUARDED):
             raise BadInput(f"--connect {other}: the link would not be encrypted; write tls/{other.partition('/')[2]}")
         return other
 
@@ -251,7 +250,7 @@ class RouterSecurity:
 def _check_locator_of(locator: str, option: str, passwords: bool) -> str:
     if passwords and not is_local(locator):
         raise BadInput(f"{option} {locator}: passwords are for one machine; for several, {REMEDY}")
-    unguarded = [one for one in locator.split(",") if not one.startswith(_ENCRYPTED)]
+    unguarded = [one for one in locator.split(",") if not one.startswith(GUARDED)]
     if not passwords and unguarded:
         remedy = f"tls/{unguarded[0].partition('/')[2]}"
         raise BadInput(f"{option} {locator}: the members have certificates, which need tls; write {remedy}")

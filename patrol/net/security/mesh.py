@@ -31,6 +31,8 @@ _SIGNS = 16
 """Signs of life in that time, of each link. Where all are lost, the link for what may be lost is given up for good, and
 positions then travel on the other one, which repeats them until they arrive: late. With Zenoh's 4 this happened within
 minutes where 30 % of the datagrams were lost."""
+GUARDED = ("quic/", "tls/")
+"""How locators of carriers begin that know certificates; a member of a mesh uses no others."""
 _ANYWHERE, _HERE = "quic/0.0.0.0:0?mixed_rel=1", "quic/127.0.0.1:0?mixed_rel=1"
 """Any free port, for members whose address nobody needs to know."""
 _REMEDY = "copy mesh.json from the fleet's folder again"
@@ -60,7 +62,9 @@ class Mesh:
         return tuple(place for user, place in self.places.items() if user != role.user)
 
     def listens_at(self, role: Role, *, beside: bool) -> str:
-        """Return where a member listens: at its known address, or on any free port.
+        """Return where a member listens: on all addresses of its machine, at its known port or any free one.
+
+        Its known address may not be its machine's, as behind a router or in a container, or not yet.
 
         Args:
             role: The member's.
@@ -69,7 +73,7 @@ class Mesh:
         place = None if beside else self.places.get(role.user)
         if place is None:
             return _HERE if all(map(is_local, self.places.values())) else _ANYWHERE
-        return place
+        return place if is_local(place) else everywhere(place)
 
     def session(self, listen: str) -> dict[str, object]:
         """Give the settings for Zenoh's configuration of a member's session, but for its certificate, by key.
@@ -82,6 +86,7 @@ class Mesh:
             "scouting/gossip/enabled": True,
             "scouting/gossip/autoconnect_strategy": {"peer": {"to_router": "always", "to_peer": "greater-zid"}},
             "listen/endpoints": [listen],
+            "transport/link/protocols": [protocol.removesuffix("/") for protocol in GUARDED],
             "transport/link/tx/lease": round(LEASE_S * 1000),
             "transport/link/tx/keep_alive": _SIGNS,
             "transport/link/tls/verify_name_on_connect": False,
@@ -112,13 +117,15 @@ def read_mesh(file: Path, option: str) -> Mesh:
     for user, place in places.items():
         role_of(user, f"{where}: places")
         check_place(place, f"{where}: places: {user}:")
+    if not places:
+        raise BadInput(f"{where}: names no address; give a robot one: fogwatch fleet revoke and add NAME --host HOST")
     return Mesh(fleet, {name: role_of(user, f"{where}: members") for name, user in members.items()}, places)
 
 
 def check_place(place: str, option: str) -> str:
     """Check the address of a member of a mesh; return it. Raises BadInput."""
     check_locator(place, option)
-    if not place.startswith(("quic/", "tls/")):
+    if not place.startswith(GUARDED):
         raise BadInput(f"{option} {place}: members have certificates, which need quic or tls; write quic/HOST:PORT")
     return place
 
@@ -131,7 +138,7 @@ def _texts(says: Mapping[str, Any], name: str, where: str) -> dict[str, str]:
 
 
 def everywhere(place: str) -> str:
-    """Return the locator to listen on for a place that is no address of this machine: now, or as others see it."""
+    """Return the locator to listen on at a place's port on all addresses."""
     host, port = address_of(place)
     protocol, _, rest = place.partition("/")
     _, mark, reliability = rest.partition("?")
