@@ -441,7 +441,7 @@ def _wait(
 
 
 def listens(routers: str) -> bool:
-    """Return True if anything listens at one of some addresses, so that it must have refused us; False for quic, udp."""
+    """Return True if anything listens at one of some addresses, so that it must have refused us; not for quic."""
     for router in routers.split(","):
         if router.startswith(("quic/", "udp/")):
             continue

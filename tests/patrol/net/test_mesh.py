@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import re
 import shutil
 import subprocess
@@ -11,6 +12,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from socket import SOCK_DGRAM
+from typing import Any, cast
 
 import pytest
 
@@ -118,16 +120,33 @@ def test_the_death_of_a_robot_silences_no_other(join: Join) -> None:
     assert arrives(r2.broadcast(KEYS.position("r2")), box) == KEYS.position("r2")
 
 
+Change = Callable[[dict[str, Any]], None]
+"""Changes the access rules of a member's session."""
+
+
+def drop_rules(access: dict[str, Any]) -> None:
+    access["enabled"] = False
+
+
+def tell_all(access: dict[str, Any]) -> None:
+    """Let everybody learn what a member wants and offers: then its rules for what comes in decide alone."""
+    kinds = ("put", "declare_subscriber", "query", "reply", "declare_queryable", "liveliness_token")
+    rule = {"permission": "allow", "flows": ["egress"], "messages": [*kinds], "key_exprs": [KEYS.anything]}
+    access["rules"].append({"id": "tell-all", **rule})
+    for policy in access["policies"]:
+        policy["rules"].append("tell-all")
+
+
 @pytest.fixture
-def lie(folder: Path) -> Iterator[Callable[[str], Link]]:
-    """Opens the links of members that keep to no rules themselves."""
+def join_as(folder: Path) -> Iterator[Callable[[str, Change], Link]]:
+    """Opens links of members with other rules."""
     links: list[Link] = []
 
-    def opened(name: str) -> Link:
+    def opened(name: str, change: Change) -> Link:
         credentials = read_credentials(folder / name, "test")
-        settings = client_settings(credentials.router, 1.0, credentials)
-        free = {**settings, "access_control": {"enabled": False}}
-        links.append(Link(open_session(free, credentials.router, PATIENCE_S, lambda _waited: None, lambda: False)))
+        settings = copy.deepcopy(client_settings(credentials.router, 1.0, credentials))
+        change(cast("dict[str, Any]", settings["access_control"]))
+        links.append(Link(open_session(settings, credentials.router, PATIENCE_S, lambda _waited: None, lambda: False)))
         return links[-1]
 
     yield opened
@@ -135,31 +154,67 @@ def lie(folder: Path) -> Iterator[Callable[[str], Link]]:
         link.close()
 
 
+def another(name: str) -> str:
+    return "operator" if name == "viewer" else "viewer"
+
+
 @pytest.mark.processes
 @pytest.mark.parametrize("liar", MEMBERS)
-def test_no_member_can_speak_for_another(liar: str, join: Join, lie: Callable[[str], Link]) -> None:
-    """One session sends all, in order: what comes under its own keys shows that the forged was not let through."""
-    listeners = {name: join(name) for name in MEMBERS if name != liar}
-    link = lie(liar)
-    await_neighbours(link, *listeners)
+def test_no_member_can_speak_for_another(liar: str, join_as: Callable[[str, Change], Link]) -> None:
+    """A witness without rules shows that the forged was sent, and to all that have rules: they want it as well."""
+    witness = join_as(another(liar), drop_rules)
+    guarded = {name: join_as(name, tell_all) for name in MEMBERS if name not in (liar, another(liar))}
+    link = join_as(liar, drop_rules)
+    await_neighbours(link, another(liar), *guarded)
     makers = (KEYS.position, KEYS.tick, KEYS.reply, KEYS.telemetry)
     every = [KEYS.truth("metrics"), *(make(name) for name in ("r1", "r2", "r3") for make in makers)]
-    heard: Mailbox[bytes] = Mailbox(every, bytes, 100)
-    for listener in listeners.values():
+    heard, sent = (Mailbox(every, bytes, 100) for _ in range(2))
+    for listener in (*guarded.values(), witness):
         for key in every:
-            listener.subscribe(key, heard)
+            listener.subscribe(key, sent if listener is witness else heard)
     posts = [link.post(key) for key in every]
     own = {make(liar) for make in (KEYS.position, KEYS.reply, KEYS.telemetry)} if liar.startswith("r") else set()
     if liar == "world":
         own = {KEYS.truth("metrics"), *map(KEYS.tick, ("r1", "r2", "r3"))}
-    arrived: set[str] = set()
-    until = time.monotonic() + (PATIENCE_S if own else SHORT_S)
-    while arrived != own and time.monotonic() < until:
+    arrived: dict[bool, set[str]] = {True: set(), False: set()}
+    until = time.monotonic() + PATIENCE_S
+    rounds_left = ENOUGH
+    while rounds_left and time.monotonic() < until:
         for post in posts:
             post(b"x")
-        while (news := heard.get(TRY_S)) is not None:
-            arrived.add(news[0])
-    assert arrived == own
+        for is_sent, mailbox in ((True, sent), (False, heard)):
+            while (news := mailbox.get(TRY_S)) is not None:
+                arrived[is_sent].add(news[0])
+        rounds_left -= arrived[True] == set(every) and arrived[False] >= own
+    assert arrived == {True: set(every), False: own}
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize("liar", ["r1", "world", "viewer"])
+def test_no_member_can_stand_in_for_another(liar: str, join: Join, join_as: Callable[[str, Change], Link]) -> None:
+    """Neither its tokens nor its answers to orders: a witness without rules gets them all."""
+    join("r2")  # the others meet there
+    witness, guarded, link = (
+        join_as(another(liar), drop_rules),
+        join_as("operator", tell_all),
+        join_as(liar, drop_rules),
+    )
+    await_neighbours(link, "operator", another(liar))
+    names = ["r1", "r2", "r3"]
+    tokens = {KEYS.alive(name) for name in (*names, WORLD)}
+    for token in tokens:
+        link.live(token)
+    for name in names:
+        StopOrders(link, KEYS, name).obey(lambda _order: Outcome(True, "stands"))
+    for token in tokens:
+        await_seen(witness, token)
+    assert {name for name, _ in ask_robots(witness, KEYS, names, Order.STOP, PATIENCE_S)} == set(names)
+    own = {liar} & set(names)
+    rightful = {KEYS.alive(WORLD)} if liar == "world" else set(map(KEYS.alive, own))
+    for token in rightful:
+        await_seen(guarded, token)
+    assert {token for token in tokens if guarded.sees(token)} == rightful
+    assert {name for name, _ in ask_robots(guarded, KEYS, names, Order.STOP, SHORT_S)} == own
 
 
 @pytest.mark.processes
