@@ -11,8 +11,10 @@ others', by the same code as a robot. What was sent in half a minute counts, aft
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import math
+import signal
 import struct
 import subprocess
 import sys
@@ -49,6 +51,7 @@ LOSSES = (0.0, 0.1, 0.3, 0.6)
 ROBOTS = tuple(f"r{number}" for number in range(1, 7))
 FLEET = "links"
 MEET_S, COUNT_S, END_S = 30.0, 30.0, 6.0
+LOOK_S = 0.5
 PERIOD_S = 0.1
 _FRAME = struct.Struct("<dI8x")
 
@@ -72,22 +75,39 @@ def main() -> int:
     """Measure, and print the table; the exit code."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--ways", default=";".join(WAYS), help="of carrying positions, with semicolons between them")
-    parser.add_argument("--losses", default=",".join(map(str, LOSSES)), help="shares of datagrams that are lost")
+    default = ",".join(map(str, LOSSES))
+    parser.add_argument(
+        "--losses", type=_losses, default=default, help="shares of datagrams that are lost (%(default)s)"
+    )
     parser.add_argument("--host", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.host is not None:
         _be_a_host(json.loads(options.host))
-    ways, losses = options.ways.split(";"), [float(loss) for loss in options.losses.split(",")]
+    ways = options.ways.split(";")
     if unknown := set(ways) - set(WAYS):
         parser.error(f"--ways: {min(unknown)}: choose among {'; '.join(WAYS)}")
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         check_rights()
-        for line in _table(ways, losses):
+        for line in _table(ways, options.losses):
             print(line, flush=True)
     except Impossible as impossible:
         print(f"links: not possible here: {impossible}", file=sys.stderr)
         return IMPOSSIBLE
+    except KeyboardInterrupt:
+        return 130
     return 0
+
+
+def _losses(text: str) -> list[float]:
+    """Read shares with commas between them."""
+    try:
+        losses = [float(word) for word in text.split(",")]
+    except ValueError:
+        losses = [math.nan]
+    if not all(0.0 <= loss <= 1.0 for loss in losses):
+        raise argparse.ArgumentTypeError(f"{text}: expected shares from 0 to 1, such as 0.1,0.3")
+    return losses
 
 
 def _table(ways: Sequence[str], losses: Sequence[float]) -> Iterator[str]:
@@ -130,10 +150,23 @@ def _measure(way: str, loss: float) -> dict[str, Heard]:
                 )
                 for number, name in bed.names.items()
             }
-            answers = {name: json.loads(host.communicate()[0]) for name, host in hosts.items()}
+            answers = _await_answers(hosts)
         finally:
             bed.clear()
-    return {name: Heard(**answer) for name, answer in answers.items()}
+    return {name: Heard(**json.loads(answer)) for name, answer in answers.items()}
+
+
+def _await_answers(hosts: dict[str, subprocess.Popen[str]]) -> dict[str, str]:
+    """Return what each host prints until it ends. Raises Impossible as soon as one of them fails."""
+    answers: dict[str, str] = {}
+    while waits_for := hosts.keys() - answers.keys():
+        name = min(waits_for)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            answers[name] = hosts[name].communicate(timeout=LOOK_S)[0]
+        for other, host in hosts.items():
+            if host.poll():
+                raise Impossible(f"{other} ended with exit code {host.returncode}; what it printed is above")
+    return answers
 
 
 def _prepare(way: str, folder: Path, bed: Bed) -> tuple[dict[str, str], dict[str, str]]:
@@ -156,11 +189,13 @@ def _prepare(way: str, folder: Path, bed: Bed) -> tuple[dict[str, str], dict[str
 
 
 def start_host(bed: Bed, number: int, module: str, what: dict[str, Any]) -> subprocess.Popen[str]:
-    """Start a module as a host's process, which reads and writes lines. It dies with this one."""
+    """Start a module as a host's process, which reads and writes lines. It ends with the bed or this process."""
     mortal = ["setpriv", "--pdeathsig", "KILL"]
     command = ["ip", "netns", "exec", bed.space(number), *mortal, sys.executable]
     command += ["-m", module, "--host", json.dumps(what)]
-    return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    host = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    bed.processes[bed.names[number]] = host
+    return host
 
 
 def exchange(

@@ -166,7 +166,11 @@ def main() -> int:
     options = parser.parse_args()
     if options.host is not None:
         _be_a_host(json.loads(options.host))
-    ways, sizes = options.ways.split(";"), [int(size) for size in options.robots.split(",")]
+    ways = options.ways.split(";")
+    try:
+        sizes = [int(size) for size in options.robots.split(",")]
+    except ValueError:
+        sizes = [0]
     if unknown := set(ways) - set(WAYS):
         parser.error(f"--ways: {min(unknown)}: choose among {'; '.join(WAYS)}")
     if any(size % SITES or not 0 < size < FIRST_ROUTER for size in sizes):
@@ -185,6 +189,8 @@ def main() -> int:
     except Impossible as impossible:
         print(f"sizes: not possible here: {impossible}", file=sys.stderr)
         return IMPOSSIBLE
+    except KeyboardInterrupt:
+        return 130
     for head, rows in ((COST, costs), (CUTS, cuts)):
         print("\n".join([head, "|---" * head.count(" | ") + "|---|", *rows, ""]))
     return 0
@@ -211,11 +217,7 @@ def _measure(way: str, size: int) -> tuple[str, str]:
             _start(fleet, folder, is_ring=way == RING)
             return _cost(fleet), _cut_and_death(fleet)
         finally:
-            for host in fleet.hosts.values():
-                host.kill()
             bed.clear()
-            for host in fleet.hosts.values():
-                host.wait()
 
 
 def _start(fleet: Fleet, folder: Path, *, is_ring: bool) -> None:

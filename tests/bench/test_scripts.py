@@ -53,6 +53,24 @@ def test_a_name_that_no_benchmark_has_is_an_error() -> None:
 
 
 @pytest.mark.processes
+@pytest.mark.parametrize(
+    ("script", "words", "says"),
+    [
+        ("links", ("--losses", "x"), "--losses: x: expected shares from 0 to 1"),
+        ("links", ("--losses", "0.1,2"), "--losses: 0.1,2: expected shares from 0 to 1"),
+        ("links", ("--ways", "post"), "--ways: post: choose among multicast"),
+        ("sizes", ("--robots", "x"), "--robots x: give multiples of 3"),
+    ],
+)
+def test_options_that_make_no_sense_are_errors(script: str, words: tuple[str, ...], says: str) -> None:
+    command = [sys.executable, "-m", f"bench.{script}", *words]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert says in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.processes
 def test_rivals_are_measured_beside_ours_where_they_are_installed(tmp_path: Path) -> None:
     pytest.importorskip("scipy")
     ours, theirs = measured("kernels", tmp_path, "--only", "dilatation, 400 x 400 open points")

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from agent.ports import State
+from deploy.testbed import DOWN, HALF, KILLED, UP, report, went_on
 from patrol.journal import Status, TickRecord, read_journal
 
 TESTBED = Path(__file__).parents[2] / "deploy" / "testbed.py"
@@ -97,6 +98,7 @@ def decided(ticks: Sequence[TickRecord], place: int) -> list[int]:
         ({}, ("--cut", "r9:1:2"), "has no r9; choose among r1, r2, r3, half"),
         ({}, ("--kill", "r2"), "--kill r2: expected PROCESS:AT"),
         ({}, ("--kill", "r2:1:2"), "--kill r2:1:2: expected PROCESS:AT"),
+        ({}, ("--kill", "world:5"), "has no world; choose among r1, r2, r3, page, router"),
     ],
 )
 def test_what_makes_no_sense_is_refused(
@@ -106,6 +108,69 @@ def test_what_makes_no_sense_is_refused(
     assert ran.code == 2
     assert says in ran.said
     assert not ran.folder.exists()
+
+
+EVENT_S = 1000.0
+Reports = Sequence[tuple[float, str, Mapping[str, int]]]
+BEFORE: Reports = [(EVENT_S - 0.1, "r1", {"r2": 5, "r3": 5}), (EVENT_S - 0.1, "r3", {"r1": 5, "r2": 5})]
+"""r2 dies next."""
+
+
+def left_behind(folder: Path, reports: Reports | None, *events: tuple[str, str]) -> Path:
+    """A run folder whose events all happened at the same time."""
+    happened = [{"who": who, "what": what, "tick": 9, "at_s": EVENT_S} for who, what in events]
+    network = {"by": "mesh", "wires": {name: {"passed": 1, "lost": 0} for name in ROBOTS}, "events": happened}
+    (folder / "network.json").write_text(json.dumps(network), encoding="utf-8")
+    summary = {"mfow_mean_s": 1.0, "verdict": {"outcome": "valid"}}
+    (folder / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
+    if reports is not None:
+        (folder / "heard.jsonl").write_text("".join(f"{json.dumps(line)}\n" for line in reports), encoding="utf-8")
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("reports", "goes_on", "says"),
+    [
+        (None, False, "r2 killed: no robot's report of whom it hears has come"),
+        ([], False, "r2 killed: no robot's report of whom it hears has come"),
+        (BEFORE, False, "r2 killed: 0 of 2 pairs of those left heard each other within 2 s, the last, "),
+        (BEFORE[:1], False, "r2 killed: 0 of 2 pairs"),
+        (
+            # What is reported at once may have been heard before the death.
+            [
+                *BEFORE,
+                (EVENT_S + 0.1, "r1", {"r3": 6}),
+                (EVENT_S + 0.5, "r1", {"r3": 6}),
+                (EVENT_S + 0.5, "r3", {"r1": 6}),
+            ],
+            False,
+            "r2 killed: 1 of 2 pairs of those left heard each other within 2 s, the last, r1 r3, never",
+        ),
+        (
+            [*BEFORE, (EVENT_S + 0.4, "r1", {"r3": 6}), (EVENT_S + 2.1, "r3", {"r1": 6})],
+            False,
+            "r2 killed: 1 of 2 pairs of those left heard each other within 2 s, the last, r3 r1, after 2.1 s",
+        ),
+        (
+            [*BEFORE, (EVENT_S + 0.4, "r1", {"r3": 6}), (EVENT_S + 1.9, "r3", {"r1": 6})],
+            True,
+            "r2 killed: 2 of 2 pairs of those left heard each other within 2 s, the last, r3 r1, after 1.9 s",
+        ),
+    ],
+)
+def test_a_mesh_has_gone_on_after_a_death_only_if_each_pair_is_seen_to_hear_each_other(
+    reports: Reports | None, goes_on: bool, says: str, tmp_path: Path
+) -> None:
+    out = left_behind(tmp_path, reports, ("r2", KILLED))
+    assert went_on(out) == goes_on
+    assert [line for line in report(out, tmp_path / "world.log") if line.startswith(says)]
+
+
+def test_a_network_that_parts_and_joins_again_is_in_the_report_and_no_death(tmp_path: Path) -> None:
+    out = left_behind(tmp_path, [*BEFORE, (EVENT_S + 0.4, "r1", {"r2": 6, "r3": 6})], (HALF, DOWN), (HALF, UP))
+    lines = [line for line in report(out, tmp_path / "world.log") if line.startswith(HALF)]
+    assert [line.partition(" of those")[0] for line in lines] == ["half down: 2 of 6 pairs", "half up: 2 of 6 pairs"]
+    assert went_on(out)
 
 
 @pytest.mark.network
