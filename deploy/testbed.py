@@ -64,8 +64,7 @@ DOWN, UP, KILLED = "down", "up", "killed"
 HALF, PAGE = "half", "page"
 SOON_S = 2.0
 REPORTED_S = 0.3
-"""By when robots have reported what they had heard before something happened, s: what they report until then does not
-show that they hear anything after it."""
+"""By when robots have reported what they had heard before something happened, s."""
 HEARD = Path(__file__).with_name("heard.py")
 PATIENCE_S = 600.0
 """How long a process waits for the router and for the others, also where it is cut off from them."""
@@ -141,7 +140,7 @@ class Relay:
 
 @dataclass
 class Bed:
-    """Namespaces, wires and processes, and how they end."""
+    """Namespaces, wires and processes, and how they end. `clear` ends all processes, those too that others add."""
 
     scenario: Scenario
     out: Path
@@ -150,7 +149,6 @@ class Bed:
     mark: str = f"fogwatch-{os.getpid()}"
     names: dict[int, str] = field(default_factory=dict)
     processes: dict[str, subprocess.Popen[Any]] = field(default_factory=dict)
-    """By name; `clear` ends all of them, those too that others have started and put here."""
 
     @property
     def hub(self) -> str:

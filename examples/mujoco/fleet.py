@@ -15,6 +15,7 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -25,6 +26,8 @@ MARGIN_M = "0.1"
 WRONG = ("--pose-noise", "0.03", "--pose-noise-heading", "0.01")
 FILM_S = 120.0
 GRACE_S = 20.0
+LOOK_S = 0.1
+BODIES = "robot-sim"
 
 
 class Processes:
@@ -33,6 +36,7 @@ class Processes:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._running = ExitStack()
+        self._started: dict[str, subprocess.Popen[bytes]] = {}
 
     def __enter__(self) -> Processes:
         return self
@@ -40,12 +44,20 @@ class Processes:
     def __exit__(self, *_: object) -> None:
         self._running.close()
 
-    def start(self, name: str, *words: str) -> subprocess.Popen[bytes]:
+    def start(self, name: str, *words: str) -> None:
         """Start a process of fogwatch."""
         with (self._folder / f"{name}.log").open("wb") as log:
             process = subprocess.Popen([sys.executable, "-P", "-m", "fogwatch", *words], stdout=log, stderr=log)
         self._running.callback(end, process)
-        return process
+        self._started[name] = process
+
+    def await_first_end(self) -> tuple[str, int]:
+        """Wait until one of the processes ends; return its name and exit code."""
+        while True:
+            for name, process in self._started.items():
+                if (code := process.poll()) is not None:
+                    return name, code
+            time.sleep(LOOK_S)
 
 
 def end(process: subprocess.Popen[bytes]) -> None:
@@ -66,8 +78,8 @@ def free_port() -> int:
         return port
 
 
-def patrol(out: Path, duration_s: float, *, own_bodies: bool, exact: bool) -> int:
-    """Run it, and return the exit code of robot-sim."""
+def patrol(out: Path, duration_s: float, *, own_bodies: bool, exact: bool) -> tuple[str, int]:
+    """Run it until a process ends, robot-sim if all is well; return its name and exit code."""
     router = f"tcp/127.0.0.1:{free_port()}"
     shared = ["--scenario", str(SCENARIO), "--margin", MARGIN_M, "--connect", router]
     bodies = [] if own_bodies else ["--bodies", f"{HERE / 'bodies.py'}:MujocoBodies"]
@@ -75,11 +87,11 @@ def patrol(out: Path, duration_s: float, *, own_bodies: bool, exact: bool) -> in
     with Processes(out) as processes:
         processes.start("router", "router", "--listen", router)
         robots = ["--robots", ",".join(ROBOTS), *bodies, *figures, *(() if exact else WRONG)]
-        simulated = processes.start("robot-sim", "robot-sim", *shared, *robots)
+        processes.start(BODIES, "robot-sim", *shared, *robots)
         for name in ROBOTS:
             own = ["--robot", "ros2", "--namespace", name, "--state", str(out / "state" / name)]
             processes.start(name, "agent", *own, *shared)
-        return simulated.wait()
+        return processes.await_first_end()
 
 
 def main() -> int:
@@ -96,11 +108,12 @@ def main() -> int:
     out.mkdir(parents=True, exist_ok=True)
     print(f"patrols for {options.duration:g} s; logs are in {out}", flush=True)
     try:
-        code = patrol(out, options.duration, own_bodies=options.bodies == "ours", exact=options.exact)
+        name, code = patrol(out, options.duration, own_bodies=options.bodies == "ours", exact=options.exact)
     except KeyboardInterrupt:
         return 130
-    if code != 0:
-        print(f"robot-sim ended with exit code {code}; {out / 'robot-sim.log'} says why", file=sys.stderr)
+    if name != BODIES or code != 0:
+        early = "" if name == BODIES else " before the patrol was over"
+        print(f"{name} ended with exit code {code}{early}; {out / f'{name}.log'} says why", file=sys.stderr)
         return 1
     print(json.dumps(json.loads((out / "summary.json").read_text(encoding="utf-8")), indent=1))
     if options.bodies == "ours":

@@ -48,11 +48,15 @@ def read_office() -> Terrain:
 
 @pytest.fixture(name="example", scope="module")
 def load_example() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("mujoco_bodies", BODIES)
+    return load_module("mujoco_bodies", BODIES)
+
+
+def load_module(name: str, file: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, file)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    sys.modules["mujoco_bodies"] = module
+    sys.modules[name] = module
     spec.loader.exec_module(module)
     return module
 
@@ -158,6 +162,23 @@ def test_without_mujoco_the_remedy_is_said(terrain: Terrain, monkeypatch: pytest
         monkeypatch.delitem(sys.modules, name)
     with pytest.raises(BadInput, match=r"pip install -r examples/mujoco/requirements\.lock"):
         bodies_named(f"{BODIES}:MujocoBodies", terrain, [])
+
+
+@pytest.mark.processes
+def test_a_patrol_ends_with_the_first_agent_that_does_and_its_log_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fleet = load_module("mujoco_fleet", BODIES.with_name("fleet.py"))
+    (tmp_path / "state").touch()  # so that agents cannot make their folders there
+    name, code = fleet.patrol(tmp_path, 600.0, own_bodies=True, exact=True)
+    assert name in fleet.ROBOTS
+    assert code != 0
+    assert "state" in (tmp_path / f"{name}.log").read_text(encoding="utf-8")
+    monkeypatch.setattr(fleet, "patrol", lambda *_, **__: ("robot2", 2))
+    out = tmp_path / "out"
+    monkeypatch.setattr(sys, "argv", ["fleet.py", "--out", str(out), "--bodies", "ours"])
+    assert fleet.main() == 1
+    assert f"{out / 'robot2.log'} says why" in capsys.readouterr().err
 
 
 @pytest.mark.processes
