@@ -28,7 +28,8 @@ def answers_until(
 ) -> Iterator[tuple[str, bytes]]:
     """Give the answers to one query under several keys; those that nobody has answered are asked again.
 
-    A query ends at once where nobody is connected who could answer, also when that process has just come back.
+    A query ends at once where nobody is connected who could answer, also when that process has just come back, or while
+    this one changes from a router that is lost to another.
 
     Args:
         session: An open Zenoh session.
