@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -14,6 +17,7 @@ from fogwatch.launch.private import Secrets
 from patrol.net.keys import WORLD, FleetKeys, fleet_keys
 from patrol.net.link import Link, open_link, open_router
 from patrol.net.mailbox import Mailbox, Presence
+from patrol.net.messages.stop_orders import Order, Outcome, StopOrders, ask_robots
 from patrol.net.security.credentials import Credentials, read_credentials, read_router
 from patrol.net.security.roles import Kind, Role, robot_role
 from tests.routers import PATIENCE_S, free_endpoint, make_local_fleet, needs_openssl
@@ -22,6 +26,7 @@ pytestmark = needs_openssl
 
 TRIES_S = 2.0
 """How long a stranger tries."""
+RETURNS = 3
 TRY_S = 0.05
 """How often to send until something arrives: a subscription takes a moment to be known at the other site."""
 
@@ -46,6 +51,17 @@ class Sites:
 
     def start_second(self) -> None:
         self._keep(open_router(self.where[1], self._security, [self.where[0]]))
+
+    @contextmanager
+    def process(self, site: int) -> Iterator[None]:
+        """A router as a process, which is killed at the end."""
+        linked = ["--connect", self.where[0]] if site else []
+        command = ["-P", "-m", "fogwatch.router", "--fleet", self._fleet.path, "--listen", self.where[site], *linked]
+        with subprocess.Popen([sys.executable, *command], stdout=subprocess.DEVNULL) as router:
+            try:
+                yield
+            finally:
+                router.kill()
 
     def join(self, role: Role, site: int) -> Link:
         return self._keep(open_link(self.where[site], PATIENCE_S, credentials=self._credentials(role)))
@@ -192,3 +208,22 @@ def test_the_link_comes_back_when_a_router_does(sites: Sites) -> None:
     assert sites.first.close(PATIENCE_S)
     sites.start_first()
     assert heard(r2, sites.keys.position("r2"), r1) == b"here"
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize("killed", [0, 1])
+def test_positions_and_orders_flow_again_when_a_router_that_was_killed_is_back(killed: int, sites: Sites) -> None:
+    """Zenoh's issue 1886: "unknown routing context id" after routers have connected again, and nothing is routed."""
+    (sites.start_second, sites.start_first)[killed]()
+    stands, members = Outcome(True, "stands"), dict[str, Link]()
+    for _ in range(RETURNS):
+        with sites.process(killed):
+            if not members:
+                members = {name: sites.join(robot_role(name), site) for site, name in enumerate(("r1", "r2"))}
+                members["operator"] = sites.join(Role(Kind.OPERATOR), 0)
+                for name in ("r1", "r2"):
+                    StopOrders(members[name], sites.keys, name).obey(lambda _order: stands)
+            for sender, receiver in (("r1", "r2"), ("r2", "r1")):
+                assert heard(members[sender], sites.keys.position(sender), members[receiver]) == b"here"
+            answers = ask_robots(members["operator"], sites.keys, ["r1", "r2"], Order.STOP, PATIENCE_S)
+            assert sorted(answers) == [("r1", stands), ("r2", stands)]
