@@ -56,7 +56,16 @@ class Sites:
     def process(self, site: int) -> Iterator[None]:
         """A router as a process, which is killed at the end."""
         linked = ["--connect", self.where[0]] if site else []
-        command = ["-P", "-m", "fogwatch.router", "--fleet", self._fleet.path, "--listen", self.where[site], *linked]
+        command: list[str | Path] = [
+            "-P",
+            "-m",
+            "fogwatch.router",
+            "--fleet",
+            self._fleet.path,
+            "--listen",
+            self.where[site],
+            *linked,
+        ]
         with subprocess.Popen([sys.executable, *command], stdout=subprocess.DEVNULL) as router:
             try:
                 yield
