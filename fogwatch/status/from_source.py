@@ -160,4 +160,4 @@ def _wrong(look: Look, shape: RobotShape, robot: RobotState) -> str:
     if robot.trapped is not None:
         before = "" if robot.trapped.exact else "before "
         return f"trapped since {before}{duration_text(robot.trapped.since_s)}"
-    return ""
+    return robot.radio_wrong

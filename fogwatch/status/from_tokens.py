@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from functools import partial
 
 from fogwatch.status.fleet_status import FleetStatus, RobotStatus
 from monitor.live.positions_source import MAX_TELEMETRY
+from monitor.observation.hearing import Hearing
 from patrol.errors import Malformed
 from patrol.net.keys import FleetKeys
 from patrol.net.link import Link
@@ -27,7 +28,7 @@ class _Heard:
     """What was heard of a robot."""
 
     def __init__(self, link: Link, air: Air, keys: FleetKeys, name: str, now: float) -> None:
-        self.followed_since = now
+        self.followed_since, self._name = now, name
         position, telemetry = keys.position(name), keys.telemetry(name)
         self._frames: Mailbox[Position] = Mailbox([position], _position, MAX_FRAME)
         self._reports: Mailbox[Telemetry] = Mailbox([telemetry], partial(read, Telemetry), MAX_TELEMETRY)
@@ -37,13 +38,15 @@ class _Heard:
         air.subscribe(position, self._frames)
         link.subscribe(telemetry, self._reports)
 
-    def take(self, now: float) -> None:
+    def take(self, now: float, hearing: Hearing) -> None:
         """Take in what has arrived."""
         while (frame := self._frames.get()) is not None:
+            hearing.sent(self._name)
             if frame[1].robot != CONTACT:
                 self.position, self.position_at = frame[1], now
         while (report := self._reports.get()) is not None:
             self.report = report[1]
+            hearing.take(self._name, self.report.traffic)
 
 
 class TokenWatch:
@@ -73,6 +76,7 @@ class TokenWatch:
         self._link, self._air, self._keys, self._router = link, air, keys, router
         self._ending, self._silent_s, self._now = ending, silent_s, now
         self._robots: dict[str, _Heard] = {}
+        self._hearing = Hearing()
 
     def look(self, seconds: float) -> FleetStatus:
         """See `FleetWatch`."""
@@ -85,7 +89,7 @@ class TokenWatch:
             self._take()
         self._take()
         there = robots_there(self._link, self._keys)
-        robots = tuple(self._robot(name, heard, name in there) for name, heard in sorted(self._robots.items()))
+        robots = tuple(self._robot(name, heard, there) for name, heard in sorted(self._robots.items()))
         new = [robot.name for robot in robots if robot.heard_s is None and not robot.wrong]
         too_new = (
             (f"whether {', '.join(new)} can be heard: followed for less than {self._silent_s:g} s",) if new else ()
@@ -100,15 +104,15 @@ class TokenWatch:
 
     def _take(self) -> None:
         for heard in self._robots.values():
-            heard.take(self._now())
+            heard.take(self._now(), self._hearing)
 
-    def _robot(self, name: str, heard: _Heard, is_there: bool) -> RobotStatus:
+    def _robot(self, name: str, heard: _Heard, there: Collection[str]) -> RobotStatus:
         position, report = heard.position, heard.report
         now = self._now()
         heard_s = None if position is None else now - heard.position_at
         is_new = position is None and now - heard.followed_since < self._silent_s
         wrong = ""
-        if not is_there:
+        if name not in there:
             wrong = "its process has gone"
         elif is_new:
             pass
@@ -118,9 +122,11 @@ class TokenWatch:
             wrong = f"no position for {self._silent_s:g} s"
             if heard_s is None:
                 wrong += " here; if robots hear each other elsewhere, give --radio"
+        else:
+            wrong = self._hearing.wrong(name, there)
         return RobotStatus(
             name=name,
-            status="alive" if is_there else "gone",
+            status="alive" if name in there else "gone",
             doing="" if report is None else report.state,
             heard_s=heard_s,
             place=None if position is None else (position.pose.x, position.pose.y),

@@ -14,12 +14,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from monitor.live.fog_tracker import HEARD
+from monitor.observation.hearing import Hearing
 from monitor.observation.listener import NO_ROBOT, Listener
 from monitor.observation.source import Answer, Layer, RobotShape, RobotState, Series, State, Static
 from monitor.observation.traps import TrapWatch
 from patrol.errors import BadInput
 from patrol.journal.records import Event, RobotTick, Status, TickRecord
 from patrol.net.frames import FrameMailbox
+from patrol.net.keys import robot_of
 from patrol.net.mailbox import Mailbox, Presence
 from patrol.net.messages.stop_orders import Order, ask_robots, robots_to_ask
 from patrol.net.messages.telemetry import Telemetry
@@ -96,7 +98,8 @@ class PositionsSource:
         )
         self._traps = TrapWatch(prepared, from_start=False)
         self._views: dict[int, Telemetry] = {}
-        self._present: set[int] = set()
+        self._hearing = Hearing()
+        self._present: set[str] = set()
         self._events: list[Event] = []
         self._ticks, self._mfow, self._mean = array("q"), array("d"), array("d")
         self._k = -1
@@ -142,7 +145,7 @@ class PositionsSource:
             next_tick = self._began + (self._k + 1) * self._scenario.step
             arrived = self._frames.get(max(0.0, min(until, next_tick) - now))
             if arrived is not None:
-                self._listener.hear(max(self._k, 0), [arrived[1]])
+                self._hear(max(self._k, 0), *arrived)
 
     def last_seen(self, layer: Layer) -> NDArray[np.int32] | None:
         """See `Source`."""
@@ -199,13 +202,14 @@ class PositionsSource:
     def _close(self, k: int) -> None:
         """Start tick k; what has arrived so far counts for the ticks before it."""
         while (arrived := self._frames.get()) is not None:
-            self._listener.hear(max(k - 1, 0), [arrived[1]])
+            self._hear(max(k - 1, 0), *arrived)
         while (report := self._reports.get()) is not None:
             number, message = self._number_of[report[0]], report[1]
             if isinstance(message, Telemetry):
                 self._views[number] = message
-            elif message.present != (number in self._present):
-                (self._present.add if message.present else self._present.discard)(number)
+                self._hearing.take(robot_of(report[0]), message.traffic)
+            elif message.present != ((name := robot_of(report[0])) in self._present):
+                (self._present.add if message.present else self._present.discard)(name)
                 self._events.append(Event(k, CONNECTED if message.present else DISCONNECTED, number))
         self._k = k
         fog = self._listener.fog
@@ -213,6 +217,10 @@ class PositionsSource:
         self._mfow.append(fog.mfow(k))
         self._mean.append(fog.mean(k))
         self._events += self._traps.tick(self._heard(k), lambda: fog.last_seen)
+
+    def _hear(self, k: int, key: str, frame: bytes) -> None:
+        self._hearing.sent(robot_of(key))
+        self._listener.hear(k, [frame])
 
     def _heard(self, k: int) -> TickRecord:
         """Return the robots' poses, as heard."""
@@ -237,10 +245,11 @@ class PositionsSource:
 
     def _robot(self, number: int) -> RobotState:
         peer, view = self._listener.peers.get(number), self._views.get(number)
+        name = self._roster[number - 1].name
         heard_s = None if peer is None else max(0, self._k - peer.tick) * self._scenario.step
         silent = heard_s is None or heard_s > self._scenario.radio.forget_after
         if silent:
-            status = Status.ABSENT if heard_s is None and number not in self._present else Status.LOST
+            status = Status.ABSENT if heard_s is None and name not in self._present else Status.LOST
         else:
             status = Status.ALIVE
         return RobotState(
@@ -253,6 +262,7 @@ class PositionsSource:
             heard_s=heard_s,
             rejected=None if view is None else view.rejected,
             trapped=self._traps.trapped(number),
+            radio_wrong=self._hearing.wrong(name, self._present),
         )
 
 

@@ -123,6 +123,7 @@ class RobotState:
             other, or there is no other robot, the time since the source last heard it.
         rejected: Number of frames that it has rejected so far; None when unknown.
         trapped: Since when it has been trapped; None for a robot that is not, or while this is being computed.
+        radio_wrong: What is wrong with its direct radio, by what it reports; empty if nothing is known to be.
     """
 
     number: int
@@ -134,6 +135,7 @@ class RobotState:
     heard_s: float | None = None
     rejected: int | None = None
     trapped: Trapped | None = None
+    radio_wrong: str = ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,7 +28,8 @@ def answers_until(
 ) -> Iterator[tuple[str, bytes]]:
     """Give answers as `answers_of` does, and ask again under keys that nobody has answered.
 
-    A query ends at once where nobody is connected who could answer, also when that process has just come back.
+    A query ends at once where nobody is connected who could answer, also when that process has just come back, or while
+    this one changes from a router that is lost to another.
     """
     unanswered = dict.fromkeys(keys)
     until = time.monotonic() + wait_s

@@ -9,7 +9,7 @@ import math
 import os
 import time
 import tracemalloc
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -109,9 +109,11 @@ def answer(payload: bytes) -> object:
     """What an operator does with an answer, to a challenge and to a request."""
 
     class Wire:
-        def answers(self, key: str, payload_: bytes, longest: int, wait_s: float) -> Iterable[bytes]:
-            del key, payload_, wait_s
-            yield from [payload] if len(payload) <= longest else []
+        def answers_until(
+            self, keys: Sequence[str], payload_: bytes, longest: int, wait_s: float
+        ) -> Iterable[tuple[str, bytes]]:
+            del payload_, wait_s
+            yield from [(keys[0], payload)] if len(payload) <= longest else []
 
     client = ControlClient(Wire(), KEYS, TOKEN, lambda: 100.0, bytes)
     return with_none(lambda: client.ask({"do": "pause"}, 1.0), Unanswered)

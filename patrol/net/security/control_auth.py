@@ -21,7 +21,7 @@ import hashlib
 import hmac
 import json
 import struct
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -189,11 +189,13 @@ def _parsed(control: bytes) -> Any:
 class Asks(Protocol):
     """A link that sends a question to all that may answer it (`patrol.net.link.Link`)."""
 
-    def answers(self, key: str, payload: bytes, longest: int, wait_s: float) -> Iterable[bytes]:
-        """Give all answers, as they come.
+    def answers_until(
+        self, keys: Sequence[str], payload: bytes, longest: int, wait_s: float
+    ) -> Iterable[tuple[str, bytes]]:
+        """Give all answers, as they come; ask again while there is none.
 
         Args:
-            key: To ask under.
+            keys: To ask under.
             payload: Of the question.
             longest: Bytes of the longest answer that is wanted.
             wait_s: How long to wait for answers, s.
@@ -253,7 +255,7 @@ class ControlClient:
         until = self.now() + wait_s
         fleet, nonce = self.keys.fleet, self.random(NONCE)
         strangers = 0
-        for received in self.link.answers(self.keys.control(CHALLENGE), nonce, MAX_ANSWER, wait_s):
+        for _, received in self.link.answers_until((self.keys.control(CHALLENGE),), nonce, MAX_ANSWER, wait_s):
             if (run_and_ticket := self._ticket(received, nonce)) is not None:
                 break
             strangers += 1
@@ -264,7 +266,7 @@ class ControlClient:
         request = _mac(self.token, b"request", fleet, run, nonce, ticket, text)
         request += struct.pack("<Q", run) + nonce + ticket + text
         left_s = max(until - self.now(), 0.001)
-        for received in self.link.answers(self.keys.control(ASK), request, MAX_ANSWER, left_s):
+        for _, received in self.link.answers_until((self.keys.control(ASK),), request, MAX_ANSWER, left_s):
             mac, answer_bytes = received[:_MAC], received[_MAC:]
             right = _mac(self.token, b"answer", fleet, run, nonce, ticket, text, answer_bytes)
             if hmac.compare_digest(mac, right) and (answer := _answer(answer_bytes)) is not None:

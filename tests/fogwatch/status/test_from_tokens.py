@@ -9,7 +9,7 @@ import pytest
 from fogwatch.status.from_tokens import TokenWatch
 from patrol.net.keys import fleet_keys
 from patrol.net.mailbox import Mailbox
-from patrol.net.messages.telemetry import Telemetry, pack_view
+from patrol.net.messages.telemetry import Telemetry, Traffic, pack_view
 from patrol.pose import Pose
 from patrol.process.lifeline import Ending
 from patrol.radio.message import CONTACT, Position, encode
@@ -48,8 +48,9 @@ class Air:
     def position(self, name: str, robot: int = 1) -> None:
         self.say(KEYS.position(name), encode(Position.of(robot, 7, 3.5, Pose(2.0, 3.0, 0.0))))
 
-    def telemetry(self, name: str) -> None:
-        self.say(KEYS.telemetry(name), pack_view(Telemetry(7, "patrolling", None, None, None, 9, 1.5, 0)))
+    def telemetry(self, name: str, heard: dict[str, int] | None = None) -> None:
+        traffic = None if heard is None else Traffic(0, 0, heard, 0, False)
+        self.say(KEYS.telemetry(name), pack_view(Telemetry(7, "patrolling", None, None, None, 9, 1.5, 0, traffic)))
 
 
 class Fleet:
@@ -119,6 +120,22 @@ def test_only_its_own_positions_count(speak: Any, wrong: str) -> None:
     assert [robot.wrong for robot in status.robots] == [""]
     assert status.unknown[0] == "whether anna can be heard: followed for less than 3 s"
     assert [robot.wrong for robot in fleet.look(0.2).robots] == [wrong]
+
+
+def test_a_robot_that_does_not_hear_another_one_is_not_well() -> None:
+    fleet = Fleet("anna", "bert")
+    fleet.air.telemetry("anna", {"bert": 0, "nobody": 0})
+    fleet.air.telemetry("bert", {"anna": 0})
+    fleet.look()
+    for count in range(1, 11):
+        fleet.air.position("anna")
+        fleet.air.position("bert", robot=2)
+        fleet.look()
+        fleet.air.telemetry("anna", {"bert": 0, "nobody": 0})
+        fleet.air.telemetry("bert", {"anna": count})
+    assert [robot.wrong for robot in fleet.look().robots] == ["does not hear bert", ""]
+    fleet.air.there.remove("bert")
+    assert [robot.wrong for robot in fleet.look().robots] == ["", "its process has gone"]
 
 
 def test_names_of_strangers_do_not_act_on_a_terminal() -> None:

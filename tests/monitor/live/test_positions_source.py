@@ -8,8 +8,8 @@ from typing import Any
 from monitor.live.positions_source import PositionsSource
 from monitor.observation.source import Trapped
 from patrol.net.keys import WORLD, fleet_keys
-from patrol.net.mailbox import Mailbox
-from patrol.net.messages.telemetry import TRAPPED
+from patrol.net.mailbox import Mailbox, Presence
+from patrol.net.messages.telemetry import TRAPPED, Telemetry, Traffic, pack_view
 from patrol.pose import Pose
 from patrol.prepare import prepare
 from patrol.radio.message import Position, encode
@@ -73,6 +73,22 @@ def test_a_robot_that_stays_is_said_to_be_trapped_and_how_long_it_has_been_is_un
     (event,) = source.events(0)
     assert (event.kind, event.robot) == (TRAPPED, 1)
     assert "since before 0 s" in event.detail
+
+
+def test_a_robot_that_does_not_hear_another_one_is_told_by_its_reports() -> None:
+    keys, ears, clock = fleet_keys("real-1"), Ears(), [0.0]
+    source: Any = PositionsSource(keys, prepare(load_scenario(SCENARIO)), ears, ears, lambda: clock[0])  # type: ignore[arg-type]
+    ears.subscribed[keys.alive("*")].put(keys.alive("bert"), Presence(True))
+    state = None
+    for k in range(12):
+        clock[0] = k + 0.5
+        frame = encode(Position.of(2, k + 1, float(k), Pose(50.0, 20.0, 0.0)))
+        ears.subscribed[keys.position("*")].deliver(keys.position("bert"), Bytes(frame))
+        report = Telemetry(k, "patrolling", None, None, None, 9, 1.5, 0, Traffic(0, 0, {"bert": 0}, 0, False))
+        ears.subscribed[keys.telemetry("*")].deliver(keys.telemetry("anna"), Bytes(pack_view(report)))
+        state = source.wait(0.0) or state
+    assert state is not None
+    assert [robot.radio_wrong for robot in state.robots] == ["does not hear bert", ""]
 
 
 def test_only_an_operators_page_stops_robots_and_each_answers_for_itself() -> None:

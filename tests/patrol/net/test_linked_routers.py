@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -23,6 +26,7 @@ pytestmark = needs_openssl
 
 TRIES_S = 2.0
 """How long a stranger tries."""
+RETURNS = 3
 TRY_S = 0.05
 """How often to send until something arrives: a subscription takes a moment to be known at the other site."""
 
@@ -47,6 +51,26 @@ class Sites:
 
     def start_second(self) -> None:
         self._keep(open_router(self.where[1], self._security, [self.where[0]]))
+
+    @contextmanager
+    def process(self, site: int) -> Iterator[None]:
+        """A router as a process, which is killed at the end."""
+        linked = ["--connect", self.where[0]] if site else []
+        command: list[str | Path] = [
+            "-P",
+            "-m",
+            "fogwatch.router",
+            "--fleet",
+            self._fleet.path,
+            "--listen",
+            self.where[site],
+            *linked,
+        ]
+        with subprocess.Popen([sys.executable, *command], stdout=subprocess.DEVNULL) as router:
+            try:
+                yield
+            finally:
+                router.kill()
 
     def join(self, role: Role, site: int) -> Link:
         return self._keep(open_link(self.where[site], PATIENCE_S, credentials=self._credentials(role)))
@@ -195,20 +219,20 @@ def test_the_link_comes_back_when_a_router_does(sites: Sites) -> None:
     assert heard(r2, sites.keys.position("r2"), r1) == b"here"
 
 
-def test_orders_are_obeyed_while_a_router_is_gone_and_when_it_has_come_back(sites: Sites) -> None:
-    """Zenoh has open issues on queries that end at once or never then: #2767, #2454 and #1886."""
-    sites.start_first()
-    sites.start_second()
-    for place, name in enumerate(("r1", "r2")):
-        StopOrders(sites.join(robot_role(name), place), sites.keys, name).obey(lambda _order: Outcome(True, "stands"))
-    operator = sites.join(Role(Kind.OPERATOR), 1)
-
-    def stopped(*names: str) -> set[str]:
-        return {name for name, _ in ask_robots(operator, sites.keys, names, Order.STOP, PATIENCE_S)}
-
-    assert stopped("r1", "r2") == {"r1", "r2"}
-    assert sites.first is not None
-    assert sites.first.close(PATIENCE_S)
-    assert next(ask_robots(operator, sites.keys, ["r2"], Order.STOP, PATIENCE_S))[0] == "r2"
-    sites.start_first()
-    assert stopped("r1", "r2") == {"r1", "r2"}
+@pytest.mark.processes
+@pytest.mark.parametrize("killed", [0, 1])
+def test_positions_and_orders_flow_again_when_a_router_that_was_killed_is_back(killed: int, sites: Sites) -> None:
+    """Zenoh's issue 1886: "unknown routing context id" after routers have connected again, and nothing is routed."""
+    (sites.start_second, sites.start_first)[killed]()
+    stands, members = Outcome(True, "stands"), dict[str, Link]()
+    for _ in range(RETURNS):
+        with sites.process(killed):
+            if not members:
+                members = {name: sites.join(robot_role(name), site) for site, name in enumerate(("r1", "r2"))}
+                members["operator"] = sites.join(Role(Kind.OPERATOR), 0)
+                for name in ("r1", "r2"):
+                    StopOrders(members[name], sites.keys, name).obey(lambda _order: stands)
+            for sender, receiver in (("r1", "r2"), ("r2", "r1")):
+                assert heard(members[sender], sites.keys.position(sender), members[receiver]) == b"here"
+            answers = ask_robots(members["operator"], sites.keys, ["r1", "r2"], Order.STOP, PATIENCE_S)
+            assert sorted(answers) == [("r1", stands), ("r2", stands)]

@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -21,8 +22,8 @@ from fogwatch.robot_router import FILE, make_robot_router
 from patrol.errors import BadInput
 from patrol.net.link import LinkDown
 from patrol.pose import Pose
-from patrol.ros2.access import COMMAND_HZ, agent_rights, viewer_rights
-from patrol.ros2.formats import Bridge, RmwZenoh
+from patrol.ros2.access import COMMAND_HZ, agent_rights, robot_router, viewer_rights
+from patrol.ros2.formats import Bridge, Format, RmwZenoh
 from patrol.ros2.goals import GoalClient, GoalServer, Going
 from patrol.ros2.link import open_ros2
 from patrol.ros2.mailbox import RosMailbox
@@ -245,6 +246,16 @@ def test_rights_are_as_narrow_as_they_can_be() -> None:
     assert agent_rights(Bridge(), "").hear[0] == "**"
     bridged = agent_rights(Bridge(), "robot1")
     assert bridged.announce == tuple(f"{key}/@adv/**" for key in bridged.publish)
+
+
+@pytest.mark.parametrize("form", [RmwZenoh(), RmwZenoh(4, hashed=False), Bridge(), Bridge("fleet")], ids=str)
+def test_one_rule_alone_makes_a_command_rare(form: Format) -> None:
+    """Zenoh's issue 2200: of several rules of downsampling for a key, any one may hold."""
+    commands = ("cmd_vel", "ackermann_cmd", "cmd_vel/stamped", "base/cmd_vel")
+    (item,) = robot_router(form, "robot1", {}, [], {}, commands)["downsampling"]
+    keys = [zenoh.KeyExpr(rule["key_expr"]) for rule in item["rules"]]
+    assert len(keys) == len(commands)
+    assert not any(one.intersects(other) for one, other in combinations(keys, 2))
 
 
 def test_a_robot_that_is_no_member_has_no_router(fleet: FleetFolder) -> None:

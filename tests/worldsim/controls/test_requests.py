@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter, deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import pytest
@@ -39,8 +39,11 @@ class Door:
         del timeout_s
         return (KEYS.control(ASK), self.waiting.popleft()) if self.waiting else None
 
-    def answers(self, key: str, payload: bytes, longest: int, wait_s: float) -> Iterator[bytes]:
+    def answers_until(
+        self, keys: Sequence[str], payload: bytes, longest: int, wait_s: float
+    ) -> Iterator[tuple[str, bytes]]:
         assert wait_s > 0.0
+        (key,) = keys
         said: list[bytes] = []
         if key == KEYS.control(CHALLENGE):
             answer_challenge(self.gate, Asked(payload, said.append), self.refused)
@@ -53,7 +56,7 @@ class Door:
                     self.got = request.control
                     request.answer(Answer(not refusal, refusal or "paused"))
         assert all(len(one) <= longest for one in said)
-        yield from said
+        yield from ((key, one) for one in said)
 
     def ask(self, token: str = TOKEN, **control: object) -> Answer:
         return ControlClient(self, KEYS, token, lambda: 1.0, os.urandom).ask(control, 1.0).answer

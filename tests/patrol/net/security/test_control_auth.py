@@ -5,7 +5,7 @@ from __future__ import annotations
 import hmac
 import json
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import count
 from typing import Any
@@ -58,12 +58,15 @@ class Wire:
     def client(self, token: str = TOKEN) -> ControlClient:
         return ControlClient(self, KEYS, token, lambda: self.time, self.random)
 
-    def answers(self, key: str, payload: bytes, longest: int, wait_s: float) -> Iterator[bytes]:
+    def answers_until(
+        self, keys: Sequence[str], payload: bytes, longest: int, wait_s: float
+    ) -> Iterator[tuple[str, bytes]]:
         assert wait_s > 0.0
+        (key,) = keys
         self.sent.append((key, payload))
-        yield from (given for given in self.before(key, payload) if len(given) <= longest)
+        yield from ((key, given) for given in self.before(key, payload) if len(given) <= longest)
         if not self.mute and (given := self.world(key, payload)) is not None:
-            yield given
+            yield key, given
 
     def world(self, key: str, payload: bytes) -> bytes | None:
         try:
