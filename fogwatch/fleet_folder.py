@@ -416,7 +416,7 @@ def _judge(folder: Path, authority: Path, common_name: str, now_s: float) -> tup
         return False, f"its certificate {wrong}"
     certificate = facts(folder / CERTIFICATE)
     if common_name and certificate.common_name != common_name:
-        return False, f"its certificate is for {certificate.common_name}, and the router lets in {common_name}"
+        return False, f"its certificate is for {certificate.common_name}, and the fleet's member is {common_name}"
     return _expiry(certificate.ends_s, now_s)
 
 

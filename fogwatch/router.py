@@ -23,7 +23,7 @@ from patrol.process.reporting.logs import Log
 from patrol.process.reporting.vitals import CONNECTIONS
 
 HELP = """
-A fleet on several hosts needs one router that all of them can reach. Once, for all of them:
+A fleet on several hosts needs a router where its robots cannot reach each other, or are many. Once, for all of them:
 
   fogwatch fleet init yards-1 --robots r1,r2 --host 192.168.1.10
 

@@ -17,10 +17,9 @@ if TYPE_CHECKING:
     from patrol.net.security.roles import Kind
 
 TOGETHER = """All processes are given the same scenario file. Who they
-are, and where the router is, they know from a folder of their own:
+are, and where they meet, they know from a folder of their own:
 
-  fogwatch fleet init yards-1 --robots r1,r2 --host 192.168.1.10      # then copy each folder to its machine
-  fogwatch router --fleet yards-1/router
+  fogwatch fleet init yards-1 --robots r1=192.168.1.11,r2             # then copy each folder to its machine
   python -m worldsim --credentials yards-1/world --scenario yards.yaml --out runs/yards-1
   fogwatch agent     --credentials yards-1/r1 --scenario yards.yaml
   fogwatch agent     --credentials yards-1/r2 --scenario yards.yaml
@@ -99,7 +98,7 @@ def fleet_parser(prog: str, description: str, epilog: str, others: str) -> Proce
     add(
         "--radio",
         metavar="LOCATOR",
-        help="direct radio: a multicast group, a serial line or a router (default: the fleet's)",
+        help="direct radio: a multicast group, a serial line, a router or another mesh (default: the fleet's)",
     )
     add("--static", type=Path, metavar="DIR", help="static fields made by the launcher (default: make them here)")
     add("--wait", type=float, default=60.0, metavar="S", help=f"how long to wait for {others} (%(default)g s)")

@@ -2,9 +2,9 @@
 
 Each member's folder holds the same file `MESH`, which is no secret: who is a member, and known addresses. A member
 listens at its own, if it has one, and connects to all others; gossip tells it of those without. Both ends connect,
-since each lets in one at a time: a connection whose packets are lost can hold up all others at a door for 30 s. A
+since each lets in one at a time: a connection whose packets are lost can hold up all others for 30 s. A
 member lets in whoever has a certificate of the fleet's authority, and each may do what its role may do at a router:
-access rules hold at each member's own door.
+each member applies the access rules to what comes in.
 
 The name of a host is not verified, because members may have any address: the certificate's common name says which
 member it is, and one that no rule names may do nothing.
