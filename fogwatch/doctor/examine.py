@@ -86,7 +86,7 @@ def examine(seen: Survey) -> Examined:
     form: Format = RmwZenoh(seen.domain) if here or spoken or not (bridged or plain) else bridge
     entities = bridged if isinstance(form, Bridge) else here
     topics = tuple(topics_of(seen, form, entities))
-    findings = [*_of_routers(seen), *_of_format(seen, form, entities, ours)]
+    findings = [*_of_format(seen, form, entities, ours)]
     clock_s = _clock(seen, form)
     if findings[-1].level is not Level.MISSING:
         findings += [
@@ -105,12 +105,6 @@ def examine(seen: Survey) -> Examined:
         topics,
         tuple(sorted(findings, key=lambda finding: order.index(finding.level))),
     )
-
-
-def _of_routers(seen: Survey) -> Iterator[Finding]:
-    for router in seen.routers:
-        version = printable(router.version) or "an unknown version"
-        yield Finding(Level.OK, f"a router of Zenoh {version}, with {router.sessions} sessions, this one included")
 
 
 def _of_format(seen: Survey, form: Format, here: Sequence[Entity], ours: Sequence[Entity]) -> Iterator[Finding]:

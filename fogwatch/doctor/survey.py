@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from agent.robots.ros2.pose.localisation import Source
-from patrol.net.admin_space import RouterFacts
 from patrol.ros2.ear import Ear, Overheard
 from patrol.ros2.formats import Bridge, RmwZenoh
 from patrol.ros2.link import ZenohRos2Link
@@ -51,7 +50,6 @@ class Survey:
         wanted: The topics' names.
         tokens: All tokens of both formats, of every domain.
         heard: What was overheard, by key.
-        routers: What routers say of themselves; empty where they let nobody read it.
     """
 
     domain: int
@@ -59,7 +57,6 @@ class Survey:
     wanted: Wanted
     tokens: list[str] = field(default_factory=list)
     heard: dict[str, Overheard] = field(default_factory=dict)
-    routers: list[RouterFacts] = field(default_factory=list)
 
 
 def survey(link: ZenohRos2Link, domain: int, namespace: str, wanted: Wanted, seconds: float) -> Survey:
@@ -80,7 +77,7 @@ def survey(link: ZenohRos2Link, domain: int, namespace: str, wanted: Wanted, sec
     # A router with access rules answers for our domain, and not for all of them.
     graphs = (RmwZenoh(domain).graph, f"{ADMIN_SPACE}/**", Bridge.graph)
     tokens = dict.fromkeys(token for graph in graphs for token in link.tokens(graph, _TOKENS_S))
-    return Survey(domain, namespace, wanted, list(tokens), ear.heard, link.routers(_TOKENS_S))
+    return Survey(domain, namespace, wanted, list(tokens), ear.heard)
 
 
 def names_of(namespace: str, wanted: Wanted) -> Iterator[tuple[str, bool]]:

@@ -96,5 +96,5 @@ def router_settings(
         "connect/exit_on_failure": False,
         "connect/retry": _RETRY,
         **_TO_LISTEN,
-        **({"adminspace/enabled": True} if security is None else security.session()),
+        **({} if security is None else security.session()),
     }

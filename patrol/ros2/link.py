@@ -18,9 +18,7 @@ from zenoh.ext import (
 )
 
 from patrol.errors import Malformed
-from patrol.net.admin_space import LONGEST, MOST, ROUTERS, RouterFacts, read_facts
 from patrol.net.link import CLOSE_S, close_session, open_session
-from patrol.net.queries import all_answers
 from patrol.net.settings import client_settings
 from patrol.printable import printable
 from patrol.ros2.codec import CODINGS, decode, encode
@@ -206,15 +204,6 @@ class ZenohRos2Link:
         replies = self._session.liveliness().get(expression, timeout=limit_s)
         found = (str(reply.ok.key_expr) for reply in islice(replies, _MOST_ENTITIES) if reply.ok is not None)
         return list(dict.fromkeys(found))  # the router tells us of our own once more
-
-    def routers(self, limit_s: float) -> list[RouterFacts]:
-        """Return what the routers that can be reached say of themselves; many let nobody read it.
-
-        Args:
-            limit_s: How long to wait at most.
-        """
-        answers = all_answers(self._session, ROUTERS, b"", LONGEST, limit_s)
-        return list(islice(read_facts(answers), MOST))
 
     def overhear(self, expression: str, ear: Ear, latched: bool) -> None:
         """Note all messages under a key expression, whatever they are.
