@@ -98,6 +98,7 @@ def examine(seen: Survey) -> Examined:
             *_of_map(seen, topics),
             *_of_clock(seen, topics, clock_s),
         ]
+    findings += _of_router(seen)
     order = [Level.MISSING, Level.WARNING, Level.OK]
     return Examined(
         "" if not (entities or seen.heard) else form.name,
@@ -124,6 +125,16 @@ def _of_format(seen: Survey, form: Format, here: Sequence[Entity], ours: Sequenc
     humble = any(entity.type_hash == NO_HASH for entity in here) or any(key.endswith(NO_HASH) for key in seen.heard)
     option = "bridge" if isinstance(form, Bridge) else "rmw_zenoh-humble" if humble else "rmw_zenoh"
     yield Finding(Level.OK, f"the robot speaks {option}", "")
+
+
+def _of_router(seen: Survey) -> Iterator[Finding]:
+    if seen.router is None:
+        yield Finding(Level.OK, "the router does not answer about itself: no access, or it has no admin space")
+    elif seen.router.others:
+        yield Finding(Level.OK, f"the router has Zenoh {seen.router.version}; connected: {seen.router.others} more")
+    else:
+        problem = f"the router has Zenoh {seen.router.version}, and no other process is connected to it"
+        yield Finding(Level.WARNING, problem, "start the robot's nodes with the address of this router")
 
 
 def _speaks(seen: Survey, form: Format) -> bool:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from agent.robots.ros2.pose.localisation import Source
 from patrol.ros2.ear import Ear, Overheard
 from patrol.ros2.formats import Bridge, RmwZenoh
-from patrol.ros2.link import ZenohRos2Link
+from patrol.ros2.link import RouterSays, ZenohRos2Link
 from patrol.ros2.names import ADMIN_SPACE, full_name
 
 _TOKENS_S = 3.0
@@ -50,6 +50,7 @@ class Survey:
         wanted: The topics' names.
         tokens: All tokens of both formats, of every domain.
         heard: What was overheard, by key.
+        router: What the router says of itself; None if it does not answer.
     """
 
     domain: int
@@ -57,6 +58,7 @@ class Survey:
     wanted: Wanted
     tokens: list[str] = field(default_factory=list)
     heard: dict[str, Overheard] = field(default_factory=dict)
+    router: RouterSays | None = None
 
 
 def survey(link: ZenohRos2Link, domain: int, namespace: str, wanted: Wanted, seconds: float) -> Survey:
@@ -77,7 +79,7 @@ def survey(link: ZenohRos2Link, domain: int, namespace: str, wanted: Wanted, sec
     # A router with access rules answers for our domain, and not for all of them.
     graphs = (RmwZenoh(domain).graph, f"{ADMIN_SPACE}/**", Bridge.graph)
     tokens = dict.fromkeys(token for graph in graphs for token in link.tokens(graph, _TOKENS_S))
-    return Survey(domain, namespace, wanted, list(tokens), ear.heard)
+    return Survey(domain, namespace, wanted, list(tokens), ear.heard, link.router(_TOKENS_S))
 
 
 def names_of(namespace: str, wanted: Wanted) -> Iterator[tuple[str, bool]]:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import threading
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import count, islice
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -19,6 +20,7 @@ from zenoh.ext import (
 
 from patrol.errors import Malformed
 from patrol.net.link import CLOSE_S, close_session, open_session
+from patrol.net.queries import answers_of
 from patrol.net.settings import client_settings
 from patrol.printable import printable
 from patrol.ros2.codec import CODINGS, decode, encode
@@ -40,6 +42,9 @@ BLOCKED_US = 1_000_000
 """Longest time that a latched message waits for a router that does not read; then the link is made anew."""
 
 _LONGEST_ATTACHMENT = 64
+_LONGEST_SAID = 1 << 20
+"""Bytes of the longest answer of a router about itself: 300 for each connection."""
+_LONGEST_VERSION = 32
 _MOST_ENTITIES = 10_000
 
 M = TypeVar("M")
@@ -205,6 +210,16 @@ class ZenohRos2Link:
         found = (str(reply.ok.key_expr) for reply in islice(replies, _MOST_ENTITIES) if reply.ok is not None)
         return list(dict.fromkeys(found))  # the router tells us of our own once more
 
+    def router(self, limit_s: float) -> RouterSays | None:
+        """Return what the router says of itself in Zenoh's admin space; None if it does not answer, or not so.
+
+        Args:
+            limit_s: How long to wait at most.
+        """
+        asked = [f"@/{router}/router" for router in self._session.info.routers_zid()]
+        answers = answers_of(self._session, asked, b"", _LONGEST_SAID, limit_s)
+        return next((says for _, answer in answers if (says := router_says(answer, self._id)) is not None), None)
+
     def overhear(self, expression: str, ear: Ear, latched: bool) -> None:
         """Note all messages under a key expression, whatever they are.
 
@@ -250,6 +265,35 @@ class ZenohRos2Link:
     def _attacher(self, entity: Entity) -> _Attacher:
         self._show(entity)
         return _Attacher(gid_of(entity.token) if self._format.attaches else None)
+
+
+@dataclass(frozen=True, slots=True)
+class RouterSays:
+    """What a Zenoh router says of itself, which whoever answers in its place can forge.
+
+    Attributes:
+        version: Of Zenoh, such as "v1.5.0".
+        others: How many other processes are connected to it.
+    """
+
+    version: str
+    others: int
+
+
+def router_says(answer: bytes, own: str) -> RouterSays | None:
+    """Read a router's answer about itself, from anybody; None for anything else.
+
+    Args:
+        answer: At most `_LONGEST_SAID` bytes.
+        own: The asking session's id, which is not counted.
+    """
+    try:
+        says = json.loads(answer)
+        version, sessions = says["version"], says["sessions"]
+        others = sum(session["peer"] != own for session in sessions)
+        return RouterSays(printable(version[:_LONGEST_VERSION].partition("-")[0]), others)
+    except (ValueError, RecursionError, TypeError, KeyError, AttributeError):
+        return None
 
 
 class _Attacher:

@@ -216,3 +216,10 @@ def test_a_client_finds_the_next_router_where_the_first_is_gone() -> None:
         pass  # it was sent before the first router went
     for link in (both, other, routers[1]):
         assert link.close(PATIENCE_S)
+
+
+@pytest.mark.parametrize("what", ["@/*/*", "@/*/router/**", "@/*/client/**"])
+def test_nobody_is_told_who_is_connected_from_where(what: str, links: Callable[[], Link]) -> None:
+    """Zenoh's admin space is off: a client learns nothing of the router and of others."""
+    links()
+    assert list(links().answers(what, b"", 1 << 20, PATIENCE_S)) == []

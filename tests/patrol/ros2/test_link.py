@@ -12,7 +12,7 @@ from patrol.net.link import LinkDown, open_link, open_router
 from patrol.pose import Pose
 from patrol.ros2.definitions import CANCEL_GOAL
 from patrol.ros2.formats import Bridge, Format, RmwZenoh
-from patrol.ros2.link import ZenohRos2Link, open_ros2
+from patrol.ros2.link import RouterSays, ZenohRos2Link, open_ros2, router_says
 from patrol.ros2.mailbox import Received, RosMailbox
 from patrol.ros2.messages import Bool, CancelRequest, CancelResponse, OccupancyGrid, Odometry, Twist, TwistStamped
 from patrol.ros2.names import LATCHED, EntityKind, NodeName
@@ -229,3 +229,24 @@ def test_huge_and_malformed_messages_are_refused_and_the_next_is_heard(join: Joi
     assert all(line.isprintable() for line in mailbox.said.values())
     assert reach(sender, AHEAD, mailbox).message == AHEAD
     assert raw.close(PATIENCE_S)
+
+
+@pytest.mark.parametrize(
+    ("answer", "says"),
+    [
+        (b'{"version": "v1.5.0-abc built", "sessions": [{"peer": "a"}, {"peer": "b"}]}', RouterSays("v1.5.0", 1)),
+        (b'{"version": "\\u001b[2J", "sessions": []}', RouterSays("\\x1b[2J", 0)),
+        (b'{"version": 1, "sessions": []}', None),
+        (b'{"version": ["v1"], "sessions": []}', None),
+        (b'{"version": "v1", "sessions": {"peer": 1}}', None),
+        (b'{"version": "v1", "sessions": [{}]}', None),
+        (b'{"version": "v1", "sessions": 3}', None),
+        (b'{"version": "v1"}', None),
+        (b'"v1"', None),
+        (b"[" * 100_000, None),
+        (b"\xff", None),
+        (b"", None),
+    ],
+)
+def test_whatever_answers_in_a_router_s_place_is_read_safely(answer: bytes, says: RouterSays | None) -> None:
+    assert router_says(answer, "a") == says

@@ -5,11 +5,13 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from importlib import metadata
 
 import numpy as np
 import pytest
 
-from patrol.net.link import open_link
+from patrol.net.link import Link, open_link, open_session
+from patrol.net.settings import router_settings
 from patrol.pose import Pose
 from patrol.ros2.formats import Bridge, Format, RmwZenoh
 from patrol.ros2.link import open_ros2
@@ -75,7 +77,24 @@ def test_a_robot_on_a_router(form: Format, fogwatch: Fogwatch, capsys: pytest.Ca
 def test_an_empty_router(fogwatch: Fogwatch, capsys: pytest.CaptureFixture[str]) -> None:
     with routed() as where:
         assert fogwatch("doctor", "--connect", where, "--seconds", "0.1") == 1
-    assert "missing  nothing of ROS 2 is on this router" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert "missing  nothing of ROS 2 is on this router" in shown
+    assert "ok       the router does not answer about itself" in shown
+
+
+def test_a_router_that_says_who_it_is(fogwatch: Fogwatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """As rmw_zenohd does."""
+    where = free_endpoint()
+    settings = {**router_settings(where), "adminspace/enabled": True}
+    router = Link(open_session(settings, where, PATIENCE_S, lambda _waited: None, lambda: False))
+    options = ["doctor", "--connect", where, "--namespace", "robot1", "--seconds", "0.1"]
+    assert fogwatch(*options) == 1
+    version = f"the router has Zenoh v{metadata.version('eclipse-zenoh')}"
+    assert f"warning  {version}, and no other process is connected to it" in capsys.readouterr().out
+    with robot(where, RmwZenoh()):
+        fogwatch(*options)
+    assert f"ok       {version}; connected: 2 more" in capsys.readouterr().out
+    assert router.close(PATIENCE_S)
 
 
 @pytest.mark.parametrize(
