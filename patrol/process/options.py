@@ -121,9 +121,9 @@ class Meeting:
     credentials: Credentials | None = None
 
     @property
-    def place(self) -> str:
+    def meets_at(self) -> str:
         """Where the fleet meets, for people."""
-        return self.router if self.credentials is None or self.credentials.mesh is None else self.credentials.place
+        return self.router if self.credentials is None or self.credentials.mesh is None else self.credentials.meets_at
 
     @property
     def beside(self) -> Meeting:
