@@ -24,7 +24,7 @@ WAIT_S = 1.0
 
 
 def main(folder: Path, out: Path, robots: Sequence[str]) -> None:
-    """Write until somebody ends this process."""
+    """Write the reports of the robots to a file until the process is killed."""
     credentials = read_credentials(folder, "FOLDER")
     keys = fleet_keys(credentials.fleet)
     link = open_link(credentials.router, PATIENCE_S, credentials=credentials)

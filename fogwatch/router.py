@@ -1,5 +1,7 @@
 """The router between a fleet's processes: a Zenoh session that forwards messages. `fogwatch run` starts one.
 
+Members of a mesh (`patrol.net.security.mesh`) need none.
+
     fogwatch router --fleet yards-1/router
 
 It lets in the members of its fleet, and forwards what each may send to those who may have it. Without a fleet it lets
@@ -23,7 +25,8 @@ from patrol.process.reporting.logs import Log
 from patrol.process.reporting.vitals import CONNECTIONS
 
 HELP = """
-A fleet on several hosts needs one router that all of them can reach. Once, for all of them:
+A fleet on several hosts needs no router if its members can reach each other: fogwatch fleet init --help. Otherwise, or
+if it is large, it meets at a router that all of them can reach. Once, for all of them:
 
   fogwatch fleet init yards-1 --robots r1,r2 --host 192.168.1.10
 

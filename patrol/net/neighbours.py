@@ -43,7 +43,7 @@ class Neighbours:
         return self._await(lambda: set(names) <= set(self._links), wait_s)
 
     def await_any(self, wait_s: float) -> bool:
-        """Wait until somebody is connected; return whether anybody is."""
+        """Wait until a member is connected; return whether one is."""
         return self._await(lambda: bool(self._links), wait_s)
 
     def _await(self, is_so: Callable[[], bool], wait_s: float) -> bool:

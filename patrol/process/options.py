@@ -17,15 +17,15 @@ if TYPE_CHECKING:
     from patrol.net.security.roles import Kind
 
 TOGETHER = """All processes are given the same scenario file. Who they
-are, and where the router is, they know from a folder of their own:
+are, and where the fleet meets, they know from a folder of their own:
 
-  fogwatch fleet init yards-1 --robots r1,r2 --host 192.168.1.10      # then copy each folder to its machine
-  fogwatch router --fleet yards-1/router
+  fogwatch fleet init yards-1 --robots r1=192.168.1.11,r2=192.168.1.12     # then copy each folder to its machine
   python -m worldsim --credentials yards-1/world --scenario yards.yaml --out runs/yards-1
   fogwatch agent     --credentials yards-1/r1 --scenario yards.yaml
   fogwatch agent     --credentials yards-1/r2 --scenario yards.yaml
 
-On one machine they may also meet at a router that asks nobody who they are:
+They meet directly, as a mesh. With --host 192.168.1.10 instead of the robots' addresses they meet at a router, which
+runs there: fogwatch router --fleet yards-1/router. On one machine a router also serves without credentials:
 
   fogwatch router
   python -m worldsim --router tcp/127.0.0.1:7447 --fleet yards-1 --scenario yards.yaml --out runs/yards-1
@@ -93,13 +93,18 @@ def fleet_parser(prog: str, description: str, epilog: str, others: str) -> Proce
     parser = ProcessParser(prog, description, epilog)
     add = parser.add_argument
     add("--credentials", type=Path, metavar="FOLDER", help="this member's, of a fleet made by: fogwatch fleet init")
-    add("--router", metavar="LOCATOR", help="the router that the fleet meets at (default: the credentials')")
+    add(
+        "--router",
+        metavar="LOCATOR",
+        help="the router that the fleet meets at; not in a mesh (default: the credentials')",
+    )
     add("--fleet", metavar="NAME", help="the fleet's name, the same for all its processes (default: the credentials')")
     add("--scenario", required=True, type=Path, metavar="FILE", help="the scenario, the same for all processes")
     add(
         "--radio",
         metavar="LOCATOR",
-        help="direct radio: a multicast group, a serial line or a router (default: the fleet's)",
+        help="direct radio: a multicast group, a serial line, a router, or a member's folder of another mesh (default: "
+        "the fleet's mesh or router)",
     )
     add("--static", type=Path, metavar="DIR", help="static fields made by the launcher (default: make them here)")
     add("--wait", type=float, default=60.0, metavar="S", help=f"how long to wait for {others} (%(default)g s)")
@@ -108,12 +113,13 @@ def fleet_parser(prog: str, description: str, epilog: str, others: str) -> Proce
 
 @dataclass(frozen=True, slots=True)
 class Meeting:
-    """The router, keys and credentials by which a process meets its fleet.
+    """The router or mesh, the keys and the credentials by which a process meets its fleet.
 
     Attributes:
         router: The router's locator, or those of several, with commas between them; in a mesh, of other members.
         keys: The fleet's keys.
-        credentials: Prove this process's identity to the router; None for a router that asks for none.
+        credentials: Prove this process's identity to the router or the other members; None for a router that asks for
+            none.
     """
 
     router: str
@@ -133,7 +139,7 @@ class Meeting:
 
     @property
     def revocable(self) -> bool:
-        """True if the process may have been revoked: a router then lets it in, and silently forbids it everything."""
+        """True if the process may have been revoked: others then let it in, and silently ignore all it sends."""
         return self.credentials is not None and self.credentials.folder is not None
 
 

@@ -2,12 +2,12 @@
 
 Each member's folder holds the same file `MESH`, which is no secret: who is a member, and known addresses. A member
 listens at its own, if it has one, and connects to all others; gossip tells it of those without. Both ends connect,
-since each lets in one at a time: a connection whose packets are lost can hold up all others at a door for 30 s. A
-member lets in whoever has a certificate of the fleet's authority, and each may do what its role may do at a router:
-access rules hold at each member's own door.
+since each accepts one at a time: a connection whose packets are lost can keep a member from accepting others for 30 s.
+A member accepts every process with a certificate of the fleet's authority, and each may do what its role may do at a
+router: each member checks the access rules itself.
 
 The name of a host is not verified, because members may have any address: the certificate's common name says which
-member it is, and one that no rule names may do nothing.
+member it is, and nothing is accepted from one that no rule names.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@
     operator  is a viewer that also asks the world to control the run, and robots to stop
     router    passes on what another router of the fleet has let through
 
-Everything that no rule allows is denied, at the router or, without one, at each member's door. A fleet's name and a
+Everything that no rule allows is denied, by the router or, without one, by each member. A fleet's name and a
 robot's name hold none of the characters that mean something in a key expression (``*``, ``$``, ``#``, ``?``, ``/``), so
 a rule for one name never covers another.
 """

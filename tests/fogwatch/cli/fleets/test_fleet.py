@@ -250,7 +250,7 @@ def test_a_check_finds_what_is_wrong(made: Path, fogwatch: Command, capsys: pyte
     assert "others can read it (mode 644)" in said["r1"]
     assert said["r2"] == "its certificate does not belong to the key beside it"
     assert said["world"] == "its certificate is not signed by the fleet's authority"
-    assert said["viewer"] == "its certificate is for viewer.7, and the router lets in viewer.1"
+    assert said["viewer"] == "its certificate is for viewer.7, and the fleet knows viewer.1"
     assert said["operator"] == "its folder is not here (it may have been moved to its machine)"
     assert said["late"].startswith("its certificate expired on")
 
