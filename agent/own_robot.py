@@ -98,10 +98,10 @@ def drive(
         make: Makes the robot.
         scenario: Scenario file with ``radio.via: direct`` and the robot in its roster.
         robot: Name in the roster.
-        credentials: Folder of this robot, made by ``fogwatch fleet init``; says where router and fleet are.
-        router: Of the fleet, ``tcp/HOST:7447`` (default: the credentials').
+        credentials: Folder of this robot, made by ``fogwatch fleet init``; says where the fleet meets.
+        router: Of a fleet that is no mesh, ``tcp/HOST:7447`` (default: the credentials').
         fleet: Name of the fleet (default: the credentials').
-        radio: Where the robots hear each other, as for ``fogwatch agent --radio`` (default: the fleet's router).
+        radio: Where the robots hear each other, as for ``fogwatch agent --radio`` (default: the fleet's).
         epoch_s: When tick 0 begins, Unix time in s (default: derived from the first position heard).
         wait_s: How long to wait for the router and for the first position, s.
 

@@ -24,10 +24,11 @@ if TYPE_CHECKING:
     from patrol.scenario import Scenario
 
 HELP = f"""
-One robot of a fleet whose router and world run elsewhere. {TOGETHER}
+One robot of a fleet whose other processes run elsewhere. {TOGETHER}
 
 The processes may start in any order. With radio.via: direct in the scenario, --radio names the network on which the
-robots hear each other: a multicast group, which needs no router, or a separate router (default: the fleet's router).
+robots hear each other: a multicast group, a serial line, a separate router or another mesh (default: the fleet's mesh
+or router).
 
 A ROS 2 robot is driven with --robot ros2 --connect LOCATOR; its options are other ones:
 fogwatch agent --robot ros2 --help.

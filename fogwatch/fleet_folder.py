@@ -8,7 +8,7 @@
 
 A certificate's common name holds a number that counts how often the member got one. Zenoh has no list of revoked
 certificates, so the rules of the router, or of each member of a mesh, name the members whose certificates are valid.
-A process without such a name may do nothing.
+What a process without such a name sends is refused.
 """
 
 from __future__ import annotations
@@ -202,7 +202,7 @@ class FleetFolder:
         self._save()
 
     def check(self, now_s: float) -> Iterator[tuple[str, bool, str]]:
-        """Check the credentials that lie in the folder.
+        """Check the credentials that lie in the folder; copies on other machines are not seen.
 
         Args:
             now_s: The time, Unix time in s.

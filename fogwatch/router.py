@@ -1,5 +1,7 @@
 """The router between a fleet's processes: a Zenoh session that forwards messages. `fogwatch run` starts one.
 
+Members of a mesh (`patrol.net.security.mesh`) need none.
+
     fogwatch router --fleet yards-1/router
 
 It lets in the members of its fleet, and forwards what each may send to those who may have it. Without a fleet it lets

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from worldsim.wiring import Wiring
 
 HELP = f"""
-The world of a fleet whose router and robots run elsewhere. {TOGETHER}
+The world of a fleet whose other processes run elsewhere. {TOGETHER}
 
 The run begins when all robots of the scenario are there. The folder gets the journal and ticks.csv; without a launcher
 also summary.json and scenario.yaml with a copy of its map, for `fogwatch report`, `replay` and `record`.

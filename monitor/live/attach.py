@@ -151,7 +151,7 @@ def _of_a_world(
         if time.monotonic() >= until:
             revoked = ", or these credentials were revoked" if met.revocable else ""
             raise BadInput(
-                f"--fleet {keys.fleet}: no world of this fleet answers at {met.place}{revoked}; check both, or give "
+                f"--fleet {keys.fleet}: no world of this fleet answers at {met.meets_at}{revoked}; check both, or give "
                 "--scenario FILE for robots without a world"
             )
         return ending.wait(pause_s)

@@ -178,7 +178,9 @@ class ProcessContext:
         def tell(common_name: str, there: bool) -> None:
             role = mesh.members.get(common_name)
             if role is None:
-                self.log.warning(f"{common_name} {'connects' if there else 'is gone'}: no member, so it may do nothing")
+                self.log.warning(
+                    f"{common_name} {'connects' if there else 'is gone'}: no member, so what it sends is refused"
+                )
             elif role == own and own.robot and there:  # a world has two sessions
                 self.log.warning(f"another process is {own.name} as well; end it, or revoke {own.name}: it has a copy")
             elif role != own:

@@ -24,7 +24,8 @@ are, and where they meet, they know from a folder of their own:
   fogwatch agent     --credentials yards-1/r1 --scenario yards.yaml
   fogwatch agent     --credentials yards-1/r2 --scenario yards.yaml
 
-On one machine they may also meet at a router that asks nobody who they are:
+They meet directly, as a mesh. With --host 192.168.1.10 instead of the robots' addresses they meet at a router, which
+runs there: fogwatch router --fleet yards-1/router. On one machine a router also serves without credentials:
 
   fogwatch router
   python -m worldsim --router tcp/127.0.0.1:7447 --fleet yards-1 --scenario yards.yaml --out runs/yards-1
@@ -92,7 +93,11 @@ def fleet_parser(prog: str, description: str, epilog: str, others: str) -> Proce
     parser = ProcessParser(prog, description, epilog)
     add = parser.add_argument
     add("--credentials", type=Path, metavar="FOLDER", help="this member's, of a fleet made by: fogwatch fleet init")
-    add("--router", metavar="LOCATOR", help="the router that the fleet meets at (default: the credentials')")
+    add(
+        "--router",
+        metavar="LOCATOR",
+        help="the router that the fleet meets at; not in a mesh (default: the credentials')",
+    )
     add("--fleet", metavar="NAME", help="the fleet's name, the same for all its processes (default: the credentials')")
     add("--scenario", required=True, type=Path, metavar="FILE", help="the scenario, the same for all processes")
     add(
@@ -107,12 +112,13 @@ def fleet_parser(prog: str, description: str, epilog: str, others: str) -> Proce
 
 @dataclass(frozen=True, slots=True)
 class Meeting:
-    """The router, keys and credentials by which a process meets its fleet.
+    """The router or mesh, the keys and the credentials by which a process meets its fleet.
 
     Attributes:
         router: The router's locator, or those of several, with commas between them; in a mesh, of other members.
         keys: The fleet's keys.
-        credentials: Prove this process's identity to the router; None for a router that asks for none.
+        credentials: Prove this process's identity to the router or the other members; None for a router that asks for
+            none.
     """
 
     router: str
@@ -120,9 +126,9 @@ class Meeting:
     credentials: Credentials | None = None
 
     @property
-    def place(self) -> str:
+    def meets_at(self) -> str:
         """Where the fleet meets, for people."""
-        return self.router if self.credentials is None or self.credentials.mesh is None else self.credentials.place
+        return self.router if self.credentials is None or self.credentials.mesh is None else self.credentials.meets_at
 
     @property
     def beside(self) -> Meeting:
@@ -132,7 +138,7 @@ class Meeting:
 
     @property
     def revocable(self) -> bool:
-        """True if the process may have been revoked: a router then lets it in, and silently forbids it everything."""
+        """True if the process may have been revoked: others then let it in, and silently ignore all it sends."""
         return self.credentials is not None and self.credentials.folder is not None
 
 

@@ -43,9 +43,12 @@ stop while this program runs:
 The robot then stands until false is published there, also if this program ends and starts again meanwhile: it notes
 stops in the folder --state.
 
-Several robots patrol together when each agent is given all their names, and one router that all agents can reach:
+Several robots patrol together when each agent is given all their names and its own credentials. They meet directly:
 
-  ... --namespace robot1 --robots robot1,robot2,robot3 --router tcp/192.168.1.10:7447
+  fogwatch fleet init yards-1 --robots robot1=192.168.1.21,robot2=192.168.1.22     # then copy each folder to its robot
+  ... --namespace robot1 --robots robot1,robot2 --credentials yards-1/robot1
+
+Without credentials they meet at a router that everybody may use (fogwatch router --open): --router tcp/HOST:7447.
 
 A localisation that waits to be told where the robot is, as AMCL does, is told by --start, on the topic initialpose;
 where it agrees, the robot drives. A place on --map, or a file with a pose on the robot's own map:
@@ -59,8 +62,9 @@ On the robot itself, or wherever ROS 2 is installed, the agent can be a node of 
   source /opt/ros/kilted/setup.bash
   fogwatch agent --robot rclpy --namespace robot1 --map map.yaml --router tcp/192.168.1.10:7447
 
---router is then the fleet's router (fogwatch router), over which operators stop the robot. With --scenario, --namespace
-has to be given, if only as ''. Goals for Nav2 (--drive nav2) go over Zenoh alone.
+--router is then the fleet's router (fogwatch router), over which operators stop the robot; members of a mesh give
+--credentials instead. With --scenario, --namespace has to be given, if only as ''. Goals for Nav2 (--drive nav2) go
+over Zenoh alone.
 
 A robot whose own map is not --map has --transform, which fogwatch map align finds.
 
@@ -158,10 +162,14 @@ def ros2_parser() -> ProcessParser:
     add("--scenario", type=Path, metavar="FILE", help="the fleet's scenario, instead of map, body and --robots")
     add("--set", action="append", default=[], metavar="FIELD=VALUE", help="set a field of the scenario; repeatable")
     add("--write-scenario", type=Path, metavar="FILE", help="write the scenario that the options make, for a monitor")
-    add("--router", metavar="LOCATOR", help="where the fleet meets (default: the credentials', or --connect)")
+    add(
+        "--router",
+        metavar="LOCATOR",
+        help="the router that the fleet meets at (default: the credentials', or --connect)",
+    )
     add("--fleet", metavar="NAME", help="the fleet's name (default: the credentials', or patrol)")
     add("--credentials", type=Path, metavar="FOLDER", help="this robot's, made by: fogwatch fleet init")
-    add("--radio", metavar="LOCATOR", help="multicast group or router for positions (default: the fleet's router)")
+    add("--radio", metavar="LOCATOR", help="group, line, router or mesh for positions (default: the fleet's)")
     add("--epoch", type=float, metavar="S", help="Unix time of tick 0 (default: as a robot that is heard counts)")
     add("--wait", type=float, default=60.0, metavar="S", help="for routers, map and pose (default: %(default)g s)")
     add("--state", type=Path, metavar="FOLDER", help="where stops are noted (default: $STATE_DIRECTORY, or the user's)")

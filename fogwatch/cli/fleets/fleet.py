@@ -63,9 +63,9 @@ def init(
 ) -> None:
     """Make a fleet's certificates, and the rules by which its members let each other in: one folder for each member.
 
-    Robots with a HOST meet directly: each member connects to those addresses, and learns of all others there. With
-    --host, all meet at a router, which has a folder too. Without any address, the router can be reached from this
-    machine only.
+    Robots with a HOST meet directly: each member connects to those addresses, and learns of all others there. Members
+    without one listen on any free UDP port: where firewalls stand between the robots, give each a HOST. With --host,
+    all meet at a router, which has a folder too. Without any address, the router can be reached from this machine only.
 
     Copy each folder to its machine, readable by its user alone. The folder of the authority stays where it is: whoever
     has it can make members.
@@ -207,7 +207,10 @@ def robot_router(
 
 @command(app, examples=["fogwatch fleet check yards-1"], exit_codes="0 all is well, 1 something is wrong, 2 bad input")
 def check(folder: Folder) -> int:
-    """Check the certificates of a fleet: whose they are, who signed them, when they expire, and who can read them."""
+    """Check the certificates of a fleet: whose they are, who signed them, when they expire, and who can read them.
+
+    It reads the fleet's folder alone, not the copies on the members' machines.
+    """
     from fogwatch.fleet_folder import open_fleet_folder
 
     fine = True

@@ -29,7 +29,8 @@ FleetScenario = Annotated[
 Radio = Annotated[
     str | None,
     typer.Option(
-        metavar="LOCATOR", help="Multicast group, serial line or router of the direct radio of a fleet without a world."
+        metavar="LOCATOR",
+        help="Multicast group, serial line, router or mesh of the direct radio of a fleet without a world.",
     ),
 ]
 

@@ -105,9 +105,10 @@ def agent(ctx: typer.Context) -> int:
 
 
 def router(ctx: typer.Context) -> int:
-    """Forward messages between the processes of a fleet: one router, which all of them can reach.
+    """Forward messages between the processes of a fleet that does not meet directly.
 
-    With --fleet it lets in only the fleet's members. Without it everybody may do everything, on this machine alone.
+    All of them must reach it. With --fleet it lets in only the fleet's members. Without it everybody may do everything,
+    on this machine alone.
     """
     from fogwatch.router import main
 

@@ -182,11 +182,11 @@ def _open(what: Namespace, silent_s: float, patience_s: float, ending: Ending) -
         return None
     has_world, robots = links[0].sees(met.keys.alive(WORLD)), robots_there(links[0], met.keys)
     if not has_world and what.scenario is None and robots:
-        return TokenWatch(*links, met.keys, met.place, ending, silent_s)
+        return TokenWatch(*links, met.keys, met.meets_at, ending, silent_s)
     for link in dict.fromkeys(links):
         link.close()
     if not has_world and not robots and what.scenario is None:
         revoked = ", or these credentials were revoked" if met.revocable else ""
-        raise BadInput(f"--fleet {met.keys.fleet}: nothing of this fleet is at {met.place}{revoked}; check both")
+        raise BadInput(f"--fleet {met.keys.fleet}: nothing of this fleet is at {met.meets_at}{revoked}; check both")
     sources = source_opener(what, ending)()
-    return SourceWatch(sources[0], met.place, ending, patience_s) if sources else None
+    return SourceWatch(sources[0], met.meets_at, ending, patience_s) if sources else None

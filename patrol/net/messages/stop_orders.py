@@ -66,10 +66,10 @@ def outcome_of(answer: bytes) -> Outcome:
 
 
 def robots_there(link: Link, keys: FleetKeys) -> list[str]:
-    """List the robots that are at the fleet's router, or were until a moment ago.
+    """List the robots that are connected to the fleet, or were until a moment ago.
 
     Args:
-        link: To the fleet's router.
+        link: To the fleet.
         keys: Of the fleet.
     """
     return sorted({robot_of(key) for key in link.seen(keys.alive("*"), _MOST)} - {WORLD, ""})

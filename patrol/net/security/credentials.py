@@ -63,7 +63,7 @@ class Credentials:
         return f"Credentials({self.fleet!r}, {self.router!r}, {self.role.user!r})"
 
     @property
-    def place(self) -> str:
+    def meets_at(self) -> str:
         """Where the fleet meets, for people."""
         return self.router if self.mesh is None else f"the mesh of its {len(self.mesh.members)} members"
 

@@ -7,7 +7,7 @@ member lets in whoever has a certificate of the fleet's authority, and each may 
 each member applies the access rules to what comes in.
 
 The name of a host is not verified, because members may have any address: the certificate's common name says which
-member it is, and one that no rule names may do nothing.
+member it is, and nothing is accepted from one that no rule names.
 """
 
 from __future__ import annotations
