@@ -22,6 +22,7 @@ from patrol.net.keys import address_of
 from patrol.net.mailbox import Mailbox, Post, Presence, Question
 from patrol.net.neighbours import Neighbours
 from patrol.net.queries import all_answers, answers_until
+from patrol.net.security.mesh import everywhere
 from patrol.net.security.roles import Kind
 from patrol.net.settings import client_settings, router_settings
 from patrol.net.zenoh_errors import first_line as _first_line
@@ -471,6 +472,8 @@ def _open_listening(settings: Mapping[str, object], listen: str, mesh: Mesh | No
     try:
         return Link(zenoh.open(_config({**settings, "listen/endpoints": [listen]})), mesh)
     except zenoh.ZError as error:
+        if mesh is not None and _system_error(error) == errno.EADDRNOTAVAIL and everywhere(listen) != listen:
+            return _open_listening(settings, everywhere(listen), mesh)
         if _system_error(error) == errno.EADDRINUSE:
             remedy = "choose another" if mesh is None else "another process is this member already; end that one"
             raise PortBusy(f"{listen}: the port is busy; {remedy}") from None

@@ -12,6 +12,7 @@ member it is, and nothing is accepted from one that no rule names.
 
 from __future__ import annotations
 
+import ipaddress
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -62,9 +63,9 @@ class Mesh:
         return tuple(place for user, place in self.places.items() if user != role.user)
 
     def listens_at(self, role: Role, *, beside: bool) -> str:
-        """Return where a member listens: on all addresses of its machine, at its known port or any free one.
+        """Return where a member listens: at its known address alone, so that what it hears comes by that network.
 
-        Its known address may not be its machine's, as behind a router or in a container, or not yet.
+        A name may stand for loopback on its own machine: then, on all addresses. Without a known one, on any free port.
 
         Args:
             role: The member's.
@@ -73,7 +74,7 @@ class Mesh:
         place = None if beside else self.places.get(role.user)
         if place is None:
             return _HERE if all(map(is_local, self.places.values())) else _ANYWHERE
-        return place if is_local(place) else everywhere(place)
+        return place if is_address(place) else everywhere(place)
 
     def session(self, listen: str) -> dict[str, object]:
         """Give the settings for Zenoh's configuration of a member's session, but for its certificate, by key.
@@ -137,8 +138,19 @@ def _texts(says: Mapping[str, Any], name: str, where: str) -> dict[str, str]:
     return value
 
 
+def is_address(place: str) -> bool:
+    """Return True if a locator names its host by an address, or is this machine alone."""
+    if is_local(place):
+        return True
+    try:
+        ipaddress.ip_address(address_of(place)[0].strip("[]"))
+    except ValueError:
+        return False
+    return True
+
+
 def everywhere(place: str) -> str:
-    """Return the locator to listen on at a place's port on all addresses."""
+    """Return the locator to listen on at a place's port, where its address is not this machine's: on all addresses."""
     host, port = address_of(place)
     protocol, _, rest = place.partition("/")
     _, mark, reliability = rest.partition("?")

@@ -24,7 +24,7 @@ from patrol.net.mailbox import Mailbox
 from patrol.net.messages.stop_orders import Order, Outcome, StopOrders, ask_robots, robots_to_ask
 from patrol.net.open_links import open_links
 from patrol.net.security.credentials import Credentials, read_credentials
-from patrol.net.security.mesh import MESH, read_mesh
+from patrol.net.security.mesh import MESH, everywhere, read_mesh
 from patrol.net.security.roles import robot_role
 from patrol.net.settings import client_settings
 from tests.routers import PATIENCE_S, await_seen, free_port, needs_openssl
@@ -417,7 +417,7 @@ def test_a_radio_on_a_mesh_of_its_own(folder: Path, join: Join, tmp_path: Path) 
         link.close()
 
 
-def test_a_member_listens_on_all_addresses_of_its_machine(tmp_path: Path, join: Join) -> None:
+def test_a_member_listens_everywhere_where_its_address_is_not_this_machine_s(tmp_path: Path, join: Join) -> None:
     """The one that others know may be that of a router before it, as with containers, or come later."""
     port = free_port(SOCK_DGRAM)
     made = make_fleet(tmp_path / "f", "mesh", ["r1", "r2"], [], port, 1, {"r1": "192.0.2.1", "r2": "127.0.0.1"})
@@ -435,8 +435,12 @@ def test_where_members_listen(tmp_path: Path) -> None:
     def own(name: str) -> Credentials:
         return read_credentials(made.path / name, "test")
 
-    assert own("r1").listens_at == "quic/0.0.0.0:7447?mixed_rel=1"
-    assert own("r2").listens_at == "quic/[::]:7447?mixed_rel=1"
+    assert own("r1").listens_at == "quic/192.0.2.1:7447?mixed_rel=1"
+    assert own("r2").listens_at == "quic/[fd00::2]:7447?mixed_rel=1"
+    assert everywhere(own("r1").listens_at) == "quic/0.0.0.0:7447?mixed_rel=1"
+    assert everywhere(own("r2").listens_at) == "quic/[::]:7447?mixed_rel=1"
+    named = make_fleet(tmp_path / "g", "g", ["r1"], [], 7447, 1, {"r1": "robot-1.local"})
+    assert read_credentials(named.path / "r1", "test").listens_at == "quic/0.0.0.0:7447?mixed_rel=1"
     assert replace(own("r2"), beside=True).listens_at == own("viewer").listens_at == "quic/0.0.0.0:0?mixed_rel=1"
     assert own("r1").router == "quic/[fd00::2]:7447?mixed_rel=1"
     assert own("world").router == "quic/192.0.2.1:7447?mixed_rel=1,quic/[fd00::2]:7447?mixed_rel=1"
