@@ -1,4 +1,4 @@
-"""What robots hear of each other over links that lose datagrams, and how late, by what carries positions: one table.
+"""Measure what robots hear of each other over links that lose datagrams, and how late, by carrier: one table.
 
     sudo .venv/bin/python -m bench.links                             # half an hour
     sudo .venv/bin/python -m bench.links --ways "mesh;QUIC" --losses 0.3
@@ -58,7 +58,7 @@ _FRAME = struct.Struct("<dI8x")
 
 @dataclass(frozen=True)
 class Heard:
-    """What one host has heard.
+    """The frames that one host has heard.
 
     Attributes:
         first_s: When it first heard each of the others, s after the start.

@@ -221,7 +221,7 @@ class Bed:
             ip("-n", self.hub, "link", "delete", "apart")
 
     def ticks(self) -> int:
-        """How many ticks the world has done."""
+        """The number of ticks that the world has done."""
         table = self.out / "ticks.csv"
         return max(table.read_bytes().count(b"\n") - 1, 0) if table.exists() else 0
 
@@ -254,7 +254,7 @@ class Bed:
 
 @dataclass(frozen=True)
 class Event:
-    """What happens at a simulated time, s: a link goes down or comes up again, or a process is killed."""
+    """An event at a simulated time, s: a link goes down or comes up again, or a process is killed."""
 
     at: float
     what: str
@@ -302,7 +302,7 @@ def check_rights() -> None:
 
 @dataclass(frozen=True)
 class Meeting:
-    """How the processes of a fleet meet, and where robots hear each other."""
+    """The way in which a fleet's processes meet, and in which its robots hear each other."""
 
     by: str
     fleet: FleetFolder
@@ -370,7 +370,7 @@ def run(bed: Bed, meeting: Meeting, events: Sequence[Event], scenario: Path) -> 
 
 
 def report(out: Path, log: Path) -> Iterator[str]:
-    """What came of it, line by line."""
+    """Give the results of a run, line by line."""
     if not (out / "summary.json").exists():
         yield f"there is no summary; the world said:\n{log.read_text(encoding='utf-8', errors='replace')}"
         return
@@ -400,7 +400,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--by",
         choices=("group", "quic", "mesh", "fleet"),
         default="group",
-        help="multicast group, a router for positions over TLS or QUIC, no router at all, or the fleet's own router",
+        help="multicast group, a router for positions over QUIC, no router at all, or the fleet's own router",
     )
     parser.add_argument("--loss", type=float, default=0.0, metavar="P", help="share lost on each radio's wire, 0 to 1")
     parser.add_argument("--seed", type=int, default=1, metavar="K", help="of what is lost (default: %(default)s)")
@@ -480,7 +480,7 @@ def _check(options: argparse.Namespace) -> tuple[Scenario, list[Event]]:
 def _at(
     option: str, form: str, example: str, options: argparse.Namespace, names: Sequence[str]
 ) -> Iterator[tuple[Any, ...]]:
-    """What an option says happens: to whom, and times."""
+    """Give the events of an option: to whom, and times."""
     for text in getattr(options, option):
         name, *words = text.split(":")
         try:
@@ -495,7 +495,7 @@ def _at(
 
 
 def _course(journal: Journal, name: str, down: int, up: int) -> str:
-    """What the fog did before, during and after a cut, and when the robot that was cut off decided again."""
+    """Say what the fog did before, during and after a cut, and when the robot that was cut off decided again."""
     step, place = journal.header.scenario["step"], [robot.name for robot in journal.header.robots].index(name)
     ticks = list(journal.ticks)
     spans = (("before", ticks[:down]), ("during", ticks[down:up]), ("after", ticks[up:]))
@@ -509,7 +509,7 @@ def _course(journal: Journal, name: str, down: int, up: int) -> str:
 def _waits(
     out: Path, robots: Iterable[str], events: Sequence[dict[str, Any]], event: dict[str, Any]
 ) -> list[tuple[float, str, str]]:
-    """How long those that are left took to hear each other after something had happened, s; and who heard whom.
+    """Give the times in s until those that are left heard each other after an event, and who heard whom.
 
     It is the time until the first report that shows it: at least `REPORTED_S`, and never too short.
     """
@@ -525,7 +525,7 @@ def _waits(
 
 
 def _after(out: Path, robots: Iterable[str], events: Sequence[dict[str, Any]], event: dict[str, Any]) -> str:
-    """What was heard after something had happened, in a line."""
+    """Say in a line what was heard after an event."""
     what = f"{event['who']} {event['what']}"
     if not robots or not (waits := _waits(out, robots, events, event)):
         return what
@@ -541,7 +541,7 @@ def _after(out: Path, robots: Iterable[str], events: Sequence[dict[str, Any]], e
 
 
 def went_on(out: Path) -> bool:
-    """Whether all that were left heard each other soon after each death. No report is no hearing."""
+    """Return True if all that were left heard each other soon after each death. No report is no hearing."""
     network = json.loads((out / "network.json").read_text("utf-8"))
     robots, events = network["wires"], network["events"]
     deaths = [event for event in events if event["what"] == KILLED]
@@ -549,7 +549,7 @@ def went_on(out: Path) -> bool:
 
 
 def _as_asked(out: Path, events: Sequence[Event]) -> bool:
-    """Whether a verdict is invalid for nothing but the loss of robots whose processes this script has killed."""
+    """Return True if a verdict is invalid for nothing but the loss of robots whose processes were killed here."""
     if not (out / "summary.json").exists():  # the world has failed, which is no verdict
         return False
     checks = json.loads((out / "summary.json").read_text("utf-8"))["verdict"]["checks"]
@@ -563,13 +563,13 @@ def _as_asked(out: Path, events: Sequence[Event]) -> bool:
 
 
 def _reports(out: Path) -> list[Report]:
-    """What `heard.py` has written; nothing where it never met the fleet."""
+    """Read the reports that `heard.py` has written; none where it never met the fleet."""
     file = out / "heard.jsonl"
     return [json.loads(line) for line in file.read_text("utf-8").splitlines()] if file.exists() else []
 
 
 def _first_heard(reports: Sequence[Report], since_s: float) -> dict[tuple[str, str], float]:
-    """When a report first showed that a robot had heard another one since some time, by hearer and heard."""
+    """Give the time of the first report that shows it, by hearer and heard: a frame was heard since some time."""
     before: dict[str, dict[str, int]] = {}
     first_s: dict[tuple[str, str], float] = {}
     for at_s, robot, heard in reports:

@@ -1,4 +1,4 @@
-"""How far apart robots count ticks, and which of their positions come late, by the positions that they send.
+"""Differences between robots' counts of ticks, and late positions, as the positions that they send show them.
 
 Receivers judge a position's tick by their own count. A robot whose count is off rejects the others' positions, or is
 rejected by them; it is named. A robot's frames that come much later than most of its last ones are late, whatever it

@@ -111,14 +111,6 @@ def option_in(says: Mapping[str, Any], name: str, where: str) -> str | None:
 
 
 def replace_private(file: Path, text: str) -> None:
-    """Write a file that only its owner may read; readers see the whole file or the one before.
-
-    Args:
-        file: The file, which may be there already.
-        text: What it is to hold.
-
-    Raises:
-        OSError: It cannot be written.
-    """
+    """Write a file that only its owner may read, as `patrol.files.whole_file.write_whole` does for all readers."""
     with replacing(file) as part:
         write_private(part, text)
