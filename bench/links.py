@@ -61,7 +61,7 @@ class Heard:
     """The frames that one host has heard.
 
     Attributes:
-        first_s: When it first heard each of the others, s after the start.
+        first_s: When it first heard each of the others, s after all began.
         delays_s: Of the frames that were sent while it counted, by their sender; one that came twice counts once.
         sent: How many it has sent meanwhile.
     """
@@ -140,20 +140,33 @@ def _measure(way: str, loss: float) -> dict[str, Heard]:
         bed = Bed(cast("Scenario", SimpleNamespace(roster=roster)), folder / "out", Relay(loss, 1), radio_wires=True)
         try:
             radios, credentials = _prepare(way, folder, bed)
-            begin_s = time.time() + 1.0
             hosts = {
                 name: start_host(
                     bed,
                     number,
                     "bench.links",
-                    {"name": name, "radio": radios[name], "credentials": credentials.get(name), "begin_s": begin_s},
+                    {"name": name, "radio": radios[name], "credentials": credentials.get(name)},
                 )
                 for number, name in bed.names.items()
             }
+            _begin(hosts)
             answers = _await_answers(hosts)
         finally:
             bed.clear()
     return {name: Heard(**json.loads(answer)) for name, answer in answers.items()}
+
+
+def _begin(hosts: dict[str, subprocess.Popen[str]]) -> None:
+    """Let all hosts begin at the same moment, when all are ready. Raises Impossible when one is not."""
+    for name, host in hosts.items():
+        assert host.stdout is not None
+        if not host.stdout.readline():
+            raise Impossible(f"{name} does not start; what it printed is above")
+    begin_s = time.time()
+    for host in hosts.values():
+        assert host.stdin is not None
+        host.stdin.write(f"{begin_s}\n")
+        host.stdin.flush()
 
 
 def _await_answers(hosts: dict[str, subprocess.Popen[str]]) -> dict[str, str]:
@@ -182,10 +195,21 @@ def _prepare(way: str, folder: Path, bed: Bed) -> tuple[dict[str, str], dict[str
     radio = ROUTERS[way]
     if not radio.startswith(GUARDED):
         bed.start("router", bed.hub, "fogwatch.router", "--listen", radio, "--open")
+        await_router(bed, "router")
         return dict.fromkeys(ROBOTS, radio), {}
     fleet = make_fleet(folder / "fleet", FLEET, ROBOTS, [f"{RADIO}.{HUB}"], RADIO_PORT, 1)
     bed.start("router", bed.hub, "fogwatch.router", "--fleet", str(fleet.path), "--listen", radio)
+    await_router(bed, "router")
     return dict.fromkeys(ROBOTS, radio), {name: str(fleet.path / name) for name in ROBOTS}
+
+
+def await_router(bed: Bed, name: str) -> None:
+    """Wait until a router listens. Raises Impossible when it ends instead."""
+    log = bed.out / "logs" / f"{name}.log"
+    while "router ready" not in log.read_text("utf-8"):
+        if bed.processes[name].poll() is not None:
+            raise Impossible(f"{name}: {log.read_text('utf-8')}")
+        time.sleep(0.05)
 
 
 def start_host(bed: Bed, number: int, module: str, what: dict[str, Any]) -> subprocess.Popen[str]:
@@ -236,7 +260,8 @@ def exchange(
 
 def _be_a_host(what: dict[str, Any]) -> NoReturn:
     """Send and hear on one host, and print what came of it."""
-    begin_s = what["begin_s"]
+    print("ready", flush=True)
+    begin_s = float(sys.stdin.readline())
     count_from, count_to = begin_s + MEET_S, begin_s + MEET_S + COUNT_S
     heard = Heard({}, {name: [] for name in ROBOTS if name != what["name"]}, 0)
     seen: set[tuple[str, int]] = set()

@@ -28,7 +28,7 @@ from typing import IO, Any, NoReturn, cast
 
 import psutil
 
-from bench.links import exchange, start_host
+from bench.links import await_router, exchange, start_host
 from deploy.testbed import BODY, BODY_PORT, IMPOSSIBLE, Bed, Impossible, Relay, check_rights, ip
 from fogwatch.fleet_folder import FleetFolder, make_fleet
 from patrol.scenario import Scenario
@@ -236,11 +236,7 @@ def _start(fleet: Fleet, folder: Path, *, is_ring: bool) -> None:
             own = str(made.path / name)
             fleet.start(name, {"name": name, "robots": fleet.names, "radio": radio or own, "credentials": own})
     for name in fleet.routers:
-        log = fleet.bed.out / "logs" / f"{name}.log"
-        while "router ready" not in log.read_text("utf-8"):
-            if fleet.bed.processes[name].poll() is not None:
-                raise Impossible(f"{name}: {log.read_text('utf-8')}")
-            time.sleep(0.05)
+        await_router(fleet.bed, name)
 
 
 def _credentials(fleet: Fleet, folder: Path) -> FleetFolder:
