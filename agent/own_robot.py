@@ -14,12 +14,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from agent.ports import Telemetry
+from agent.radios.skew import APART
 from patrol.errors import BadInput, NotPrepared
 from patrol.process.context import ProcessContext, run_with
 from patrol.radio.message import MAX_TIME_MS
 from patrol.radio.units import ms_to_s
 
 if TYPE_CHECKING:
+    from agent.clock import KeptClock
     from agent.mind import Mind
     from agent.ports import FleetClock, Robot
     from agent.radios.direct import DirectRadio
@@ -298,6 +300,9 @@ class _Driver:
         telemetry = TelemetrySender(link.publisher(keys.telemetry(name)))
         telemetry.traffic = lambda final: radio.traffic(self.incarnation, final=final)
         limit_s = None if policy_of(scenario).ours else DECISION_LIMIT_S
+        last_tick = int(ms_to_s(MAX_TIME_MS) / step_s) // 2
+        joins = len(names) - 1 if ticks.epoch_s is None else 0
+        watched = _Watched(radio, clock, last_tick, joins, log.warning)
         receivers: Telemetry = Both(robot, telemetry) if isinstance(robot, Telemetry) else telemetry
         if process.supervision.counts:
             radio.show(process.vitals)
@@ -305,7 +310,7 @@ class _Driver:
         log.info(f"patrols with fleet {keys.fleet}")
         failure = None
         try:
-            failure = run_mind(self.mind, robot, _Watched(radio, log.warning), receivers, limit_s)
+            failure = run_mind(self.mind, robot, watched, receivers, limit_s)
         finally:
             robot.stop(failure or ending.reason or "the driver ends")
         telemetry.close()
@@ -338,7 +343,7 @@ class LateClock:
 
     def __init__(self, alive: Callable[[], None] = lambda: None) -> None:
         self._alive = alive
-        self.keeper: FleetClock | None = None
+        self.keeper: KeptClock | None = None
         self.k = -1
 
     def tick(self) -> int | None:
@@ -354,12 +359,35 @@ class LateClock:
         assert self.keeper is not None
         return self.keeper.decide()
 
+    def advance(self, ticks: int) -> None:
+        """Count so many ticks more from the next one on."""
+        assert self.keeper is not None
+        self.keeper.advance(ticks)
+
 
 class _Watched:
-    """A radio that reports when other robots count ticks differently."""
+    """A radio that reports when other robots count ticks differently, and lets the clock count as the oldest of them.
 
-    def __init__(self, radio: DirectRadio, say: Callable[[str], None]) -> None:
+    Robots that have met none for a while count from then on, so those of a fleet may begin at different moments. The
+    one that began first is right: ticks never go back, and the others refuse positions of later ticks than their own.
+    """
+
+    def __init__(
+        self, radio: DirectRadio, clock: LateClock, last_tick: int, joins: int, say: Callable[[str], None]
+    ) -> None:
+        """Watch a radio.
+
+        Args:
+            radio: The radio.
+            clock: Counts the ticks.
+            last_tick: The latest tick to which another robot's count may lead.
+            joins: How often to count as another robot does: others can lie. 0 where the user has said when tick 0 was.
+            say: Takes a line for people.
+        """
         self._radio = radio
+        self._clock = clock
+        self._last_tick = last_tick
+        self._joins = joins
         self._say = say
         self._due = 0.0
 
@@ -370,8 +398,17 @@ class _Watched:
     def hear(self) -> list[bytes] | None:
         """Return the frames that have arrived, after a check of the ticks that they count."""
         heard = self._radio.hear()
-        now = time.monotonic()
-        if now >= self._due and (complaint := self._radio.skew.complaint()) is not None:
+        skew, now = self._radio.skew, time.monotonic()
+        if now < self._due or (complaint := skew.complaint()) is None:
+            return heard
+        most = self._last_tick - self._clock.k
+        leads = [(lead, name) for name, lead in skew.ticks.items() if APART < lead <= most]
+        if self._joins and leads:
+            lead, name = max(leads)
+            self._joins -= 1
+            self._clock.advance(lead)
+            self._say(f"{name} has counted ticks for longer, by {lead}; from now on ticks are counted as it does")
+        else:
             self._due = now + COMPLAIN_S
             self._say(complaint)
         return heard
