@@ -18,7 +18,7 @@ from patrol.net.frames import FrameMailbox
 from patrol.net.keys import FleetKeys, robot_of
 from patrol.net.mailbox import Air, Mailbox, Post
 from patrol.net.messages.telemetry import Traffic
-from patrol.process.reporting.vitals import Vitals
+from patrol.process.reporting.vitals import DROPPED, Vitals
 from patrol.radio.message import MAX_FRAMES
 
 ROOM = 4 * MAX_FRAMES
@@ -93,6 +93,7 @@ class DirectRadio:
             vitals: The figures.
         """
         vitals.probe_mailbox(self._mailbox)
+        vitals.probe(DROPPED, lambda: {"late": self.skew.late})
 
     def overhear(self, wait_s: float) -> bytes | None:
         """Return the next frame, which `hear` will not return again.

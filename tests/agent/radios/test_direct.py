@@ -8,6 +8,7 @@ from patrol.net.frames import FrameMailbox
 from patrol.net.keys import FleetKeys
 from patrol.net.messages.telemetry import Traffic
 from patrol.pose import Pose
+from patrol.process.reporting.vitals import DROPPED, Vitals
 from patrol.radio.message import Position, encode
 
 KEYS = FleetKeys("f")
@@ -91,7 +92,8 @@ def frame_of(number: int, k: int, key: bytes | None = None) -> bytes:
 
 
 def test_what_the_network_has_held_up_for_long_is_not_heard() -> None:
-    scene = Scene()
+    scene, vitals = Scene(), Vitals()
+    scene.radio.show(vitals)
     for k in range(20):
         scene.clock.k = k
         if not 10 <= k < 18:
@@ -103,6 +105,7 @@ def test_what_the_network_has_held_up_for_long_is_not_heard() -> None:
             assert heard == [frame_of(1, in_time) for in_time in (18, 14, 15, 16, 17)]
     traffic = scene.radio.traffic(1, final=False)
     assert (traffic.heard["r1"], traffic.refused) == (16, 4)
+    assert vitals.read()[DROPPED] == {"late": 4}
 
 
 def test_a_robot_whose_clock_is_behind_is_heard() -> None:
