@@ -10,7 +10,7 @@ from __future__ import annotations
 import importlib
 import threading
 import time
-from collections import Counter
+from collections import Counter, deque
 from typing import Any, TypeVar
 
 from patrol.errors import BadInput, Malformed
@@ -23,6 +23,9 @@ from patrol.ros2.ports import Asked, Sender, Service
 
 CLOSE_S = 5.0
 """Longest time for the thread that hears to end, s."""
+
+_RECENT = 256
+"""Messages of a topic that are remembered: more than wait for its two subscriptions."""
 
 _OURS, _OTHERS = "ours", "others"
 
@@ -103,14 +106,15 @@ class RclpyLink:
         except BadInput as missing:
             mailbox.refuse("type", str(missing))
             return
-        newest: dict[bytes, int] = {}
+        recent: deque[tuple[bytes, int]] = deque(maxlen=_RECENT)
 
         def receive(payload: bytes, info: dict[str, Any]) -> None:
             at_s, sender = time.monotonic(), bytes(info["publisher_gid"]["data"])
             sequence = info["publication_sequence_number"]
-            if sequence is not None and sequence <= newest.get(sender, -1):
-                return
-            newest[sender] = -1 if sequence is None else sequence
+            if sequence is not None:
+                if (sender, sequence) in recent:
+                    return
+                recent.append((sender, sequence))
             try:
                 message = decode(kind, payload)
             except Malformed as bad:
