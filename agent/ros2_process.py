@@ -277,7 +277,7 @@ def _link(process: ProcessContext) -> Ros2Link:
         check_name(namespace, "--namespace")
     node = NodeName(NODE, namespace)
     if options.robot == "rclpy":
-        return RclpyLink(import_rclpy(), node, domain_of(options))
+        return RclpyLink(import_rclpy(), node, domain_of(options), process.ending.ask)
     locator = check_locator(options.connect, "--connect")
     option, proof = "--ros-credentials", options.ros_credentials
     if proof is None and locator.startswith("tls/"):

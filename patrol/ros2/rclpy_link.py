@@ -2,7 +2,8 @@
 
 In DDS a subscription that asks for more than a publisher gives hears nothing of it: one that wants what was sent before
 (latched) is deaf to a publisher that keeps nothing. So each subscription here is two, the second of which asks for
-nothing, and what comes twice is dropped by its publisher's count.
+nothing, and what comes twice is dropped: it has the same publisher, count and time of sending, as far as they are
+given. rclpy before 9.1.1 gives no publisher, Cyclone DDS no count.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import importlib
 import threading
 import time
 from collections import Counter, deque
+from collections.abc import Callable
 from typing import Any, TypeVar
 
 from patrol.errors import BadInput, Malformed
@@ -58,11 +60,13 @@ class RclpyLink:
         rclpy: From `import_rclpy`.
         node: The node's name and namespace.
         domain: The ROS_DOMAIN_ID.
+        leave: Called with the reason when it can hear no more, from the thread that hears; `close` raises the error.
     """
 
-    def __init__(self, rclpy: Any, node: NodeName, domain: int) -> None:
+    def __init__(self, rclpy: Any, node: NodeName, domain: int, leave: Callable[[str], None]) -> None:
         store()  # says at once if it cannot be had
-        self._rclpy, self.node, self._domain = rclpy, node, domain
+        self._rclpy, self.node, self._domain, self._leave = rclpy, node, domain, leave
+        self._error: Exception | None = None
         self._context = rclpy.Context()
         handlers = rclpy.signals.SignalHandlerOptions.NO  # this process has its own
         rclpy.init(args=[], context=self._context, domain_id=domain, signal_handler_options=handlers)
@@ -75,8 +79,8 @@ class RclpyLink:
 
     @property
     def connected(self) -> bool:
-        """True until it is closed: there is no router."""
-        return bool(self._context.ok())
+        """True until it is closed, or hears no more: there is no router."""
+        return self._error is None and bool(self._context.ok())
 
     def is_ours(self, entity: Entity) -> bool:
         """Return True if something in the graph is of this link itself."""
@@ -106,21 +110,21 @@ class RclpyLink:
         except BadInput as missing:
             mailbox.refuse("type", str(missing))
             return
-        recent: deque[tuple[bytes, int]] = deque(maxlen=_RECENT)
+        recent: deque[tuple[bytes, int | None, int]] = deque(maxlen=_RECENT)
 
         def receive(payload: bytes, info: dict[str, Any]) -> None:
-            at_s, sender = time.monotonic(), bytes(info["publisher_gid"]["data"])
-            sequence = info["publication_sequence_number"]
-            if sequence is not None:
-                if (sender, sequence) in recent:
-                    return
-                recent.append((sender, sequence))
+            at_s, sent_ns, gid = time.monotonic(), info["source_timestamp"], info.get("publisher_gid")
+            sender = bytes(gid["data"]) if gid else b""
+            sequence = info.get("publication_sequence_number")
+            if (sender, sequence, sent_ns) in recent:
+                return
+            recent.append((sender, sequence, sent_ns))
             try:
                 message = decode(kind, payload)
             except Malformed as bad:
                 mailbox.refuse("malformed", printable(f"{full}: {bad}"))
                 return
-            mailbox.put(Received(message, at_s, info["source_timestamp"], sequence, sender))
+            mailbox.put(Received(message, at_s, sent_ns, sequence if sender else None, sender))
 
         quiet = self._rclpy.event_handler.SubscriptionEventCallbacks(use_default_callbacks=False)
         for wanted in dict.fromkeys((qos, SENSOR)):
@@ -163,9 +167,11 @@ class RclpyLink:
         return found
 
     def close(self, limit_s: float = CLOSE_S) -> bool:
-        """Close it; False when that takes too long."""
+        """Close it; False when that takes too long. Raises the error because of which it could hear no more."""
         self._rclpy.try_shutdown(context=self._context)
         self._thread.join(limit_s)
+        if self._error is not None:
+            raise self._error
         return not self._thread.is_alive()
 
     def _hear(self) -> None:
@@ -174,6 +180,9 @@ class RclpyLink:
             self._executor.spin()
         except self._rclpy.executors.ExternalShutdownException:
             return
+        except Exception as error:  # noqa: BLE001 - whatever it is, the robot must stand, and the process must end
+            self._error = error
+            self._leave(f"it hears ROS no more: {type(error).__name__}: {error}")
 
     def _entity(
         self,

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import importlib
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 
 from patrol.errors import BadInput
+from patrol.process.exit_codes import CRASHED
 from patrol.ros2.definitions import CANCEL_GOAL
 from patrol.ros2.mailbox import Received, RosMailbox
 from patrol.ros2.messages import (
@@ -22,6 +27,7 @@ from patrol.ros2.messages import (
 from patrol.ros2.names import LATCHED, SENSOR, USUAL, EntityKind, NodeName, Qos
 from patrol.ros2.ports import Sender, Service
 from patrol.ros2.rclpy_link import RclpyLink, import_rclpy
+from tests.ros.site import OFFICE
 from tests.routers import PATIENCE_S
 
 pytestmark = [
@@ -40,7 +46,7 @@ def join(domain: int) -> Iterator[Join]:
     made: list[RclpyLink] = []
 
     def joined(name: str) -> RclpyLink:
-        made.append(RclpyLink(import_rclpy(), NodeName(name, "robot1"), domain))
+        made.append(RclpyLink(import_rclpy(), NodeName(name, "robot1"), domain, print))
         return made[-1]
 
     yield joined
@@ -79,6 +85,29 @@ def test_every_subscription_hears_every_publisher_once(offered: Qos, wanted: Qos
     heard = [received.sequence, *(reach(sender, mailbox).sequence for _ in range(20))]
     assert len(set(heard)) == len(heard)
     assert sender.sent >= len(heard)
+
+
+@pytest.mark.parametrize(
+    "unsaid", ["publisher_gid", "publication_sequence_number", "publisher_gid, publication_sequence_number"]
+)
+def test_a_ros_that_says_less_of_messages_has_none_come_twice(
+    unsaid: str, join: Join, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    node: Any = importlib.import_module("rclpy.node").Node
+    subscribe = node.create_subscription
+
+    def subscribe_to_less(self: Any, kind: Any, topic: str, callback: Any, *more: Any, **named: Any) -> Any:
+        def tell(payload: bytes, info: dict[str, Any]) -> None:
+            callback(payload, {name: said for name, said in info.items() if name not in unsaid})
+
+        return subscribe(self, kind, topic, tell, *more, **named)
+
+    monkeypatch.setattr(node, "create_subscription", subscribe_to_less)
+    mailbox: RosMailbox[TwistStamped] = RosMailbox(1000)
+    join("fogwatch").subscribe("cmd_vel", TwistStamped, mailbox, LATCHED)
+    sender = join("base").publisher("cmd_vel", TwistStamped, LATCHED)
+    sent_ns = [reach(sender, mailbox).sent_ns for _ in range(20)]
+    assert len(set(sent_ns)) == len(sent_ns)
 
 
 def test_what_is_latched_reaches_those_who_come_late(join: Join) -> None:
@@ -128,3 +157,23 @@ def test_services_are_refused(join: Join) -> None:
         us.call("cancel", cancel, CancelRequest(bytes(16)), 1.0)
     with pytest.raises(BadInput, match="--robot rclpy offers no services"):
         us.serve("cancel", cancel, RosMailbox())
+
+
+DEAF = """
+import runpy
+from rclpy.executors import SingleThreadedExecutor
+def spin(executor):
+    executor.spin_once(timeout_sec=0.0)
+    raise KeyError("publisher_gid")
+SingleThreadedExecutor.spin = spin
+runpy.run_module("agent", run_name="__main__")
+"""
+
+
+def test_an_agent_that_can_hear_no_more_ends_with_the_error() -> None:
+    words = ["--robot", "rclpy", "--namespace", "robot1", "--map", str(OFFICE), "--router", "tcp/127.0.0.1:1"]
+    agent = [sys.executable, "-c", DEAF, *words, "--wait", str(PATIENCE_S)]
+    ended = subprocess.run(agent, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
+    assert ended.returncode == CRASHED, ended.stderr
+    assert "KeyError: 'publisher_gid'" in ended.stderr
+    assert "was not found" not in ended.stderr
