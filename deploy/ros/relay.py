@@ -9,8 +9,9 @@ Once a second it looks at the ROS graph. What other nodes publish goes to Zenoh,
 first slash; what they subscribe to comes from there. Messages pass as the bytes that they are. Each topic is shown on
 Zenoh by a liveliness token, so that `fogwatch doctor` sees who publishes and who obeys.
 
-It carries no services and so no actions; for them, and for cameras, use zenoh-bridge-ros2dds itself. It needs rclpy and
-eclipse-zenoh, and of each type the Python package: a topic whose package is missing is named and left out.
+It carries no services and so no actions; for them, and for cameras, use zenoh-bridge-ros2dds itself. It needs
+eclipse-zenoh, rclpy 9.1.1 or newer (Kilted), which says who has sent a message, and of each type the Python package: a
+topic whose package is missing is named and left out.
 
 Exit codes: 2 bad input, or no router; 130 interrupted.
 """
@@ -105,6 +106,11 @@ class Relay:
             print(f"left out: {type_name}; install the package {package}", file=sys.stderr, flush=True)
         return None
 
+    def _is_relayed(self, topic: str, gid: bytes) -> bool:
+        """Return True if a relay has published a message: it came from Zenoh, and going back it would go round."""
+        ends = self.node.get_publishers_info_by_topic(topic)
+        return any(end.node_name == NAME and bytes(end.endpoint_gid) == gid for end in ends)
+
     def _carry(self, route: Route, kind: Any) -> ExitStack:
         """Carry a topic until the stack is closed."""
         durability, reliability = self._qos.DurabilityPolicy, self._qos.ReliabilityPolicy
@@ -124,8 +130,9 @@ class Relay:
             )
             ends.callback(sender.undeclare)
 
-            def send(raw: bytes) -> None:  # rclpy asks for its signature, which a method of Zenoh does not have
-                sender.put(raw)
+            def send(raw: bytes, info: dict[str, Any]) -> None:
+                if not self._is_relayed(route.topic, bytes(info["publisher_gid"]["data"])):
+                    sender.put(raw)
 
             heard = self.node.create_subscription(kind, route.topic, send, profile, raw=True)
             ends.callback(self.node.destroy_subscription, heard)

@@ -5,13 +5,29 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
+import time
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from itertools import count
 
 import pytest
 
+from patrol.ros2.formats import format_named
+from patrol.ros2.link import open_ros2
+from patrol.ros2.mailbox import RosMailbox
+from patrol.ros2.messages import Twist, TwistStamped
+from patrol.ros2.names import NodeName
+from patrol.ros2.ports import Ros2Link
+from patrol.ros2.rclpy_link import RclpyLink, import_rclpy
 from tests.ros.site import ROOT
 from tests.routers import PATIENCE_S, free_endpoint, routed
 
-pytestmark = pytest.mark.ros
+pytestmark = [
+    pytest.mark.ros,
+    # Both are rclpy's own, as in test_rclpy_link.py.
+    pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning"),
+    pytest.mark.filterwarnings("ignore:Deprecated in favor of:DeprecationWarning"),
+]
 
 RELAY = [sys.executable, str(ROOT / "deploy" / "ros" / "relay.py")]
 
@@ -37,14 +53,69 @@ def test_it_teaches() -> None:
     assert "zenoh-bridge-ros2dds" in done.stdout
 
 
+@contextmanager
+def relaying(where: str) -> Iterator[subprocess.Popen[str]]:
+    """A relay that has begun."""
+    with subprocess.Popen(
+        [*RELAY, "--connect", where], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as relay:
+        try:
+            assert relay.stdout is not None
+            assert relay.stdout.readline().startswith("relays to")
+            yield relay
+        finally:
+            relay.kill()
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_it_leaves_when_it_is_told_to(number: signal.Signals) -> None:
-    with routed() as where:
-        relay = subprocess.Popen(
-            [*RELAY, "--connect", where], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        )
-        assert relay.stdout is not None
-        assert relay.stdout.readline().startswith("relays to")
+    with routed() as where, relaying(where) as relay:
         relay.send_signal(number)
         _, errors = relay.communicate(timeout=PATIENCE_S)
     assert (relay.returncode, errors) == (130, "")
+
+
+class Node:
+    """A node that publishes on a topic and hears it.
+
+    Attributes:
+        stamps: Of the messages that it has heard.
+    """
+
+    def __init__(self, link: Ros2Link) -> None:
+        self.stamps: list[int] = []
+        self._heard: RosMailbox[TwistStamped] = RosMailbox(1000)
+        link.subscribe("/both", TwistStamped, self._heard)
+        self._sender = link.publisher("/both", TwistStamped)
+
+    def send_until_heard_by(self, other: Node, numbers: Iterator[int]) -> None:
+        """Send messages, each with a stamp of its own, until the other node has heard one of them."""
+        sent: set[int] = set()
+        end_s = time.monotonic() + PATIENCE_S
+        while sent.isdisjoint(other.stamps):
+            assert time.monotonic() < end_s
+            sent.add(number := next(numbers))
+            self._sender.send(TwistStamped(number, "", Twist(0.0, 0.0, 0.0)))
+            time.sleep(0.02)
+            other.listen()
+
+    def listen(self) -> None:
+        """Note what has come."""
+        while (received := self._heard.take()) is not None:
+            self.stamps.append(received.message.stamp_ns)
+
+
+def test_no_message_goes_round(domain: int) -> None:
+    with (
+        routed() as where,
+        relaying(where),
+        closing(open_ros2(where, format_named("bridge", domain, ""), NodeName("far", ""), PATIENCE_S)) as far_link,
+        closing(RclpyLink(import_rclpy(), NodeName("near", ""), domain, print)) as near_link,
+    ):
+        far, near, numbers = Node(far_link), Node(near_link), count(1)
+        for _ in range(3):  # after the first time both ways are open
+            far.send_until_heard_by(near, numbers)
+            near.send_until_heard_by(far, numbers)
+            for node in (far, near):
+                node.listen()
+                assert len(set(node.stamps)) == len(node.stamps)
