@@ -48,7 +48,9 @@ Several robots patrol together when each agent is given all their names and its 
   fogwatch fleet init yards-1 --robots robot1=192.168.1.21,robot2=192.168.1.22     # then copy each folder to its robot
   ... --namespace robot1 --robots robot1,robot2 --credentials yards-1/robot1
 
-Without credentials they meet at a router that everybody may use (fogwatch router --open): --router tcp/HOST:7447.
+Without credentials they meet, by --router tcp/HOST:7447, at a router on HOST that everybody may use:
+
+  fogwatch router --listen tcp/0.0.0.0:7447 --open
 
 A localisation that waits to be told where the robot is, as AMCL does, is told by --start, on the topic initialpose;
 where it agrees, the robot drives. A place on --map, or a file with a pose on the robot's own map:
@@ -62,9 +64,9 @@ On the robot itself, or wherever ROS 2 is installed, the agent can be a node of 
   source /opt/ros/kilted/setup.bash
   fogwatch agent --robot rclpy --namespace robot1 --map map.yaml --router tcp/192.168.1.10:7447
 
---router is then the fleet's router (fogwatch router), over which operators stop the robot; members of a mesh give
---credentials instead. With --scenario, --namespace has to be given, if only as ''. Goals for Nav2 (--drive nav2) go
-over Zenoh alone.
+--router is then the fleet's router, started as above on 192.168.1.10, over which operators stop the robot; members of a
+mesh give --credentials instead. With --scenario, --namespace has to be given, if only as ''. Goals for Nav2 (--drive
+nav2) go over Zenoh alone.
 
 A robot whose own map is not --map has --transform, which fogwatch map align finds.
 
