@@ -48,13 +48,13 @@ def open_links(
     Raises:
         BadInput: When no router has answered after `wait_s`, or the credentials cannot be used at `radio`.
     """
-    meshed = credentials is not None and credentials.mesh is not None
     on_a_mesh = _mesh_credentials(radio)
     if radio is not None and credentials is not None and not (on_a_mesh or is_group(radio) or is_serial(radio)):
         credentials.check_router(radio, "--radio")
-    whom = f"a member of fleet {credentials.fleet}" if credentials is not None and meshed else "a router"
 
-    def waiting_for(where: str) -> Callable[[float], None]:
+    def waiting_for(where: str, own: Credentials | None) -> Callable[[float], None]:
+        whom = "a router" if own is None or own.mesh is None else f"a member of fleet {own.fleet}"
+
         def waiting(waited: float) -> None:
             but = "; something listens there, but has not let this process in" if listens(where) else ""
             say(f"waiting for {whom} at {where} ({waited:.0f} s){but}")
@@ -62,7 +62,7 @@ def open_links(
         return waiting
 
     try:
-        link = open_link(router, wait_s, waiting_for(router), stopped, credentials)
+        link = open_link(router, wait_s, waiting_for(router, credentials), stopped, credentials)
     except NotAdmitted as refused:
         raise BadInput(str(refused)) from None
     except LinkDown as down:
@@ -72,8 +72,9 @@ def open_links(
         raise BadInput(f"{down}{remedy}") from None
     if radio is None:
         return link, link
+    waiting = waiting_for(radio, credentials) if on_a_mesh is None else waiting_for(on_a_mesh.router, on_a_mesh)
     try:
-        return link, open_air(radio, wait_s, waiting_for(radio), stopped, on_a_mesh or credentials, callers)
+        return link, open_air(radio, wait_s, waiting, stopped, on_a_mesh or credentials, callers)
     except (LinkDown, GroupDown, SerialDown) as down:
         link.close()
         if stopped():

@@ -417,6 +417,19 @@ def test_a_radio_on_a_mesh_of_its_own(folder: Path, join: Join, tmp_path: Path) 
         link.close()
 
 
+def test_a_viewer_waits_for_a_mesh_that_carries_positions(folder: Path, join: Join, tmp_path: Path) -> None:
+    join("r2")
+    radio = new_fleet(tmp_path / "radio", r1="127.0.0.1")
+    place, lines = radio.places["robot-r1"], list[str]()
+    own = read_credentials(folder / "viewer", "test")
+
+    def stopped() -> bool:
+        return any(place in line for line in lines)
+
+    assert open_links(own.router, f"{radio.path}/viewer", PATIENCE_S, lines.append, stopped, own) is None
+    assert lines[-1].startswith(f"waiting for a member of fleet mesh at {place} (")
+
+
 def test_a_member_listens_everywhere_where_its_address_is_not_this_machine_s(tmp_path: Path, join: Join) -> None:
     """The one that others know may be that of a router before it, as with containers, or come later."""
     port = free_port(SOCK_DGRAM)
