@@ -274,7 +274,7 @@ def page_parser() -> ProcessParser:
     add("--replay", "RUN", "folder of a run that is over, or of two to be shown side by side", type=Path, nargs="+")
     add("--key", "FILE", "key of the fleet, to check the tags of its messages (default: unchecked)", type=Path)
     add("--scenario", "FILE", "scenario of robots without a world, which are shown by their positions", type=Path)
-    add("--radio", "LOCATOR", "where robots without a world exchange positions (default: the fleet's)")
+    add("--radio", "LOCATOR|FOLDER", "where robots without a world exchange positions (default: the fleet's)")
     add("--host", "HOST", "address to serve on (default: 127.0.0.1)", default="127.0.0.1")
     add("--page-port", "N", "TCP port of the page (default: a free one)", type=int, default=0)
     add("--wait", "S", "how long to wait for the fleet, s (default: 60)", type=float, default=60.0)

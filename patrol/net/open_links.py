@@ -48,7 +48,7 @@ def open_links(
     Raises:
         BadInput: When no router has answered after `wait_s`, or the credentials cannot be used at `radio`.
     """
-    on_a_mesh = _mesh_credentials(radio)
+    on_a_mesh = _mesh_credentials(radio, credentials)
     if radio is not None and credentials is not None and not (on_a_mesh or is_group(radio) or is_serial(radio)):
         credentials.check_router(radio, "--radio")
 
@@ -124,11 +124,16 @@ def _remedy(router: str, credentials: Credentials | None) -> str:
     return f"start one with: fogwatch router {how}"
 
 
-def _mesh_credentials(radio: str | None) -> Credentials | None:
+def _mesh_credentials(radio: str | None, own: Credentials | None) -> Credentials | None:
     """Read the credentials for a mesh that carries positions alone; None for another radio. Raises BadInput."""
     if radio is None or not Path(radio).is_dir():
         return None
     found = read_credentials(Path(radio), "--radio")
     if found.mesh is None:
         raise BadInput(f"--radio {radio}: its fleet meets at a router, {found.router}; name that, or a mesh's folder")
+    if own is not None and (found.fleet, found.role) != (own.fleet, own.role):
+        raise BadInput(
+            f"--radio {radio}: is the folder of {found.role.name} in fleet {found.fleet}, and this process is "
+            f"{own.role.name} in {own.fleet}; give its folder in a fleet made with: fleet init --name {own.fleet}"
+        )
     return found

@@ -102,8 +102,9 @@ def fleet_parser(prog: str, description: str, epilog: str, others: str) -> Proce
     add("--scenario", required=True, type=Path, metavar="FILE", help="the scenario, the same for all processes")
     add(
         "--radio",
-        metavar="LOCATOR",
-        help="direct radio: a multicast group, a serial line, a router or another mesh (default: the fleet's)",
+        metavar="LOCATOR|FOLDER",
+        help="direct radio: a multicast group, a serial line, a router, or this member's folder in a mesh that carries "
+        "positions (default: the fleet's)",
     )
     add("--static", type=Path, metavar="DIR", help="static fields made by the launcher (default: make them here)")
     add("--wait", type=float, default=60.0, metavar="S", help=f"how long to wait for {others} (%(default)g s)")

@@ -171,7 +171,11 @@ def ros2_parser() -> ProcessParser:
     )
     add("--fleet", metavar="NAME", help="the fleet's name (default: the credentials', or patrol)")
     add("--credentials", type=Path, metavar="FOLDER", help="this robot's, made by: fogwatch fleet init")
-    add("--radio", metavar="LOCATOR", help="group, line, router or mesh for positions (default: the fleet's)")
+    add(
+        "--radio",
+        metavar="LOCATOR|FOLDER",
+        help="group, line, router, or its folder in a mesh, for positions (default: the fleet's)",
+    )
     add("--epoch", type=float, metavar="S", help="Unix time of tick 0 (default: as a robot that is heard counts)")
     add("--wait", type=float, default=60.0, metavar="S", help="for routers, map and pose (default: %(default)g s)")
     add("--state", type=Path, metavar="FOLDER", help="where stops are noted (default: $STATE_DIRECTORY, or the user's)")

@@ -29,8 +29,8 @@ FleetScenario = Annotated[
 Radio = Annotated[
     str | None,
     typer.Option(
-        metavar="LOCATOR",
-        help="Multicast group, serial line, router or mesh of the direct radio of a fleet without a world.",
+        metavar="LOCATOR|FOLDER",
+        help="Direct radio of a fleet without a world: group, line, router, or this member's folder in a mesh.",
     ),
 ]
 

@@ -417,6 +417,16 @@ def test_a_radio_on_a_mesh_of_its_own(folder: Path, join: Join, tmp_path: Path) 
         link.close()
 
 
+@pytest.mark.parametrize(("fleet", "name"), [("mesh", "r2"), ("mesh-radio", "r1")])
+def test_a_radio_on_the_mesh_of_another_is_bad_input(fleet: str, name: str, folder: Path, tmp_path: Path) -> None:
+    """What the process sends there would be denied by all."""
+    radio = make_fleet(tmp_path / "radio", fleet, ["r1", "r2"], [], 7447, 1, {"r1": "127.0.0.1"}).path / name
+    credentials = read_credentials(folder / "r1", "test")
+    says = f"--radio {radio}: is the folder of {name} in fleet {fleet}, and this process is r1 in mesh; give its folder"
+    with pytest.raises(BadInput, match=re.escape(says)):
+        open_links(credentials.router, str(radio), 0.0, print, lambda: False, credentials)
+
+
 def test_a_viewer_waits_for_a_mesh_that_carries_positions(folder: Path, join: Join, tmp_path: Path) -> None:
     join("r2")
     radio = new_fleet(tmp_path / "radio", r1="127.0.0.1")
