@@ -5,6 +5,7 @@ Messages arrive on Zenoh's own thread, which puts them into a `patrol.net.mailbo
 
 from __future__ import annotations
 
+import atexit
 import errno
 import json
 import socket
@@ -40,8 +41,8 @@ CLOSE_S, MESH_CLOSE_S = 2.0, 0.3
 """Longest wait for closing, s; under loss closing has taken longer. In a mesh Zenoh closes only when its attempts to
 connect to members that are not there have ended, up to 10 s later; by then all that was declared has gone."""
 
-CLOSING = "closing"
-"""The name of the threads that close sessions."""
+CLOSING, AT_END_S = "closing", 12.0
+"""The name of the threads that close sessions, and the longest wait for them when the interpreter ends, s."""
 
 SEE_S = 5.0
 """Longest wait for the router's list of tokens, s."""
@@ -334,8 +335,20 @@ def close_session(session: zenoh.Session, declared: list[Any], limit_s: float) -
 
 
 def is_closing() -> bool:
-    """Return True if a session still closes: its thread aborts an interpreter that ends, so `os._exit` must end it."""
-    return any(thread.name == CLOSING for thread in threading.enumerate())
+    """Return True if a session still closes: an interpreter that ends waits for its thread, and `os._exit` does not."""
+    return bool(_closing_threads())
+
+
+def _closing_threads() -> list[threading.Thread]:
+    return [thread for thread in threading.enumerate() if thread.name == CLOSING]
+
+
+@atexit.register
+def _await_closing() -> None:
+    """Wait for the threads that close sessions, which abort an interpreter that ends."""
+    until = time.monotonic() + AT_END_S
+    for thread in _closing_threads():
+        thread.join(max(0.0, until - time.monotonic()))
 
 
 def _answers(query: zenoh.Query, key: str) -> Post:

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 
@@ -26,6 +28,27 @@ def test_an_answer_that_comes_too_late_is_nobody_s_failure() -> None:
 
     _answers(Closed(), "k")(b"late")  # type: ignore[arg-type]
     assert tried == [("k", b"late")]
+
+
+SLOW = """
+import time
+from patrol.net.link import close_session
+
+class Session:
+    def is_closed(self):
+        return False
+
+    def close(self):
+        time.sleep(1.0)
+        print("closed", flush=True)
+
+close_session(Session(), [], 0.0)
+"""
+
+
+def test_an_interpreter_that_ends_waits_for_sessions_that_close() -> None:
+    """Zenoh's threads abort it otherwise."""
+    assert subprocess.run([sys.executable, "-c", SLOW], capture_output=True, text=True, check=True).stdout == "closed\n"
 
 
 def whole(payload: bytes) -> int:
