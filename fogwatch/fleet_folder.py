@@ -134,12 +134,12 @@ class FleetFolder:
             raise BadInput(f"{folder}: is there already, though {role.name} is no member; move it away")
         number = self.issued.get(role.user, 0) + 1
         common_name = f"{role.user}.{number}"
-        with _made_whole(folder) as part:
-            issue(self.path / AUTHORITY_FOLDER, part, common_name, days, listens=self.is_mesh)
-            self._write_member(role, part)
         if host is not None:
             taken = [place for user, place in self.places.items() if user != role.user]
             self.places[role.user] = mesh_locator(checked_hosts([host], called)[0], self.port, taken)
+        with _made_whole(folder) as part:
+            issue(self.path / AUTHORITY_FOLDER, part, common_name, days, listens=self.is_mesh)
+            self._write_member(role, part)
         self.issued[role.user], self.members[role.user] = number, common_name
         self._save()
 

@@ -482,6 +482,16 @@ def test_members_that_are_made_anew_keep_their_addresses(tmp_path: Path) -> None
     assert read_mesh(made.path / "r3" / MESH, "test").places == places
 
 
+def test_a_member_whose_host_cannot_be_leaves_nothing(tmp_path: Path) -> None:
+    made = new_fleet(tmp_path / "f", r1="127.0.0.1")
+    with fleet_to_change(made.path) as fleet:
+        for host in ("r4:7447", "0.0.0.0"):
+            with pytest.raises(BadInput, match=f"--host .?{host}"):
+                fleet.add(robot_role("r4"), 1, host)
+        fleet.add(robot_role("r4"), 1, "127.0.0.1")
+    assert read_mesh(made.path / "r4" / MESH, "test").places.keys() == {"robot-r1", "robot-r4"}
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [
