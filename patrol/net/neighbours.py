@@ -64,7 +64,7 @@ class Neighbours:
             self._links[name] += 1 if event.kind == zenoh.SampleKind.PUT else -1
             if self._links[name] <= 0:
                 del self._links[name]
-            there = name in self._links
+            there, tell = name in self._links, self._tell
             self._changed.notify_all()
-            if there != before:
-                self._tell(name, there)
+        if there != before:
+            tell(name, there)

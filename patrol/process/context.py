@@ -19,6 +19,7 @@ from __future__ import annotations
 import argparse
 import math
 import os
+import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -45,6 +46,9 @@ if TYPE_CHECKING:
     from patrol.net.security.roles import Kind, Role
     from patrol.prepare import Prepared
     from patrol.scenario import Scenario
+
+WARN_AGAIN_S = 10.0
+"""Least time between two warnings of the same certificate, s: its holder may connect as often as it likes."""
 
 
 class AskedToLeave(Exception):
@@ -174,17 +178,20 @@ class ProcessContext:
 
     def _follow_mesh(self, link: Link, mesh: Mesh, own: Role, by: str = "") -> None:
         """Say which other members come and go, and by what where they meet in two ways."""
+        warned_s: dict[str, float] = {}
 
         def tell(common_name: str, there: bool) -> None:
             role = mesh.members.get(common_name)
-            if role is None:
-                self.log.warning(
-                    f"{common_name} {'connects' if there else 'is gone'}: no member, so what it sends is refused"
-                )
-            elif role == own and own.robot and there:  # a world has two sessions
-                self.log.warning(f"another process is {own.name} as well; end it, or revoke {own.name}: it has a copy")
-            elif role != own:
+            if role is not None and role != own:
                 self.log.info(f"{role.name} is {'connected' if there else 'no longer connected'}{by}")
+            elif there and (now_s := time.monotonic()) - warned_s.get(common_name, -math.inf) >= WARN_AGAIN_S:
+                warned_s[common_name] = now_s
+                if role is None:
+                    self.log.warning(f"{common_name} connects: no member, so what it sends is refused")
+                elif own.robot:  # a world has two sessions
+                    self.log.warning(
+                        f"another process is {own.name} as well; end it, or revoke {own.name}: it has a copy"
+                    )
 
         link.neighbours.tell(tell)
 

@@ -326,6 +326,22 @@ def test_a_connection_ends_with_the_certificate_and_its_owner_gets_no_other(join
     assert arrives(r1.broadcast(KEYS.position("r1")), box) == KEYS.position("r1")
 
 
+def test_neighbours_can_be_read_while_a_change_is_told(join: Join) -> None:
+    r1, began, over = join("r1"), threading.Event(), threading.Event()
+    ended: list[bool] = []
+
+    def tell(_name: str, _there: bool) -> None:
+        began.set()
+        ended.append(over.wait(PATIENCE_S))
+
+    r1.neighbours.tell(tell)
+    join("r2")
+    assert began.wait(PATIENCE_S)
+    assert r1.neighbours.names == {"robot-r2.1"}
+    assert not ended
+    over.set()
+
+
 def test_a_copy_of_a_certificate_shows_itself_to_its_owner(join: Join, folder: Path) -> None:
     """Others cannot tell the two apart."""
     r1, r2 = join("r1"), join("r2")

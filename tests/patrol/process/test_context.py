@@ -6,13 +6,18 @@ import urllib.request
 from argparse import Namespace
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from patrol.errors import BadInput
+from patrol.net.keys import fleet_keys
+from patrol.net.security.credentials import Credentials
+from patrol.net.security.mesh import Mesh
+from patrol.net.security.roles import robot_role
 from patrol.process.context import AskedToLeave, PortTaken, ProcessContext, run_with
 from patrol.process.lifeline import Ending
-from patrol.process.options import ProcessParser
+from patrol.process.options import Meeting, ProcessParser
 from patrol.process.reporting.logs import Log
 from patrol.process.starting.readiness import StartFailure, StartPipe, StartReport
 from patrol.scenario import load_scenario
@@ -85,6 +90,29 @@ def test_metrics_and_log_have_the_name_that_the_process_has_learnt(capsys: pytes
     assert capsys.readouterr().err == "r1: too late\n"
     with pytest.raises(OSError, match="refused"):
         urllib.request.urlopen(told[0], timeout=300.0)
+
+
+def test_a_process_that_was_revoked_and_connects_again_and_again_fills_no_log(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mesh = Mesh("f", {"robot-r1.1": robot_role("r1"), "robot-r2.2": robot_role("r2")}, {})
+    tells: list[Callable[[str, bool], None]] = []
+    link = SimpleNamespace(mesh=mesh, neighbours=SimpleNamespace(names=(), tell=tells.append), close=list)
+    monkeypatch.setattr("patrol.net.open_links.open_links", lambda *_: (link, link))
+    clock_s = [0.0]
+    monkeypatch.setattr("patrol.process.context.time", SimpleNamespace(monotonic=lambda: clock_s[0]))
+    met = Meeting("", fleet_keys("f"), Credentials("f", "", robot_role("r1"), mesh=mesh))
+    ProcessContext(Namespace(wait=60.0), Log("r1"), Ending()).open_links(met)
+    for clock_s[0] in (0.0, 5.0, 12.0):
+        for name in ("robot-r2.1", "robot-r1.1", "robot-r2.2"):
+            tells[0](name, True)
+            tells[0](name, False)
+    warnings = [
+        "r1: robot-r2.1 connects: no member, so what it sends is refused",
+        "r1: another process is r1 as well; end it, or revoke r1: it has a copy",
+    ]
+    member = ["r1: r2 is connected", "r1: r2 is no longer connected"]
+    assert capsys.readouterr().err.splitlines() == [*warnings, *member, *member, *warnings, *member]
 
 
 class Leaving(Ending):
