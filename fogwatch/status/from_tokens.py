@@ -19,7 +19,8 @@ from patrol.process.lifeline import Ending
 from patrol.radio.message import CONTACT, MAX_FRAME, Position, Rejected, decode
 from patrol.wire import read
 
-_UNKNOWN = ("robots that should be here and are not, frames' tags, MFoW and trapped robots: give --scenario FILE",)
+_UNKNOWN = "frames' tags, MFoW and trapped robots: give --scenario FILE"
+_UNKNOWN_AT_A_ROUTER = f"robots that should be here and are not, {_UNKNOWN}"
 
 _TAKE_S = 0.1
 
@@ -80,21 +81,20 @@ class TokenWatch:
 
     def look(self, seconds: float) -> FleetStatus:
         """See `FleetWatch`."""
-        there = robots_there(self._link, self._keys)
-        for name in there:
-            if name not in self._robots:
-                self._robots[name] = _Heard(self._link, self._air, self._keys, name, self._now())
+        self._follow()
         until = self._now() + seconds
         while (left := until - self._now()) > 0.0 and not self._ending.wait(min(left, _TAKE_S)):
             self._take()
         self._take()
-        there = robots_there(self._link, self._keys)
-        robots = tuple(self._robot(name, heard, there) for name, heard in sorted(self._robots.items()))
+        there, mesh = self._follow(), self._link.mesh
+        names = sorted({*self._robots, *(() if mesh is None else mesh.robots)})
+        robots = tuple(self._robot(name, there) for name in names)
         new = [robot.name for robot in robots if robot.heard_s is None and not robot.wrong]
         too_new = (
             (f"whether {', '.join(new)} can be heard: followed for less than {self._silent_s:g} s",) if new else ()
         )
-        return FleetStatus(self._keys.fleet, self._router, None, None, robots, unknown=(*too_new, *_UNKNOWN))
+        unknown = (*too_new, _UNKNOWN_AT_A_ROUTER if mesh is None else _UNKNOWN)
+        return FleetStatus(self._keys.fleet, self._router, None, None, robots, unknown=unknown)
 
     def close(self) -> None:
         """See `FleetWatch`."""
@@ -102,11 +102,22 @@ class TokenWatch:
         if self._air is not self._link:
             self._air.close()
 
+    def _follow(self) -> list[str]:
+        """List the robots that are there, and listen to those that are new."""
+        there = robots_there(self._link, self._keys)
+        for name in there:
+            if name not in self._robots:
+                self._robots[name] = _Heard(self._link, self._air, self._keys, name, self._now())
+        return there
+
     def _take(self) -> None:
         for heard in self._robots.values():
             heard.take(self._now(), self._hearing)
 
-    def _robot(self, name: str, heard: _Heard, there: Collection[str]) -> RobotStatus:
+    def _robot(self, name: str, there: Collection[str]) -> RobotStatus:
+        if name not in self._robots:
+            return RobotStatus(name, "absent", wrong="is not there")
+        heard = self._robots[name]
         position, report = heard.position, heard.report
         now = self._now()
         heard_s = None if position is None else now - heard.position_at

@@ -64,8 +64,9 @@ def status(
 
     Wrong are robots that are dead, paused, lost, trapped or silent, and what a page would warn of. With a world, a
     robot is silent when no other robot has heard it for radio.forget_after. Without a world, --scenario says which
-    robots should be there; without it, the look shows the processes that are there and what they send, and a robot is
-    silent that sends no position for --seconds. Wrong is also a robot that reports not to hear another one.
+    robots should be there; without it, in a mesh, all of its members, and at a router the look shows the processes
+    that are there and what they send. A robot is then silent that sends no position for --seconds. Wrong is also a
+    robot that reports not to hear another one.
     """
     from patrol.process.lifeline import heed
     from patrol.scenario import load_scenario

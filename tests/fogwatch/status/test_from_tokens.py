@@ -10,6 +10,8 @@ from fogwatch.status.from_tokens import TokenWatch
 from patrol.net.keys import fleet_keys
 from patrol.net.mailbox import Mailbox
 from patrol.net.messages.telemetry import Telemetry, Traffic, pack_view
+from patrol.net.security.mesh import Mesh
+from patrol.net.security.roles import VIEWER, robot_role
 from patrol.pose import Pose
 from patrol.process.lifeline import Ending
 from patrol.radio.message import CONTACT, Position, encode
@@ -31,6 +33,7 @@ class Air:
         self.there = list(there)
         self.mailboxes: dict[str, Mailbox[Any]] = {}
         self.closed = 0
+        self.mesh: Mesh | None = None
 
     def subscribe(self, key: str, mailbox: Mailbox[Any]) -> None:
         self.mailboxes[key] = mailbox
@@ -97,6 +100,21 @@ def test_robots_that_come_later_are_followed_too() -> None:
     fleet.air.position("bert", robot=2)
     assert [robot.name for robot in fleet.look().robots] == ["anna", "bert"]
     assert fleet.look().well
+
+
+def test_a_mesh_names_its_robots_that_are_not_there() -> None:
+    fleet = Fleet("bert")
+    roles = (VIEWER, *map(robot_role, ("anna", "bert", "carl")))
+    fleet.air.mesh = Mesh("real-1", {f"{role.user}.1": role for role in roles}, {})
+    fleet.air.position("bert", robot=2)
+    status = fleet.look()
+    assert not status.well
+    absent = ("absent", "is not there")
+    robots = {robot.name: (robot.status, robot.wrong) for robot in status.robots}
+    assert robots == {"anna": absent, "bert": ("alive", ""), "carl": absent}
+    assert status.unknown == ("frames' tags, MFoW and trapped robots: give --scenario FILE",)
+    fleet.air.there += ["anna", "carl"]
+    assert fleet.look().well, "those that have just come may be silent for a moment"
 
 
 @pytest.mark.parametrize(
