@@ -442,7 +442,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 130
     for line in report(options.out, options.out / "logs" / "world.log"):
         print(line)
-    if code == INVALID and _as_asked(options.out, events):
+    if code == INVALID and as_asked(options.out, events):
         code = 0
     if options.by == "mesh" and not went_on(options.out):
         print(f"testbed: not all that were left heard each other within {SOON_S:g} s of each death", file=sys.stderr)
@@ -548,7 +548,7 @@ def went_on(out: Path) -> bool:
     return all(wait_s <= SOON_S for death in deaths for wait_s, _, _ in _waits(out, robots, events, death))
 
 
-def _as_asked(out: Path, events: Sequence[Event]) -> bool:
+def as_asked(out: Path, events: Sequence[Event]) -> bool:
     """Return True if a verdict is invalid for nothing but the loss of robots whose processes were killed here."""
     if not (out / "summary.json").exists():  # the world has failed, which is no verdict
         return False
@@ -556,7 +556,7 @@ def _as_asked(out: Path, events: Sequence[Event]) -> bool:
     wrong = [check for check in checks if not check["ok"]]
     killed = {event.who for event in events if event.what == KILLED}
     lost = re.findall(r"(\S+) at tick", wrong[0]["detail"]) if wrong else []
-    fine = [check["name"] for check in wrong] == ["nobody lost"] and set(lost) <= killed
+    fine = [check["name"] for check in wrong] == ["nobody lost"] and bool(lost) and set(lost) <= killed
     if fine:
         print("the verdict is invalid because of the processes that were killed here, and of nothing else")
     return fine

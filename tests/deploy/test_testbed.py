@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from agent.ports import State
-from deploy.testbed import DOWN, HALF, KILLED, UP, report, went_on
+from deploy.testbed import DOWN, HALF, KILLED, UP, Event, as_asked, report, went_on
 from patrol.journal import Status, TickRecord, read_journal
 
 TESTBED = Path(__file__).parents[2] / "deploy" / "testbed.py"
@@ -164,6 +164,20 @@ def test_a_mesh_has_gone_on_after_a_death_only_if_each_pair_is_seen_to_hear_each
     out = left_behind(tmp_path, reports, ("r2", KILLED))
     assert went_on(out) == goes_on
     assert [line for line in report(out, tmp_path / "world.log") if line.startswith(says)]
+
+
+@pytest.mark.parametrize(
+    ("detail", "fine"),
+    [
+        ("lost: r2 at tick 7 (gone)", True),
+        ("lost: r2 at tick 7; r3 at tick 9", False),
+        ("lost: whom it does not say", False),
+    ],
+)
+def test_a_verdict_is_as_asked_if_it_names_none_but_killed_robots(detail: str, fine: bool, tmp_path: Path) -> None:
+    checks = [{"name": "nobody lost", "ok": False, "detail": detail}, {"name": "ticks", "ok": True, "detail": "all"}]
+    (tmp_path / "summary.json").write_text(json.dumps({"verdict": {"checks": checks}}), encoding="utf-8")
+    assert as_asked(tmp_path, [Event(5.0, KILLED, "r2")]) == fine
 
 
 def test_a_network_that_parts_and_joins_again_is_in_the_report_and_no_death(tmp_path: Path) -> None:
