@@ -107,7 +107,7 @@ class Measure:
     @property
     def text(self) -> str:
         """The value with its unit, as text."""
-        return self.metric.text(self.value, "\u202f")
+        return self.metric.text(self.value, ",")
 
 
 BY_TOUR = Metric("mean MFoW over that of the best tour found", title="mean MFoW / best tour", digits=2, better="lower")

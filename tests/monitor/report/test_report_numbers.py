@@ -21,6 +21,7 @@ from monitor.replay.run import Run, open_run
 from monitor.report.analysis import analyse, measures
 from monitor.report.charts import gaps_chart, radio_chart, troubles_chart
 from monitor.report.document import report_html
+from monitor.report.html import escape
 from monitor.report.map_charts import paths_chart
 from patrol.journal.records import TickRecord
 from patrol.scenario.faults.kinds import KINDS
@@ -131,6 +132,11 @@ def test_every_number_that_a_summary_has_too(run: Run) -> None:
     assert found["mean fog"] == pytest.approx(summary["fog_mean_s"])
     assert found["seen"] == pytest.approx(summary["seen_share"])
     assert found["delivered"] == pytest.approx(messages["delivered"] / (messages["delivered"] + messages["dropped"]))
+
+
+def test_a_large_number_is_written_as_people_write_it(run: Run) -> None:
+    driven = replace(next(measure for measure in measures(run) if measure.name == "driven"), value=12345.6)
+    assert escape(driven.text) == "12,346 m"
 
 
 def test_forged_frames_are_no_part_of_what_was_delivered_over_time(run: Run, tmp_path: Path) -> None:
