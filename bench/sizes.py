@@ -1,6 +1,6 @@
 """From which size on is a fleet better off with routers than as a mesh? Its cost, and cuts and deaths: two tables.
 
-    sudo .venv/bin/python -m bench.sizes                                  # 13 minutes
+    sudo .venv/bin/python -m bench.sizes                                  # 11 minutes
     sudo .venv/bin/python -m bench.sizes --robots 12,24 --ways "mesh;one router"
 
 The robots of a fleet at three sites, each robot a network namespace of its own, send five positions of 20 bytes a
