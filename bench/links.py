@@ -149,24 +149,20 @@ def _measure(way: str, loss: float) -> dict[str, Heard]:
                 )
                 for number, name in bed.names.items()
             }
-            _begin(hosts)
+            _await_ready(hosts)
+            begin(hosts)
             answers = _await_answers(hosts)
         finally:
             bed.clear()
     return {name: Heard(**json.loads(answer)) for name, answer in answers.items()}
 
 
-def _begin(hosts: dict[str, subprocess.Popen[str]]) -> None:
-    """Let all hosts begin at the same moment, when all are ready. Raises Impossible when one is not."""
+def _await_ready(hosts: dict[str, subprocess.Popen[str]]) -> None:
+    """Wait until all hosts wait for the word to begin. Raises Impossible when one ends instead."""
     for name, host in hosts.items():
         assert host.stdout is not None
         if not host.stdout.readline():
             raise Impossible(f"{name} does not start; what it printed is above")
-    begin_s = time.time()
-    for host in hosts.values():
-        assert host.stdin is not None
-        host.stdin.write(f"{begin_s}\n")
-        host.stdin.flush()
 
 
 def _await_answers(hosts: dict[str, subprocess.Popen[str]]) -> dict[str, str]:
@@ -220,6 +216,16 @@ def start_host(bed: Bed, number: int, module: str, what: dict[str, Any]) -> subp
     host = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     bed.processes[bed.names[number]] = host
     return host
+
+
+def begin(hosts: dict[str, subprocess.Popen[str]]) -> float:
+    """Let all hosts, which wait for the word, begin at the same moment; return that moment, Unix time in s."""
+    begin_s = time.time()
+    for host in hosts.values():
+        assert host.stdin is not None
+        host.stdin.write(f"{begin_s}\n")
+        host.stdin.flush()
+    return begin_s
 
 
 def exchange(

@@ -28,7 +28,7 @@ from typing import IO, Any, NoReturn, cast
 
 import psutil
 
-from bench.links import await_router, exchange, start_host
+from bench.links import await_router, begin, exchange, start_host
 from deploy.testbed import BODY, BODY_PORT, IMPOSSIBLE, Bed, Impossible, Relay, check_rights, ip
 from fogwatch.fleet_folder import FleetFolder, make_fleet
 from patrol.scenario import Scenario
@@ -105,12 +105,7 @@ class Fleet:
         """Let all robots begin at the same moment, when all are ready; that moment."""
         if not self.watch(lambda: len(self.ready) == len(self.names), START_S):
             raise Impossible(f"{len(self.names) - len(self.ready)} of the processes do not start")
-        begin_s = time.time()
-        for host in self.hosts.values():
-            assert host.stdin is not None
-            host.stdin.write(f"{begin_s}\n")
-            host.stdin.flush()
-        return begin_s
+        return begin(self.hosts)
 
     def watch(self, until: Callable[[], bool], limit_s: float) -> bool:
         """Take in what robots say until something is so, or time is up; whether it is."""
