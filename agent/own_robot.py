@@ -368,8 +368,8 @@ class LateClock:
 class _Watched:
     """A radio that reports when other robots count ticks differently, and lets the clock count as the oldest of them.
 
-    Robots that have met none for a while count from then on, so those of a fleet may begin at different moments. The
-    one that began first is right: ticks never go back, and the others refuse positions of later ticks than their own.
+    A robot that meets no other for a while begins to count by itself, so robots of a fleet may begin at different
+    moments. All then count as the one that began first, since ticks never go back.
     """
 
     def __init__(
@@ -407,7 +407,7 @@ class _Watched:
             lead, name = max(leads)
             self._joins -= 1
             self._clock.advance(lead)
-            self._say(f"{name} has counted ticks for longer, by {lead}; from now on ticks are counted as it does")
+            self._say(f"{name} has counted ticks for longer, by {lead} ticks; this robot counts on from there")
         else:
             self._due = now + COMPLAIN_S
             self._say(complaint)

@@ -26,7 +26,7 @@ _TAKE_S = 0.1
 
 
 class _Heard:
-    """What was heard of a robot."""
+    """The position and the reports that were heard of a robot."""
 
     def __init__(self, link: Link, air: Air, keys: FleetKeys, name: str, now: float) -> None:
         self.followed_since, self._name = now, name

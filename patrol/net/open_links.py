@@ -134,6 +134,6 @@ def _mesh_credentials(radio: str | None, own: Credentials | None) -> Credentials
     if own is not None and (found.fleet, found.role) != (own.fleet, own.role):
         raise BadInput(
             f"--radio {radio}: is the folder of {found.role.name} in fleet {found.fleet}, and this process is "
-            f"{own.role.name} in {own.fleet}; give its folder in a fleet made with: fleet init --name {own.fleet}"
+            f"{own.role.name} in {own.fleet}; give its folder in a mesh made with: fleet init --name {own.fleet}"
         )
     return found

@@ -128,7 +128,7 @@ class Meeting:
 
     @property
     def meets_at(self) -> str:
-        """Where the fleet meets, for people."""
+        """The place where the fleet meets, for people."""
         return self.router if self.credentials is None or self.credentials.mesh is None else self.credentials.meets_at
 
     @property

@@ -269,7 +269,7 @@ class ZenohRos2Link:
 
 @dataclass(frozen=True, slots=True)
 class RouterSays:
-    """What a Zenoh router says of itself, which whoever answers in its place can forge.
+    """A Zenoh router, as it describes itself. Whatever answers in its place can forge that.
 
     Attributes:
         version: Of Zenoh, such as "v1.5.0".
@@ -336,7 +336,7 @@ def _answer(query: zenoh.Query, key: str, given: Attachment | None) -> Callable[
 
 
 def _mismatch(full: str, origin: Origin, type_name: str, expected: frozenset[str]) -> tuple[str, str] | None:
-    """Why messages under a key cannot be of a type: another type, or a hash that means other fields."""
+    """Return why messages under a key are not of a type: another type, or a hash that means other fields; else None."""
     if origin.type_name not in {"", type_name}:
         return "type", printable(f"{full}: is a {origin.type_name[:255]}, and should be a {type_name}")
     if origin.type_hash not in expected:

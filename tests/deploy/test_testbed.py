@@ -38,7 +38,7 @@ ENOUGH = 0.2
 
 @dataclass
 class Ran:
-    """What a run of the test bed has left."""
+    """The exit code, lines and files of a run of the test bed."""
 
     code: int
     said: str

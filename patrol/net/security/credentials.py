@@ -64,7 +64,7 @@ class Credentials:
 
     @property
     def meets_at(self) -> str:
-        """Where the fleet meets, for people."""
+        """The place where the fleet meets, for people."""
         return self.router if self.mesh is None else f"the mesh of its {len(self.mesh.members)} members"
 
     @property

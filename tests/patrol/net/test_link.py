@@ -193,7 +193,7 @@ def test_a_busy_port_and_a_foreign_address_are_said_in_one_line(endpoint: str) -
 
 
 def test_a_message_that_is_too_long_is_put_together_by_nobody(links: Callable[[], Link]) -> None:
-    """What would take a router's memory is dropped piece by piece, and the session lives on."""
+    """A message that would take a router's memory is dropped piece by piece, and the session lives on."""
     mailbox: Mailbox[int] = Mailbox(["a/b"], len, 4 * MAX_MESSAGE)
     links().subscribe("a/b", mailbox)
     post = links().post("a/b")

@@ -222,7 +222,7 @@ def test_no_member_can_stand_in_for_another(liar: str, join: Join, join_as: Call
 
 @pytest.mark.processes
 def test_strangers_and_members_that_were_revoked_do_not_get_in(join: Join, folder: Path, tmp_path: Path) -> None:
-    """What the others hear of a member shows that they would have heard the stranger."""
+    """The others hear a member, which shows that they would have heard the stranger."""
     strange = new_fleet(tmp_path / "strange", r1="127.0.0.1").path
     shutil.copy(folder / MESH, strange / "r3" / MESH)
     own = Path(shutil.copytree(folder, tmp_path / "own"))
@@ -436,7 +436,7 @@ def test_a_radio_on_a_mesh_of_its_own(folder: Path, join: Join, tmp_path: Path) 
 
 @pytest.mark.parametrize(("fleet", "name"), [("mesh", "r2"), ("mesh-radio", "r1")])
 def test_a_radio_on_the_mesh_of_another_is_bad_input(fleet: str, name: str, folder: Path, tmp_path: Path) -> None:
-    """What the process sends there would be denied by all."""
+    """All others would deny what the process sends there."""
     radio = make_fleet(tmp_path / "radio", fleet, ["r1", "r2"], [], 7447, 1, {"r1": "127.0.0.1"}).path / name
     credentials = read_credentials(folder / "r1", "test")
     says = f"--radio {radio}: is the folder of {name} in fleet {fleet}, and this process is r1 in mesh; give its folder"
