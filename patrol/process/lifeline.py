@@ -28,6 +28,7 @@ GRACE_S = 1.5
 
 _PR_SET_PDEATHSIG = 1
 _POLL_S = 0.02
+_CALLBACKS = str(Path("llvmlite", "binding", "executionengine.py"))
 
 
 class InterruptedBySignal(KeyboardInterrupt):
@@ -111,9 +112,16 @@ def heed(lifeline: int | None, on_death: Callable[[], None] = lambda: None, *, p
         # a process that catches SIGTERM is known to have done it.
         _when_orphaned(signal.SIGCONT)
 
-    def by_signal(number: int, _frame: FrameType | None) -> None:
+    def by_signal(number: int, frame: FrameType | None) -> None:
         ending.ask(f"told to by {signal.Signals(number).name}")
         if ending.patience is not None and ending.times > ending.patience:
+            interrupt(frame)
+
+    def interrupt(frame: FrameType | None) -> None:
+        if _in_callback(frame):
+            signal.signal(signal.SIGALRM, lambda _number, frame: interrupt(frame))
+            signal.setitimer(signal.ITIMER_REAL, _POLL_S)
+        else:
             raise InterruptedBySignal
 
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGQUIT, signal.SIGHUP):
@@ -122,6 +130,15 @@ def heed(lifeline: int | None, on_death: Callable[[], None] = lambda: None, *, p
     if lifeline is not None:
         threading.Thread(target=_hold, args=(lifeline, ending, on_death), daemon=True).start()
     return ending
+
+
+def _in_callback(frame: FrameType | None) -> bool:
+    """Return True where LLVM may be calling back: an exception there is lost, and LLVM goes on without an answer."""
+    while frame is not None:
+        if frame.f_code.co_filename.endswith(_CALLBACKS):
+            return True
+        frame = frame.f_back
+    return False
 
 
 def rest_before_pause(rest: Callable[[], None], go_on: Callable[[], None]) -> None:

@@ -68,6 +68,35 @@ def test_a_signal_in_generated_code_leaves_the_exit_code_alone(tmp_path: Path) -
 
 
 @pytest.mark.processes
+def test_a_signal_while_compiled_code_is_loaded_waits_for_its_end() -> None:
+    """An exception in a callback of LLVM is lost, and LLVM goes on with memory that nobody filled."""
+    program = (
+        "import os, signal, sys\n"
+        "import llvmlite.binding as llvm\n"
+        "from patrol.process.lifeline import heed\n"
+        "llvm.initialize_native_target()\n"
+        "llvm.initialize_native_asmprinter()\n"
+        "module = llvm.parse_assembly('define i32 @f() { ret i32 7 }')\n"
+        "machine = llvm.Target.from_default_triple().create_target_machine()\n"
+        "engine = llvm.create_mcjit_compiler(module, machine)\n"
+        "def load(_module):\n"
+        "    os.kill(os.getpid(), signal.SIGTERM)\n"
+        "    print('goes on', flush=True)\n"
+        "engine.set_object_cache(lambda _module, _code: None, load)\n"
+        "heed(None, patience=0)\n"
+        "try:\n"
+        "    engine.finalize_object()\n"
+        "    signal.pause()\n"
+        "    signal.pause()\n"
+        "except KeyboardInterrupt:\n"
+        "    sys.exit(130)\n"
+    )
+    command = [sys.executable, "-P", "-c", program]
+    loading = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
+    assert (loading.returncode, loading.stdout, loading.stderr) == (130, "goes on\n", "")
+
+
+@pytest.mark.processes
 def test_the_end_of_the_lifeline_asks_to_leave() -> None:
     reading, writing = os.pipe()
     process = child(lifeline=str(reading))
