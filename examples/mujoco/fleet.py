@@ -68,6 +68,7 @@ def end(process: subprocess.Popen[bytes]) -> None:
         process.wait(GRACE_S)
     except subprocess.TimeoutExpired:
         process.kill()
+        process.wait()
 
 
 def free_port() -> int:

@@ -45,7 +45,9 @@ def main() -> int:
     else:
         from fogwatch.cli.app import app
     if _HEEDS_CTRL_C:
-        signal.signal(signal.SIGINT, _interrupt)
+        from patrol.process.lifeline import interrupt
+
+        signal.signal(signal.SIGINT, interrupt)
     code = run_app(app)
     if _HEEDS_CTRL_C:
         signal.signal(signal.SIGINT, _leave)  # while the interpreter puts itself away
@@ -55,12 +57,6 @@ def main() -> int:
         if is_closing():
             os._exit(code)
     return code
-
-
-def _interrupt(_number: int, _frame: object) -> None:
-    from patrol.process.lifeline import InterruptedBySignal
-
-    raise InterruptedBySignal
 
 
 def _settle_standard_streams() -> None:

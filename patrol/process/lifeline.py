@@ -115,14 +115,7 @@ def heed(lifeline: int | None, on_death: Callable[[], None] = lambda: None, *, p
     def by_signal(number: int, frame: FrameType | None) -> None:
         ending.ask(f"told to by {signal.Signals(number).name}")
         if ending.patience is not None and ending.times > ending.patience:
-            interrupt(frame)
-
-    def interrupt(frame: FrameType | None) -> None:
-        if _in_callback(frame):
-            signal.signal(signal.SIGALRM, lambda _number, frame: interrupt(frame))
-            signal.setitimer(signal.ITIMER_REAL, _POLL_S)
-        else:
-            raise InterruptedBySignal
+            interrupt(number, frame)
 
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGQUIT, signal.SIGHUP):
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # as nohup has it
@@ -132,8 +125,39 @@ def heed(lifeline: int | None, on_death: Callable[[], None] = lambda: None, *, p
     return ending
 
 
+def interrupt(_number: int, frame: FrameType | None) -> None:
+    """Raise InterruptedBySignal, as a signal's handler; again a little later where the exception would be lost.
+
+    It would be in a callback of LLVM, which goes on with memory that was not filled, and is lost in a `__del__`.
+
+    Args:
+        frame: Where the main thread is.
+    """
+    if _in_callback(frame):
+        _interrupt_soon()
+        return
+    if signal.getsignal(signal.SIGALRM) is interrupt:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+    print_lost = sys.unraisablehook
+
+    def see_lost(lost: sys.UnraisableHookArgs) -> None:
+        if issubclass(lost.exc_type, InterruptedBySignal):
+            sys.unraisablehook = print_lost
+            _interrupt_soon()
+        else:
+            print_lost(lost)
+
+    sys.unraisablehook = see_lost
+    raise InterruptedBySignal
+
+
+def _interrupt_soon() -> None:
+    signal.signal(signal.SIGALRM, interrupt)
+    signal.setitimer(signal.ITIMER_REAL, _POLL_S)
+
+
 def _in_callback(frame: FrameType | None) -> bool:
-    """Return True where LLVM may be calling back: an exception there is lost, and LLVM goes on without an answer."""
+    """Return True where LLVM may have called back, to ask for compiled code."""
     while frame is not None:
         if frame.f_code.co_filename.endswith(_CALLBACKS):
             return True

@@ -67,33 +67,53 @@ def test_a_signal_in_generated_code_leaves_the_exit_code_alone(tmp_path: Path) -
     assert asked.returncode == 130
 
 
+LOADED = """
+import llvmlite.binding as llvm
+
+def load(_module):
+    be_told()
+
+llvm.initialize_native_target()
+llvm.initialize_native_asmprinter()
+module = llvm.parse_assembly("define i32 @f() { ret i32 7 }")
+engine = llvm.create_mcjit_compiler(module, llvm.Target.from_default_triple().create_target_machine())
+engine.set_object_cache(lambda _module, _code: None, load)
+where_it_is_lost = engine.finalize_object
+"""
+
+DELETED = """
+class Told:
+    def __del__(self):
+        be_told()
+
+where_it_is_lost = Told
+"""
+
+TOLD = """
+import os, signal, sys
+from patrol.process.lifeline import heed
+
+def be_told():
+    os.kill(os.getpid(), signal.SIGTERM)
+    print("told", flush=True)
+{place}
+heed(None, patience=0)
+try:
+    where_it_is_lost()
+    while True:
+        signal.pause()
+except KeyboardInterrupt:
+    sys.exit(130)
+"""
+
+
 @pytest.mark.processes
-def test_a_signal_while_compiled_code_is_loaded_waits_for_its_end() -> None:
-    """An exception in a callback of LLVM is lost, and LLVM goes on with memory that nobody filled."""
-    program = (
-        "import os, signal, sys\n"
-        "import llvmlite.binding as llvm\n"
-        "from patrol.process.lifeline import heed\n"
-        "llvm.initialize_native_target()\n"
-        "llvm.initialize_native_asmprinter()\n"
-        "module = llvm.parse_assembly('define i32 @f() { ret i32 7 }')\n"
-        "machine = llvm.Target.from_default_triple().create_target_machine()\n"
-        "engine = llvm.create_mcjit_compiler(module, machine)\n"
-        "def load(_module):\n"
-        "    os.kill(os.getpid(), signal.SIGTERM)\n"
-        "    print('goes on', flush=True)\n"
-        "engine.set_object_cache(lambda _module, _code: None, load)\n"
-        "heed(None, patience=0)\n"
-        "try:\n"
-        "    engine.finalize_object()\n"
-        "    signal.pause()\n"
-        "    signal.pause()\n"
-        "except KeyboardInterrupt:\n"
-        "    sys.exit(130)\n"
-    )
-    command = [sys.executable, "-P", "-c", program]
-    loading = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
-    assert (loading.returncode, loading.stdout, loading.stderr) == (130, "goes on\n", "")
+@pytest.mark.parametrize(("place", "output"), [(LOADED, "told\n"), (DELETED, "")], ids=["callback", "del"])
+def test_a_signal_interrupts_where_an_exception_would_be_lost_as_well(place: str, output: str) -> None:
+    """LLVM, asked for compiled code, goes on with memory that nobody filled."""
+    command = [sys.executable, "-P", "-c", TOLD.format(place=place)]
+    told = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
+    assert (told.returncode, told.stdout, told.stderr) == (130, output, "")
 
 
 @pytest.mark.processes
