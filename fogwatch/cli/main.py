@@ -44,10 +44,11 @@ def main() -> int:
         app = only_these()
     else:
         from fogwatch.cli.app import app
-    if _HEEDS_CTRL_C:
-        from patrol.process.lifeline import interrupt
 
-        signal.signal(signal.SIGINT, interrupt)
+        if _HEEDS_CTRL_C:  # a robot's processes have nothing to put in order before they heed signals themselves
+            from patrol.process.lifeline import interrupt
+
+            signal.signal(signal.SIGINT, interrupt)
     code = run_app(app)
     if _HEEDS_CTRL_C:
         signal.signal(signal.SIGINT, _leave)  # while the interpreter puts itself away

@@ -15,6 +15,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import NoReturn
@@ -25,10 +26,12 @@ from patrol.process.exit_codes import BAD_INPUT, CRASHED, INTERRUPTED
 from patrol.process.reporting.logs import Log, crashed
 
 GRACE_S = 1.5
+LOADING_S = 5.0
+"""Time after which an interrupt no longer waits for a library or a user's class to be loaded."""
 
 _PR_SET_PDEATHSIG = 1
 _POLL_S = 0.02
-_CALLBACKS = str(Path("llvmlite", "binding", "executionengine.py"))
+_LOADING = ("<frozen importlib._bootstrap>", str(Path("llvmlite", "binding", "executionengine.py")))
 
 
 class InterruptedBySignal(KeyboardInterrupt):
@@ -125,25 +128,26 @@ def heed(lifeline: int | None, on_death: Callable[[], None] = lambda: None, *, p
     return ending
 
 
-def interrupt(_number: int, frame: FrameType | None) -> None:
-    """Raise InterruptedBySignal, as a signal's handler; again a little later where the exception would be lost.
+def interrupt(_number: int, frame: FrameType | None, tries: int = 0) -> None:
+    """Raise InterruptedBySignal, as a signal's handler; a little later where the exception would do harm or be lost.
 
-    It would be in a callback of LLVM, which goes on with memory that was not filled, and is lost in a `__del__`.
+    LLVM, calling back for compiled code, would go on with memory that was not filled; an import that is broken off
+    leaves locks of libraries taken; what a `__del__` raises is dropped.
 
     Args:
         frame: Where the main thread is.
+        tries: Earlier ones that were put off.
     """
-    if _in_callback(frame):
-        _interrupt_soon()
+    if _is_loading(frame) and tries * _POLL_S < LOADING_S:
+        _interrupt_soon(tries + 1)
         return
-    if signal.getsignal(signal.SIGALRM) is interrupt:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
+    signal.setitimer(signal.ITIMER_REAL, 0.0)
     print_lost = sys.unraisablehook
 
     def see_lost(lost: sys.UnraisableHookArgs) -> None:
         if issubclass(lost.exc_type, InterruptedBySignal):
             sys.unraisablehook = print_lost
-            _interrupt_soon()
+            _interrupt_soon(tries + 1)
         else:
             print_lost(lost)
 
@@ -151,15 +155,15 @@ def interrupt(_number: int, frame: FrameType | None) -> None:
     raise InterruptedBySignal
 
 
-def _interrupt_soon() -> None:
-    signal.signal(signal.SIGALRM, interrupt)
+def _interrupt_soon(tries: int) -> None:
+    signal.signal(signal.SIGALRM, partial(interrupt, tries=tries))
     signal.setitimer(signal.ITIMER_REAL, _POLL_S)
 
 
-def _in_callback(frame: FrameType | None) -> bool:
-    """Return True where LLVM may have called back, to ask for compiled code."""
+def _is_loading(frame: FrameType | None) -> bool:
+    """Return True while something is imported, and where LLVM may have called back."""
     while frame is not None:
-        if frame.f_code.co_filename.endswith(_CALLBACKS):
+        if frame.f_code.co_filename.endswith(_LOADING):
             return True
         frame = frame.f_back
     return False

@@ -81,6 +81,17 @@ engine.set_object_cache(lambda _module, _code: None, load)
 where_it_is_lost = engine.finalize_object
 """
 
+IMPORTED = """
+import importlib, sys, tempfile
+from pathlib import Path
+
+sys.path.insert(0, tempfile.mkdtemp())
+Path(sys.path[0], "imported.py").write_text("from __main__ import be_told; be_told(); print('loaded', flush=True)")
+
+def where_it_is_lost():
+    import imported
+"""
+
 DELETED = """
 class Told:
     def __del__(self):
@@ -108,12 +119,18 @@ except KeyboardInterrupt:
 
 
 @pytest.mark.processes
-@pytest.mark.parametrize(("place", "output"), [(LOADED, "told\n"), (DELETED, "")], ids=["callback", "del"])
-def test_a_signal_interrupts_where_an_exception_would_be_lost_as_well(place: str, output: str) -> None:
-    """LLVM, asked for compiled code, goes on with memory that nobody filled."""
+@pytest.mark.parametrize(("place", "output"), [(LOADED, "told\n"), (IMPORTED, "told\nloaded\n"), (DELETED, "")])
+def test_an_interrupt_comes_later_where_it_would_do_harm_or_be_lost(place: str, output: str) -> None:
     command = [sys.executable, "-P", "-c", TOLD.format(place=place)]
     told = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
     assert (told.returncode, told.stdout, told.stderr) == (130, output, "")
+
+
+@pytest.mark.processes
+def test_an_import_without_end_can_be_interrupted() -> None:
+    endless = IMPORTED.replace("print('loaded', flush=True)", "import time; time.sleep(600)")
+    command = [sys.executable, "-P", "-c", TOLD.format(place=endless)]
+    assert subprocess.run(command, capture_output=True, check=False, timeout=300).returncode == 130
 
 
 @pytest.mark.processes
