@@ -136,7 +136,7 @@ def interrupt(_number: int, frame: FrameType | None, tries: int = 0) -> None:
 
     Args:
         frame: Where the main thread is.
-        tries: Earlier ones that were put off.
+        tries: Number of earlier attempts, which were put off or lost.
     """
     if _is_loading(frame) and tries * _POLL_S < LOADING_S:
         _interrupt_soon(tries + 1)

@@ -82,12 +82,6 @@ where_it_is_lost = engine.finalize_object
 """
 
 IMPORTED = """
-import importlib, sys, tempfile
-from pathlib import Path
-
-sys.path.insert(0, tempfile.mkdtemp())
-Path(sys.path[0], "imported.py").write_text("from __main__ import be_told; be_told(); print('loaded', flush=True)")
-
 def where_it_is_lost():
     import imported
 """
@@ -118,19 +112,26 @@ except KeyboardInterrupt:
 """
 
 
+def tell_at(place: str, folder: Path, last: str) -> subprocess.CompletedProcess[str]:
+    """Run a process that is told to leave at a place; a module that it may import ends with a line."""
+    (folder / "imported.py").write_text(f"from __main__ import be_told\nbe_told()\n{last}\n")
+    command = [sys.executable, "-P", "-c", TOLD.format(place=place)]
+    path = os.pathsep.join([str(folder), *sys.path])
+    env = {**os.environ, "PYTHONPATH": path}
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=300, env=env)
+
+
 @pytest.mark.processes
 @pytest.mark.parametrize(("place", "output"), [(LOADED, "told\n"), (IMPORTED, "told\nloaded\n"), (DELETED, "")])
-def test_an_interrupt_comes_later_where_it_would_do_harm_or_be_lost(place: str, output: str) -> None:
-    command = [sys.executable, "-P", "-c", TOLD.format(place=place)]
-    told = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
+def test_an_interrupt_comes_later_where_it_would_do_harm_or_be_lost(place: str, output: str, tmp_path: Path) -> None:
+    told = tell_at(place, tmp_path, "print('loaded', flush=True)")
     assert (told.returncode, told.stdout, told.stderr) == (130, output, "")
 
 
 @pytest.mark.processes
-def test_an_import_without_end_can_be_interrupted() -> None:
-    endless = IMPORTED.replace("print('loaded', flush=True)", "import time; time.sleep(600)")
-    command = [sys.executable, "-P", "-c", TOLD.format(place=endless)]
-    assert subprocess.run(command, capture_output=True, check=False, timeout=300).returncode == 130
+def test_an_import_without_end_can_be_interrupted(tmp_path: Path) -> None:
+    told = tell_at(IMPORTED, tmp_path, "import time; time.sleep(600)")
+    assert (told.returncode, told.stdout, told.stderr) == (130, "told\n", "")
 
 
 @pytest.mark.processes
